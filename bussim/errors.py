@@ -1,0 +1,55 @@
+"""The exceptions of bussim.
+
+::
+
+    BussimError
+    ├── ScenarioError      the user's input is wrong; carries every mistake found (exit code 2)
+    ├── UsageError         a command or API call cannot be done as asked (exit code 2)
+    └── RunError           a correct request failed while it ran (exit code 1)
+
+Noise on a line is never an exception: damaged bytes are events of an engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+class BussimError(Exception):
+    """Base of everything that bussim raises on purpose."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Problem:
+    """One mistake or warning at one place of an input file.
+
+    ``file`` is the name as the user gave it; ``line`` and ``column`` count from 1 and are 0 where
+    the input has no such place (a whole file, an object built in Python).
+    """
+
+    file: str
+    line: int
+    column: int
+    message: str
+
+    def __str__(self) -> str:
+        if self.line == 0:
+            return f"{self.file}: {self.message}"
+        return f"{self.file}:{self.line}:{self.column}: {self.message}"
+
+
+class ScenarioError(BussimError):
+    """A scenario that cannot be simulated. ``problems`` holds every mistake, in file order."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems: tuple[Problem, ...] = tuple(sorted(problems))
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class UsageError(BussimError):
+    """A request that cannot be carried out as asked: an existing folder, an unknown name."""
+
+
+class RunError(BussimError):
+    """A correct request failed while it was being carried out."""

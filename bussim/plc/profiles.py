@@ -1,0 +1,158 @@
+"""Profiles: everything about a PLC family that is a number or a choice, each a named field.
+
+Sources: "PW10" is the user guide of the PW10-2RS485-BD board, sections 5 to 8; "FX" the FX series
+communication manual JY992D69901 rev. E, chapters 2.2.1, 4 and 12.2, whose N:N network the PW10
+copies; "fit" was derived from the link times published there; "assumed" is ours, because no
+public source tells, and is therefore a field that a scenario can change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from fractions import Fraction
+
+from bussim.units import TICKS_PER_MS
+
+
+class Attempts(StrEnum):
+    """How D8179 counts (assumed; the manuals' wording allows both)."""
+
+    RETRIES_PLUS_1 = "retries+1"
+    RETRIES = "retries"  # exactly D8179, at least one
+
+
+class AbsentStation(StrEnum):
+    """What a master spends on a station whose error flag is on (assumed)."""
+
+    FULL = "full"  # every scan spends all attempts on it
+    PROBE = "probe"  # one attempt a scan
+
+
+class ErrorCount(StrEnum):
+    """When D8204+ counts a station that stays silent (assumed)."""
+
+    PER_SCAN = "per_scan"
+    ON_EDGE = "on_edge"
+
+
+class Reply(StrEnum):
+    """When a slave's reply starts (assumed)."""
+
+    INTERRUPT = "interrupt"  # the board answers on its own, after its turnaround
+    END = "end"  # at the first END at or after the poll's end plus the turnaround
+
+
+@dataclass(frozen=True, slots=True)
+class Turnaround:
+    """A slave's time from the end of its poll to its reply's first edge, in ticks.
+
+    Either uniform over ``mean`` ± ``jitter``, or, where ``values`` is not empty, one of ``values``
+    with the probabilities ``weights`` (same length, each > 0, normalised by their sum).
+    """
+
+    mean: int
+    jitter: int
+    values: tuple[int, ...] = ()
+    weights: tuple[float, ...] = ()
+
+    @property
+    def longest(self) -> int:
+        """The longest turnaround that can occur, in ticks."""
+        return max(self.values) if self.values else self.mean + self.jitter
+
+    @property
+    def average(self) -> Fraction:
+        """The mean turnaround, in ticks, exact up to the weights' own rounding."""
+        if not self.values:
+            return Fraction(self.mean)
+        weights = [Fraction(weight) for weight in self.weights]
+        return sum((v * w for v, w in zip(self.values, weights, strict=True)), Fraction(0)) / sum(weights)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkDevices:
+    """Where a family keeps the special devices of the link.
+
+    ``first_word`` is the address of the device that the PW10 calls D8201 (18 words follow in the
+    same order); ``flags`` are the addresses of what it calls M8183 (master's error), M8184–M8190
+    (slaves' errors) and M8191 (link running).
+    """
+
+    first_word: int
+    flags: tuple[int, ...]
+
+
+#: D8201–D8218 and M8183–M8191 (PW10, section 7.5).
+_PW10_DEVICES = LinkDevices(8201, tuple(range(8183, 8192)))
+#: D201–D218 and M503–M511 (FX, for the FX1S): M504 is the master's error, M505–M511 the slaves',
+#: M503 the running link.
+_FX1S_DEVICES = LinkDevices(201, (504, 505, 506, 507, 508, 509, 510, 511, 503))
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """One PLC family. Times in ticks (1/72 MHz); a scenario writes them with units.
+
+    ======================  ============================================================  ========
+    field                   meaning                                                       source
+    ======================  ============================================================  ========
+    ``master_gap``          quiet time before every frame of the master                   fit
+    ``turnaround``          slave's time from poll to reply                               fit
+    ``scan_overhead``       master's time after the last slave of a link scan             fit
+    ``attempts``            meaning of D8179                                              assumed
+    ``absent_station``      what a flagged station costs                                  assumed
+    ``error_count``         when error counts rise                                        assumed
+    ``reply``               reply from the board's interrupt or at END                    assumed
+    ``link_scan_unit``      unit of D8201/D8202                                           assumed
+    ``scan_factor``         PLC scan time under N:N, as a factor on mean and jitter       FX
+    ``default_timeout``     D8180 at power-on, in 10 ms                                   PW10, FX
+    ``timeout_range``       D8180 that the PLC accepts, in 10 ms, both ends included      PW10, FX
+    ``modes``               refresh modes D8178 that the PLC accepts                      PW10, FX
+    ``documented_modes``    those of them that the settings table lists                   PW10, FX
+    ``word_spacing``        distance of the stations' D blocks                            PW10, FX
+    ``devices``             addresses of the special devices                              PW10, FX
+    ======================  ============================================================  ========
+    """
+
+    name: str
+    master_gap: int = 30_060  # 0.4175 ms
+    turnaround: Turnaround = Turnaround(30_060, 7_200)  # 0.4175 ms ± 0.1 ms
+    scan_overhead: int = 253_440  # 3.52 ms
+    attempts: Attempts = Attempts.RETRIES_PLUS_1
+    absent_station: AbsentStation = AbsentStation.FULL
+    error_count: ErrorCount = ErrorCount.PER_SCAN
+    reply: Reply = Reply.INTERRUPT
+    link_scan_unit: int = TICKS_PER_MS
+    scan_factor: Fraction = Fraction(11, 10)
+    default_timeout: int = 10
+    timeout_range: tuple[int, int] = (5, 225)
+    modes: tuple[int, ...] = (0, 1, 2, 3, 4)
+    documented_modes: tuple[int, ...] = (0, 1, 2)
+    word_spacing: int = 32
+    devices: LinkDevices = _PW10_DEVICES
+
+
+_PW10 = Profile("pw10")
+_FX2N = replace(
+    _PW10, name="fx2n", default_timeout=5, timeout_range=(5, 255), modes=(0, 1, 2), word_spacing=10
+)
+
+#: The built-in profiles by name.
+PROFILES: dict[str, Profile] = {
+    "pw10": _PW10,
+    "fx2n": _FX2N,
+    "fx3u": replace(_FX2N, name="fx3u"),
+    "fx1s": replace(_FX2N, name="fx1s", modes=(0,), documented_modes=(0,), devices=_FX1S_DEVICES),
+}
+
+#: Largest number of slaves and of retries (PW10, section 7.4: D8177 1–7, D8179 0–10).
+MAX_SLAVES = 7
+MAX_RETRIES = 10
+
+
+def attempts_per_poll(profile: Profile, retries: int) -> int:
+    """Attempts that a master makes before it flags a station: D8179 as the profile reads it."""
+    if profile.attempts is Attempts.RETRIES_PLUS_1:
+        return retries + 1
+    return max(1, retries)

@@ -1,0 +1,140 @@
+"""What a run tells while it runs (records, by tick) and when it has ended (totals).
+
+The simulation and the serial-port driver write these; results, exports and reports read them.
+Nothing here knows how a record came about. All times are ticks of 1/72 MHz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+
+class ScanRecord(NamedTuple):
+    """One finished link scan: from one master data frame's start to the next one's."""
+
+    bus: str
+    index: int  # counts from 0
+    start: int
+    duration: int
+    attempts: int  # polls sent in it, repeats included
+    failed: int  # attempts that failed
+    stations_in_error: int  # flags on at its end
+    cause: str  # what made it longer than the plain one, in words; "" if nothing did
+
+
+class AttemptRecord(NamedTuple):
+    """One attempt at one station, successful or not (only for a traced run)."""
+
+    bus: str
+    start: int  # first edge of the poll
+    end: int  # when the attempt was decided
+    station: int
+    number: int  # 1 = first attempt of its exchange
+    outcome: str  # "ok", "no reply", "wrong station", "wrong counter", "damaged"
+    code: int  # 0, or the error code 0x01…0x04
+    turnaround: int | None  # end of the poll to the reply's first edge; None without a reply
+
+
+class FrameRecord(NamedTuple):
+    """One frame that was on a bus (only for a traced run)."""
+
+    bus: str
+    start: int
+    end: int  # when the sender's driver finished or was cut off
+    sender: str
+    kind: str  # "data", "poll", "parameters", "jabber"
+    station: int | None
+    counter: int | None
+    chars: bytes  # the characters that were sent
+    damaged_bits: tuple[int, ...]  # bits inverted on the wire for everybody, counted from the first start bit
+    damaged_at: dict[str, tuple[int, ...]]  # bits inverted in one receiver only, by station name
+    collided: bool
+    cut: bool
+
+
+class NoteRecord(NamedTuple):
+    """Anything else worth a line: faults, flags, PLC states, late replies."""
+
+    tick: int
+    kind: str  # such as "fault", "fault_over", "station_error", "recovered", "watchdog", "undetected"
+    where: str  # name of the bus or PLC
+    text: str
+    detail: dict[str, int | str]
+
+
+class Sink(Protocol):
+    """Who takes a run's records. Ticks never decrease from one call to the next of one method."""
+
+    #: Whether :meth:`attempt` and :meth:`frame` are wanted; they cost time and memory.
+    traced: bool
+
+    def scan(self, record: ScanRecord) -> None:
+        """A link scan has ended."""
+
+    def attempt(self, record: AttemptRecord) -> None:
+        """An attempt was decided (only if :attr:`traced`)."""
+
+    def frame(self, record: FrameRecord) -> None:
+        """A frame has left the bus (only if :attr:`traced`)."""
+
+    def failed(self, bus: str, tick: int, station: int, code: int) -> None:
+        """An attempt of the bus's (first) master failed with an error code."""
+
+    def note(self, record: NoteRecord) -> None:
+        """Something else happened."""
+
+    def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
+        """The block of a source arrived, complete and valid, at ``tick``.
+
+        ``source`` and the entries of ``heard`` are positions in the bus's order of seats
+        (:attr:`LinkTotals.seats`). ``heard`` is None when every other station that is switched to
+        the link took it, which is the ordinary case; else the positions of those that did.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class LinkTotals:
+    """Counts of one N:N link at the end of a run, as its (first) master saw them.
+
+    Where the link has no working master, ``slaves`` and ``mode`` are None and the counts are 0.
+    """
+
+    bus: str
+    seats: tuple[str, ...]  # names of the PLCs on the link, in cable order
+    station_names: dict[int, str]  # first PLC with each station number
+    slaves: int | None  # D8177 of the master
+    mode: int | None
+    retries: int | None
+    attempts: int | None
+    timeout: int | None  # ticks
+    polls: int  # first attempts
+    failed_attempts: dict[int, dict[int, int]]  # station → code → attempts
+    station_errors: dict[int, int]  # station → scans in which it exhausted its attempts
+    busy: int  # ticks during which some driver was on
+    frames: int
+    collisions: int
+    undetected: int
+    healthy_at: int | None  # first instant at which every slave had answered and no flag was on
+
+
+@dataclass(frozen=True, slots=True)
+class PlcTotals:
+    """One PLC at the end of a run."""
+
+    name: str
+    registers: dict[str, int]
+    scans: int
+    scan_mean: float | None  # ticks
+    scan_max: int | None  # ticks
+
+
+@dataclass(frozen=True, slots=True)
+class RunTotals:
+    """All that a run counted."""
+
+    duration: int  # simulated ticks
+    links: tuple[LinkTotals, ...]
+    plcs: tuple[PlcTotals, ...]
+    warnings: tuple[str, ...] = field(default=())

@@ -1,0 +1,77 @@
+"""Simulated time: an integer count of 1/72 MHz ticks, and its text form with units.
+
+72 MHz is the least rate at which a microsecond (72 ticks) and one bit at 4800, 9600, 19200, 38400,
+57600 and 115200 bps (15000, 7500, 3750, 1875, 1250 and 625 ticks) are all whole numbers.
+Only the edges of the program (YAML in, tables out) know seconds.
+"""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+from fractions import Fraction
+
+TICKS_PER_SECOND = 72_000_000
+TICKS_PER_MS = 72_000
+TICKS_PER_US = 72
+
+#: Units a time may be written in, in ticks. ``min``, ``h``, ``d`` and ``y`` (365 days) are for
+#: durations of runs and missions.
+UNIT_TICKS: dict[str, Fraction] = {
+    "ns": Fraction(72, 1000),
+    "us": Fraction(TICKS_PER_US),
+    "µs": Fraction(TICKS_PER_US),
+    "ms": Fraction(TICKS_PER_MS),
+    "s": Fraction(TICKS_PER_SECOND),
+    "min": Fraction(60 * TICKS_PER_SECOND),
+    "h": Fraction(3600 * TICKS_PER_SECOND),
+    "d": Fraction(86400 * TICKS_PER_SECOND),
+    "y": Fraction(365 * 86400 * TICKS_PER_SECOND),
+}
+
+_TIME = re.compile(r"\s*([+-]?(?:\d{1,30}\.?\d{0,30}|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*([A-Za-zµμ]*)\s*")
+_SHOWN_UNITS = "ns, us, ms, s, min, h, d, y"
+
+
+def round_half_up(value: Fraction) -> int:
+    """Round an exact number of ticks to a whole one, a half upwards."""
+    return (2 * value.numerator + value.denominator) // (2 * value.denominator)
+
+
+def parse_time(text: str) -> int:
+    """Ticks of a time written with its unit, such as ``8 ms``, ``50ms``, ``2 s`` or ``100 us``.
+
+    Raises ValueError, with a message for the user, for a bare number, an unknown unit or anything
+    that is not a time. Negative times are read; whether one is allowed is the caller's business.
+    """
+    match = _TIME.fullmatch(text)
+    if match is None:
+        raise ValueError(f"is {text!r}, not a time; write a number and a unit, such as 8 ms")
+    number, unit = match.group(1), match.group(2).replace("μ", "µ")
+    if not unit:
+        raise ValueError(f"is {number}, a time without a unit; write one of {_SHOWN_UNITS}, such as {number} ms")
+    scale = UNIT_TICKS.get(unit)
+    if scale is None:
+        raise ValueError(f"has the unit {unit!r}; allowed are {_SHOWN_UNITS}")
+    return round_half_up(Fraction(Decimal(number)) * scale)
+
+
+def format_time(ticks: int) -> str:
+    """The shortest exact text of a time that :func:`parse_time` reads back to the same ticks."""
+    for unit in ("s", "ms", "us"):
+        value = Fraction(ticks) / UNIT_TICKS[unit]
+        if value.denominator == 1 and (unit != "s" or ticks % TICKS_PER_SECOND == 0):
+            return f"{value.numerator} {unit}"
+    # A tick is 13.888… ns: five decimals of a microsecond name each tick uniquely.
+    micros = Decimal(ticks) / Decimal(TICKS_PER_US)
+    return f"{micros.quantize(Decimal('0.00001')).normalize():f} us"
+
+
+def seconds(ticks: int) -> float:
+    """Ticks as seconds, for tables and plots."""
+    return ticks / TICKS_PER_SECOND
+
+
+def milliseconds(ticks: int | float) -> float:
+    """Ticks as milliseconds, for tables and plots."""
+    return ticks / TICKS_PER_MS
