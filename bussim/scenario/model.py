@@ -1,0 +1,342 @@
+"""A validated scenario as frozen values: what the simulation and the exact solver read.
+
+Times are ticks (1/72 MHz). Nothing here checks anything: :mod:`bussim.scenario.loader` makes these
+values from a file and reports every mistake before one exists.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from fractions import Fraction
+
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.plc.profiles import Profile
+
+
+@dataclass(frozen=True, slots=True)
+class Bus:
+    """One RS485 line. ``nn`` lines are 38400 7E1 by protocol."""
+
+    name: str
+    nn: bool
+    timing: LineTiming
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """A PLC's scan time without N:N: uniform over mean ± jitter (0 <= jitter < mean)."""
+
+    mean: int
+    jitter: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Seat:
+    """Where a PLC is connected to an N:N link: the bus and the port that M8179 selects."""
+
+    bus: str
+    port: str  # "COM3" or "COM4"
+
+
+@dataclass(frozen=True, slots=True)
+class Toggle:
+    """A bit (or word 0/1) that changes its value every ``every`` ticks of simulated time, from 0."""
+
+    every: int
+
+
+@dataclass(frozen=True, slots=True)
+class Counter:
+    """A word (or bit: its lowest bit) that counts up once every ``every`` ticks, modulo 65536, from 0."""
+
+    every: int
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A fixed value: a bit 0 or 1, a word -32768…65535 (stored as 16 bits)."""
+
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """A word that goes linearly from ``start`` to ``stop`` over ``over`` ticks, then stays there."""
+
+    start: int
+    stop: int
+    over: int
+
+
+Source = Toggle | Counter | Constant | Ramp
+
+
+@dataclass(frozen=True, slots=True)
+class Plc:
+    """One PLC.
+
+    ``registers`` are the special and data devices set at power-on, by their name on this PLC: the
+    raw ``registers:`` of the scenario together with what ``nn:`` stands for. ``seat`` is None for
+    a PLC that takes no part in N:N. ``phase`` is the time from RUN to the first END, None for a
+    random one. ``power_on`` is when it is switched on (tick).
+    """
+
+    name: str
+    profile: Profile
+    scan: Scan
+    seat: Seat | None
+    registers: dict[str, int] = field(default_factory=dict)
+    sources: dict[str, Source] = field(default_factory=dict)
+    phase: int | None = None
+    power_on: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """When a noise or a fault acts: from ``at`` for ``duration`` ticks (None: to the end)."""
+
+    at: int = 0
+    duration: int | None = None
+
+    @property
+    def until(self) -> int | None:
+        """The first tick at which it no longer acts, None for never."""
+        return None if self.duration is None else self.at + self.duration
+
+
+class Direction(StrEnum):
+    """Which side of a station a disturbance sits on."""
+
+    RX = "rx"  # in its receiver only
+    TX = "tx"  # on what it sends, for everybody
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What a noise acts on: a whole bus, or one direction of one station on it."""
+
+    bus: str
+    station: str | None = None
+    direction: Direction = Direction.RX
+
+
+@dataclass(frozen=True, slots=True)
+class BitErrors:
+    """Independent bit errors with probability ``ber`` (0…1) for every transmitted bit."""
+
+    ber: float
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """Gilbert–Elliott noise: exponential sojourns of mean ``good`` and ``bad`` ticks, a BER in each."""
+
+    good: int
+    bad: int
+    ber_good: float
+    ber_bad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Impulse:
+    """Periodic impulses: bits whose centre lies in one are inverted with probability ``ber``.
+
+    ``phase`` is the start of the first impulse after ``at`` (0 <= phase < every), None for random.
+    """
+
+    every: int
+    width: int
+    ber: float
+    phase: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyLoss:
+    """Replies of the target station (of every station: no station) vanish whole, with a probability."""
+
+    probability: float
+
+
+NoiseKind = BitErrors | Burst | Impulse | ReplyLoss
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """One entry of ``noise:``. ``name`` is unique and names its random stream."""
+
+    name: str
+    target: Target
+    kind: NoiseKind
+    window: Window = Window()
+
+
+# Faults. Those that damage single frames act ``count`` times; the others last for their window.
+
+
+@dataclass(frozen=True, slots=True)
+class PowerOff:
+    """The PLC has no supply: silent, deaf, its memory back at power-on values afterwards."""
+
+    plc: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """The PLC is in STOP: silent and deaf, counts nothing; RUN again when it is over."""
+
+    plc: str
+
+
+@dataclass(frozen=True, slots=True)
+class DropReply:
+    """The next ``count`` replies of a station (or all of them while it lasts) are never sent."""
+
+    plc: str
+    count: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """A slave answers ``extra`` ticks later than its turnaround."""
+
+    plc: str
+    extra: int
+
+
+@dataclass(frozen=True, slots=True)
+class Jabber:
+    """A station's port sends random characters back to back, whatever its engine wants."""
+
+    plc: str
+
+
+@dataclass(frozen=True, slots=True)
+class CableCut:
+    """The cable is broken behind a station (in the order of ``plcs``)."""
+
+    bus: str
+    after: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongFormat:
+    """A station's port sends and receives with another character format or rate."""
+
+    plc: str
+    timing: LineTiming
+
+
+@dataclass(frozen=True, slots=True)
+class ClockPpm:
+    """A station's bit clock is off by ``ppm`` parts per million (positive: fast)."""
+
+    plc: str
+    ppm: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class LateRelease:
+    """A station's driver stays on, idle level, for ``by`` ticks after each of its frames."""
+
+    plc: str
+    by: int
+
+
+@dataclass(frozen=True, slots=True)
+class LoseChar:
+    """A character is missing: from what a station sends (tx) or only in its receiver (rx).
+
+    ``index`` counts the frame's characters from 0; None: a random one.
+    """
+
+    plc: str
+    direction: Direction
+    count: int | None
+    index: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class InsertChar:
+    """A character too many: in what a station sends (tx) or only in its receiver (rx).
+
+    It stands before the character ``index`` (None: a random place) and has ``value`` (None: random).
+    """
+
+    plc: str
+    direction: Direction
+    count: int | None
+    index: int | None = None
+    value: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FlipBits:
+    """Chosen bits of frames are inverted: of a station's frames (tx), in its receiver only (rx).
+
+    ``bits`` count from 0, the first start bit of the frame; only frames of ``frame`` kind ("data",
+    "poll", "parameters"; None: any) are touched and counted.
+    """
+
+    plc: str
+    direction: Direction
+    bits: tuple[int, ...]
+    count: int | None
+    frame: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BoardError:
+    """The exchange between a PLC and its port board fails with a code that no frame can cause.
+
+    M8063 is set and D8063 becomes 7xyy (PW10, section 8); ``code`` is yy, ``port`` COM3…COM6.
+    """
+
+    plc: str
+    port: str
+    code: int
+
+
+FaultKind = (
+    PowerOff
+    | Stop
+    | DropReply
+    | Slow
+    | Jabber
+    | CableCut
+    | WrongFormat
+    | ClockPpm
+    | LateRelease
+    | LoseChar
+    | InsertChar
+    | FlipBits
+    | BoardError
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One entry of ``faults:``. ``name`` is unique, names its random stream and labels plots."""
+
+    name: str
+    kind: FaultKind
+    window: Window = Window()
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """Everything a run needs. ``warnings`` are what the loader found odd but possible.
+
+    ``source`` is the scenario as plain data with every default filled in, in the file's own form
+    (times as text with units), so that a run can leave it behind as YAML.
+    """
+
+    name: str
+    duration: int
+    seed: int
+    buses: tuple[Bus, ...]
+    plcs: tuple[Plc, ...]
+    noise: tuple[Noise, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    warnings: tuple[str, ...] = ()
+    source: dict[str, object] = field(default_factory=dict, compare=False)
