@@ -15,7 +15,7 @@ class ScanRecord(NamedTuple):
     """One finished link scan: from one master data frame's start to the next one's."""
 
     bus: str
-    index: int  # counts from 0
+    number: int  # counts from 0; `index` in the tables
     start: int
     duration: int
     attempts: int  # polls sent in it, repeats included

@@ -49,7 +49,9 @@ def parse_time(text: str) -> int:
         raise ValueError(f"is {text!r}, not a time; write a number and a unit, such as 8 ms")
     number, unit = match.group(1), match.group(2).replace("μ", "µ")
     if not unit:
-        raise ValueError(f"is {number}, a time without a unit; write one of {_SHOWN_UNITS}, such as {number} ms")
+        raise ValueError(
+            f"is {number}, a time without a unit; write one of {_SHOWN_UNITS}, such as {number} ms"
+        )
     scale = UNIT_TICKS.get(unit)
     if scale is None:
         raise ValueError(f"has the unit {unit!r}; allowed are {_SHOWN_UNITS}")

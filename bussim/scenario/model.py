@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
 
-from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.characters import LineTiming
 from bussim.plc.profiles import Profile
 
 
