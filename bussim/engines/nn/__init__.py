@@ -1,0 +1,1 @@
+"""The N:N link's engines: codec, master, slave."""

@@ -1,0 +1,344 @@
+"""The N:N master: one data frame, then every slave polled in turn, again and again."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, RxChar, Transmit
+from bussim.engines.nn import codes
+from bussim.engines.nn.events import (
+    AllHealthy,
+    AttemptEnded,
+    MasterEvent,
+    ScanEnded,
+    StationBack,
+    StationLost,
+)
+from bussim.engines.nn.frames import (
+    DATA,
+    MODES,
+    STX,
+    Frame,
+    FrameReader,
+    LinkSettings,
+    encode_data,
+    encode_parameters,
+    encode_poll,
+)
+from bussim.engines.nn.states import MASTER, MasterInput, MasterState
+from bussim.engines.nn.status import STATIONS, LinkStatus
+
+_SENDING = frozenset((MasterState.PARAMETERS, MasterState.DATA, MasterState.POLL))
+# Looked up once: the engine passes these two edges for every poll.
+_AFTER_POLL = MASTER[MasterState.POLL, MasterInput.SENT]
+_AFTER_ATTEMPT = MASTER[MasterState.REPLY, MasterInput.MORE]
+
+
+@dataclass(frozen=True, slots=True)
+class MasterConfig:
+    """A master's settings, as its registers and its profile give them. Times in ticks.
+
+    ``attempts`` is how often a slave is polled before it is in error; ``probe``: only once a scan
+    while its flag is on; ``count_on_edge``: errors count once a loss, not once a scan.
+    """
+
+    settings: LinkSettings
+    attempts: int
+    timeout: int
+    gap: int
+    overhead: int
+    probe: bool = False
+    count_on_edge: bool = False
+
+
+class Master:
+    """The station 0 of a link. See :mod:`bussim.engines.contract` for the methods.
+
+    A poll is answered by a valid data frame of the polled station with the scan's counter whose last
+    stop bit ends at or before the deadline, ``timeout`` after the end of the poll. It listens only
+    while an attempt runs.
+    """
+
+    __slots__ = (
+        "_attempt",
+        "_block_size",
+        "_counter",
+        "_deadline",
+        "_encoded",
+        "_encoded_image",
+        "_events",
+        "_failures",
+        "_foreign",
+        "_poll_end",
+        "_poll_start",
+        "_polls",
+        "_reader",
+        "_scan_attempts",
+        "_scan_start",
+        "_scans",
+        "_station",
+        "_trouble",
+        "_with_parameters",
+        "config",
+        "due",
+        "due_counter",
+        "failed_attempts",
+        "polls",
+        "state",
+        "station_errors",
+        "status",
+        "traced",
+        "wants_image",
+    )
+
+    def __init__(self, config: MasterConfig, *, traced: bool = False) -> None:
+        self.config = config
+        #: Whether successful attempts are reported too.
+        self.traced = traced
+        self.state = MasterState.STOPPED
+        self.status = LinkStatus()
+        #: When the next frame may leave; meaningful after the hint TRANSMIT.
+        self.due = -1
+        self.due_counter = 0
+        #: Whether :meth:`begin_transmit` will need the block's image.
+        self.wants_image = False
+        #: First attempts so far.
+        self.polls = 0
+        #: Failed attempts by station and code, station errors by station; never cleared by STOP.
+        self.failed_attempts: dict[int, dict[int, int]] = {}
+        self.station_errors = dict.fromkeys(range(1, config.settings.slaves + 1), 0)
+        self._block_size = MODES[config.settings.mode].size
+        self._reader = FrameReader()
+        self._reader.data_size = self._block_size
+        self._events: deque[MasterEvent] = deque()
+        self._polls = [[encode_poll(k, c) for c in range(16)] for k in range(1, STATIONS)]
+        self._encoded: dict[int, Frame] = {}
+        self._encoded_image: bytes | None = None
+        self._reset()
+
+    def _reset(self) -> None:
+        self._deadline: int | None = None
+        self._counter = 0
+        self._station = 1
+        self._attempt = 1
+        self._foreign = False
+        self._poll_start = self._poll_end = 0
+        self._scan_start: int | None = None
+        self._scans = 0
+        self._scan_attempts = 0
+        self._failures: list[tuple[int, int]] = []
+        self._with_parameters = False
+        # Stations that have not answered yet or whose flag is on.
+        self._trouble = set(range(1, self.config.settings.slaves + 1))
+
+    # -- what the PLC does ---------------------------------------------------------------------
+
+    def start(self, now: int) -> int:
+        """The PLC's first END in RUN; returns hints. Clears the status as STOP→RUN does."""
+        self._reset()
+        self.status = LinkStatus()
+        self._move(MasterInput.START)
+        self.wants_image = False
+        self.due = now + self.config.gap
+        return TRANSMIT
+
+    def stop(self, now: int) -> int:
+        """STOP or power-off: nothing pending survives; returns hints."""
+        del now
+        self._move(MasterInput.STOP)
+        self.due = -1
+        self._deadline = None
+        self._reader.reset()
+        self.status.running = False
+        return DEADLINE
+
+    def _move(self, cause: MasterInput) -> None:
+        self.state = MASTER[self.state, cause]
+
+    # -- listening -----------------------------------------------------------------------------
+
+    def receive(self, char: RxChar, start: int, end: int) -> int:
+        """One character; see the contract. Listens only while an attempt runs."""
+        if self.state is not MasterState.REPLY:
+            return 0
+        reader = self._reader
+        heard = reader.character(char, start)
+        if type(heard) is Frame:
+            return self._heard(heard, reader.start, end)
+        if not reader.in_frame or heard is not None:
+            self._foreign = True
+        return OPEN
+
+    def receive_frame(self, frame: Frame, start: int, end: int) -> int:
+        """A whole undamaged frame; the same as its characters one by one."""
+        if self.state is not MasterState.REPLY:
+            return 0
+        if frame.kind == DATA and len(frame.data) != self._block_size:
+            self._reader.spoil(frame, start)
+            self._foreign = True
+            return OPEN
+        return self._heard(frame, start, end)
+
+    def _heard(self, frame: Frame, start: int, end: int) -> int:
+        if frame.kind != DATA:
+            self._foreign = True
+            return 0
+        station = self._station
+        if frame.station != station:
+            return self._failed(codes.WRONG_STATION, end, start)
+        if frame.counter != self._counter:
+            return self._failed(codes.WRONG_COUNTER, end, start)
+        if self.traced:
+            self._report(end, 0, start)
+        if station in self._trouble:
+            self._recovered(station, end)
+        return STORED | self._next_station(end)
+
+    def _recovered(self, station: int, now: int) -> None:
+        if self.status.flags[station]:
+            self.status.flags[station] = False
+            self._events.append(StationBack(now, station))
+        self._trouble.discard(station)
+        if not self._trouble:
+            self._events.append(AllHealthy(now))
+
+    def line_idle(self, now: int) -> int:
+        """Two quiet character times: a damaged reply fails its attempt now."""
+        damage = self._reader.quiet()
+        if damage is None or self.state is not MasterState.REPLY or damage.header != STX:
+            return 0
+        return self._failed(codes.DAMAGED, now, None)
+
+    def deadline(self) -> int | None:
+        """The running attempt's deadline."""
+        return self._deadline
+
+    def on_deadline(self, now: int) -> int:
+        """The attempt's time is over: code 01 for silence or an undamaged frame in progress, else 04.
+
+        The master does not sense the carrier (assumed): a reply in progress does not hold it back.
+        """
+        self._reader.reset()
+        return self._failed(codes.DAMAGED if self._foreign else codes.NO_REPLY, now, None)
+
+    def _report(self, now: int, code: int, reply: int | None) -> None:
+        self._events.append(
+            AttemptEnded(self._poll_start, self._poll_end, reply, now, self._station, self._attempt, code)
+        )
+
+    def _failed(self, code: int, now: int, reply: int | None) -> int:
+        station, status = self._station, self.status
+        by_code = self.failed_attempts.setdefault(station, {})
+        by_code[code] = by_code.get(code, 0) + 1
+        self._failures.append((station, code))
+        self._report(now, code, reply)
+        flagged = status.flags[station]
+        allowed = 1 if flagged and self.config.probe else self.config.attempts
+        if self._attempt < allowed:
+            self._attempt += 1
+            return EVENTS | self._to_poll(now)
+        self.station_errors[station] += 1
+        status.lost(station, code, count=not (flagged and self.config.count_on_edge))
+        self._trouble.add(station)
+        self._events.append(StationLost(now, station, code, not flagged))
+        return EVENTS | self._next_station(now)
+
+    def _to_poll(self, now: int) -> int:
+        self._deadline = None
+        self.state = _AFTER_ATTEMPT
+        self.due = now + self.config.gap
+        return TRANSMIT
+
+    def _next_station(self, now: int) -> int:
+        if self._station < self.config.settings.slaves:
+            self._station += 1
+            self._attempt = 1
+            self._to_poll(now)
+            return (TRANSMIT | EVENTS) if self._events else TRANSMIT
+        # The last slave: the overhead, then the next scan with the next counter.
+        self._deadline = None
+        self._counter = (self._counter + 1) & 15
+        flagged = bool(self._trouble) and any(self.status.flags)
+        self._with_parameters = flagged
+        self._move(MasterInput.SCAN_OVER_FLAGGED if flagged else MasterInput.SCAN_OVER)
+        self.wants_image = not flagged
+        self.due = now + self.config.overhead + self.config.gap
+        return (TRANSMIT | EVENTS) if self._events else TRANSMIT
+
+    # -- sending -------------------------------------------------------------------------------
+
+    def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Frame:
+        """The frame that is due; ``image`` is the block at the latest END (a data frame's content)."""
+        del counter  # a master answers nobody
+        self._reader.reset()
+        if self.state is MasterState.POLL:
+            self._poll_start = now
+            self._scan_attempts += 1
+            if self._attempt == 1:
+                self.polls += 1
+            return self._polls[self._station - 1][self._counter]
+        if self.state is MasterState.PARAMETERS:
+            return encode_parameters(self._counter, self.config.settings)
+        self._scan_begins(now)
+        if image is not self._encoded_image:
+            if image != self._encoded_image:
+                self._encoded.clear()
+            self._encoded_image = image
+        frame = self._encoded.get(self._counter)
+        if frame is None:
+            frame = self._encoded[self._counter] = encode_data(0, self._counter, image)
+        return frame
+
+    def _scan_begins(self, now: int) -> None:
+        status = self.status
+        if self._scan_start is not None:
+            duration = now - self._scan_start
+            status.measured(duration, now)
+            in_error = tuple(k for k in range(1, STATIONS) if status.flags[k]) if self._trouble else ()
+            self._events.append(
+                ScanEnded(
+                    self._scans,
+                    self._scan_start,
+                    duration,
+                    self._scan_attempts,
+                    tuple(self._failures),
+                    in_error,
+                    self._with_parameters,
+                )
+            )
+            self._scans += 1
+        self._scan_start = now
+        self._scan_attempts = 0
+        self._failures.clear()
+        status.running = True
+
+    def transmit_done(self, now: int) -> int:
+        """The frame has left: the next one is due, or an attempt's time runs."""
+        state = self.state
+        if state is MasterState.POLL:
+            self.state = _AFTER_POLL
+            self._poll_end = now
+            self._foreign = False
+            self._deadline = now + self.config.timeout
+            return DEADLINE
+        if state is MasterState.STOPPED:
+            return 0
+        self._move(MasterInput.SENT)
+        if state is MasterState.PARAMETERS:
+            self.wants_image = True
+        else:
+            self.wants_image = False
+            self._station = 1
+            self._attempt = 1
+        self.due = now + self.config.gap
+        return (TRANSMIT | EVENTS) if self._events else TRANSMIT
+
+    def poll(self) -> Transmit | MasterEvent | None:
+        """The next event, then the transmission that is due."""
+        if self._events:
+            return self._events.popleft()
+        if self.due >= 0 and self.state in _SENDING:
+            at, self.due = self.due, -1
+            return Transmit(at)
+        return None
