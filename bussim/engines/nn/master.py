@@ -84,6 +84,8 @@ class Master:
         "due",
         "due_counter",
         "failed_attempts",
+        "heard",
+        "heard_start",
         "polls",
         "state",
         "station_errors",
@@ -101,6 +103,9 @@ class Master:
         #: When the next frame may leave; meaningful after the hint TRANSMIT.
         self.due = -1
         self.due_counter = 0
+        #: The latest valid frame that :meth:`receive` completed, and its first edge.
+        self.heard: Frame | None = None
+        self.heard_start = 0
         #: Whether :meth:`begin_transmit` will need the block's image.
         self.wants_image = False
         #: First attempts so far.
@@ -165,6 +170,7 @@ class Master:
         reader = self._reader
         heard = reader.character(char, start)
         if type(heard) is Frame:
+            self.heard, self.heard_start = heard, reader.start
             return self._heard(heard, reader.start, end)
         if not reader.in_frame or heard is not None:
             self._foreign = True

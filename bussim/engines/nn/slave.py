@@ -82,6 +82,8 @@ class Slave:
         "config",
         "due",
         "due_counter",
+        "heard",
+        "heard_start",
         "settings",
         "state",
         "status",
@@ -97,6 +99,9 @@ class Slave:
         #: When a reply's turnaround began (the end of its poll) and the counter it must carry.
         self.due = -1
         self.due_counter = 0
+        #: The latest valid frame that :meth:`receive` completed, and its first edge.
+        self.heard: Frame | None = None
+        self.heard_start = 0
         self.wants_image = True
         self._events: deque[SlaveEvent] = deque()
         self._encoded: dict[int, Frame] = {}
@@ -150,6 +155,7 @@ class Slave:
         if heard is None:
             return OPEN
         if type(heard) is Frame:
+            self.heard, self.heard_start = heard, reader.start
             return self.receive_frame(heard, reader.start, end)
         assert type(heard) is Damage  # noqa: S101 - narrows the type; the reader returns nothing else
         return OPEN | self._damaged(heard, end)

@@ -1,0 +1,112 @@
+"""The level of a line over time, kept as the intervals in which it is low.
+
+Where two drivers overlap a 0 wins (assumed), so the line is low on the union of what its drivers
+pull low. Times are ticks; an interval is low from its first tick up to, not including, its second.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from functools import cache
+
+from bussim.line.characters import CharFormat, LineTiming
+
+Interval = tuple[int, int]
+
+
+@cache
+def _low_runs(fmt: CharFormat) -> tuple[tuple[Interval, ...], ...]:
+    """For every character value the runs of low bits, as (first bit, bit after the last)."""
+    return tuple(tuple(_runs(fmt.encode(value))) for value in range(1 << fmt.data_bits))
+
+
+def _runs(bits: Sequence[int]) -> list[Interval]:
+    runs: list[Interval] = []
+    begun: int | None = None
+    for number, bit in enumerate(bits):
+        if bit == 0:
+            if begun is None:
+                begun = number
+        elif begun is not None:
+            runs.append((begun, number))
+            begun = None
+    if begun is not None:
+        runs.append((begun, len(bits)))
+    return runs
+
+
+def encode_bits(chars: bytes, fmt: CharFormat) -> list[int]:
+    """The bits of back-to-back characters on the wire, from the first start bit."""
+    bits: list[int] = []
+    for value in chars:
+        bits.extend(fmt.encode(value))
+    return bits
+
+
+def low_intervals(
+    chars: bytes, timing: LineTiming, start: int, inverted: Iterable[int] = ()
+) -> list[Interval]:
+    """Where a transmitter pulls the line low that sends these characters from ``start`` on.
+
+    ``inverted`` are the numbers of bits (from 0, the first start bit) that noise turned round;
+    numbers beyond the frame are ignored.
+    """
+    fmt = timing.format
+    flips = set(inverted)
+    if flips:
+        bits = encode_bits(chars, fmt)
+        for number in flips:
+            if number < len(bits):
+                bits[number] ^= 1
+        runs = _runs(bits)
+    else:
+        table, width, mask = _low_runs(fmt), fmt.bits, (1 << fmt.data_bits) - 1
+        runs = [
+            (place * width + first, place * width + last)
+            for place, value in enumerate(chars)
+            for first, last in table[value & mask]
+        ]
+    bit = timing.bit
+    if bit.denominator == 1:
+        ticks = bit.numerator
+        return [(start + first * ticks, start + last * ticks) for first, last in runs]
+    return [(start + timing.bits(first), start + timing.bits(last)) for first, last in runs]
+
+
+def clip(intervals: Iterable[Interval], since: int, until: int | None) -> list[Interval]:
+    """The parts of intervals that lie between two ticks (``until`` None: no end)."""
+    clipped = []
+    for low, high in intervals:
+        first = max(low, since)
+        last = high if until is None else min(high, until)
+        if first < last:
+            clipped.append((first, last))
+    return clipped
+
+
+class Wave:
+    """What one receiver's input does: high, except on the union of some intervals."""
+
+    __slots__ = ("_ends", "_starts")
+
+    def __init__(self, parts: Iterable[Iterable[Interval]]) -> None:
+        lows = sorted(interval for part in parts for interval in part)
+        self._starts: list[int] = []
+        self._ends: list[int] = []
+        for low, high in lows:
+            if self._ends and low <= self._ends[-1]:
+                self._ends[-1] = max(self._ends[-1], high)
+            else:
+                self._starts.append(low)
+                self._ends.append(high)
+
+    def level(self, tick: int) -> int:
+        """0 or 1 at a tick."""
+        place = bisect_right(self._starts, tick) - 1
+        return 0 if place >= 0 and tick < self._ends[place] else 1
+
+    def next_fall(self, tick: int) -> int | None:
+        """The first falling edge at or after a tick."""
+        place = bisect_right(self._starts, tick - 1)
+        return self._starts[place] if place < len(self._starts) else None

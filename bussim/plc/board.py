@@ -1,0 +1,239 @@
+"""The N:N part of a PLC: special registers in, an engine out; the engine's status back into them.
+
+Devices and their meaning: PW10 board manual, sections 7.4 and 7.5; the mirrors D8173–D8175: FX
+communication manual, chapter 12.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+
+from bussim.engines.nn.frames import MODES, LinkSettings
+from bussim.engines.nn.master import Master, MasterConfig
+from bussim.engines.nn.slave import Slave, SlaveConfig
+from bussim.engines.nn.status import STATIONS, LinkStatus
+from bussim.line.characters import NN_LINE
+from bussim.plc.memory import BlockPlace, Device, Memory, block_place
+from bussim.plc.profiles import (
+    MAX_RETRIES,
+    MAX_SLAVES,
+    AbsentStation,
+    ErrorCount,
+    Profile,
+    Reply,
+    attempts_per_poll,
+)
+from bussim.units import TICKS_PER_MS, round_half_up
+
+#: D8180 counts in 10 ms.
+TIMEOUT_UNIT = 10 * TICKS_PER_MS
+
+#: Settings: port, station number, slaves, mode, retries, timeout; and their mirrors.
+M_PORT = 8179
+D_STATION, D_SLAVES, D_MODE, D_RETRIES, D_TIMEOUT = range(8176, 8181)
+D_MIRROR_STATION, D_MIRROR_SLAVES, D_MIRROR_MODE = range(8173, 8176)
+#: Serial error flag and code.
+SERIAL_ERROR = 8063
+#: yy of 7xyy for bad N:N parameters (PW10, section 8).
+BAD_PARAMETERS = 48
+
+#: Devices that make a PLC take part in N:N when a scenario or program sets one.
+TAKE_PART = ("M8179", "D8176", "D8177", "D8178", "D8179", "D8180")
+
+#: D8201 and D8202 stand before the counts (one a station), these before the codes.
+_COUNTS, _CODES = 2, 2 + STATIONS
+
+LinkEngine = Master | Slave
+
+
+def setting_defaults(profile: Profile) -> dict[int, int]:
+    """D8176–D8180 at power-on."""
+    return {D_STATION: 0, D_SLAVES: 7, D_MODE: 0, D_RETRIES: 3, D_TIMEOUT: profile.default_timeout}
+
+
+def selected_port(memory: Memory) -> str:
+    """The port that M8179 selects."""
+    return "COM4" if memory.get(Device("M", M_PORT)) else "COM3"
+
+
+def bad_parameters(profile: Profile, values: dict[int, int]) -> list[str]:
+    """What the PLC refuses in D8176–D8180 (addresses as keys), in words; empty if nothing."""
+    station = values[D_STATION]
+    if station > MAX_SLAVES:
+        return [f"D8176 is {station}, allowed 0..{MAX_SLAVES}"]
+    if station:
+        return []
+    low, high = profile.timeout_range
+    ranges = {
+        D_SLAVES: (1, MAX_SLAVES),
+        D_MODE: (min(profile.modes), max(profile.modes)),
+        D_RETRIES: (0, MAX_RETRIES),
+        D_TIMEOUT: (low, high),
+    }
+    return [
+        f"D{address} is {values[address]}, allowed {low}..{high}"
+        for address, (low, high) in ranges.items()
+        if not low <= values[address] <= high
+    ]
+
+
+def setting_values(profile: Profile, registers: Mapping[str, int]) -> dict[int, int]:
+    """D8176–D8180 (addresses as keys) at power-on, with those that ``registers`` sets by name."""
+    return {
+        address: registers.get(f"D{address}", value) for address, value in setting_defaults(profile).items()
+    }
+
+
+def master_config(profile: Profile, values: Mapping[int, int]) -> MasterConfig:
+    """A master's configuration from D8176–D8180, which the PLC must accept."""
+    settings = LinkSettings(*(values[address] for address in range(D_SLAVES, D_TIMEOUT + 1)))
+    return MasterConfig(
+        settings=settings,
+        attempts=attempts_per_poll(profile, settings.retries),
+        timeout=settings.timeout * TIMEOUT_UNIT,
+        gap=profile.master_gap,
+        overhead=profile.scan_overhead,
+        probe=profile.absent_station is AbsentStation.PROBE,
+        count_on_edge=profile.error_count is ErrorCount.ON_EDGE,
+    )
+
+
+def worst_turnaround(profile: Profile, longest_scan: int) -> int:
+    """Longest time from a poll's end to the reply's first edge, END included where replies wait for it."""
+    waiting = longest_scan if profile.reply is Reply.END else 0
+    return profile.turnaround.longest + waiting
+
+
+class LinkBoard:
+    """The link's board of one PLC. ``engine`` is None in STOP and after bad parameters."""
+
+    def __init__(self, profile: Profile, memory: Memory) -> None:
+        self._profile = profile
+        self._memory = memory
+        self._registers = profile.devices
+        self.engine: LinkEngine | None = None
+        self.place: BlockPlace | None = None
+
+    # -- settings in -----------------------------------------------------------------------------
+
+    def take_over(self, longest_scan: int, *, traced: bool) -> LinkEngine | None:
+        """STOP→RUN: read the settings, clear the status, make the engine.
+
+        Returns None, with M8063 and D8063 set to 7348 or 7448, if the PLC refuses the settings.
+        """
+        memory, profile = self._memory, self._profile
+        values = {address: memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
+        self.engine, self.place = None, None
+        self._publish_status(LinkStatus())
+        station = values[D_STATION]
+        if bad_parameters(profile, values):
+            self.refuse()
+            return None
+        memory.set_word("D", D_MIRROR_STATION, station)
+        if station:
+            self.engine = Slave(
+                SlaveConfig(
+                    station=station,
+                    modes=profile.modes,
+                    timeout_unit=TIMEOUT_UNIT,
+                    worst_turnaround=worst_turnaround(profile, longest_scan),
+                    character=NN_LINE.characters(1),
+                    count_on_edge=profile.error_count is ErrorCount.ON_EDGE,
+                )
+            )
+            self._mirror(None)
+        else:
+            config = master_config(profile, values)
+            self.engine = Master(config, traced=traced)
+            self._mirror(config.settings)
+        return self.engine
+
+    def refuse(self) -> None:
+        """Bad parameters: M8063 on, D8063 = 7348 (COM3) or 7448 (COM4), no link."""
+        self.report_error(selected_port(self._memory), BAD_PARAMETERS)
+        self.place = None
+
+    def report_error(self, port: str, code: int) -> None:
+        """M8063 on and D8063 = 7xyy: x the port's number, yy the code (PW10, section 8)."""
+        self._memory.set(Device("M", SERIAL_ERROR), 1)
+        self._memory.set_word("D", SERIAL_ERROR, 7000 + 100 * int(port[3:]) + code)
+
+    def parameters(self, settings: LinkSettings) -> None:
+        """A slave has learnt the master's settings."""
+        self._mirror(settings)
+
+    def release(self) -> None:
+        """STOP or power-off: the flags of the running link go off with the engine."""
+        if self.engine is not None:
+            self.publish()
+            if isinstance(self.engine, Slave):
+                self._mirror(None)
+        self.engine, self.place = None, None
+
+    def _mirror(self, settings: LinkSettings | None) -> None:
+        memory = self._memory
+        memory.set_word("D", D_MIRROR_SLAVES, settings.slaves if settings else 0)
+        memory.set_word("D", D_MIRROR_MODE, settings.mode if settings else 0)
+        if settings is not None and self.engine is not None:
+            self.place = self.place_of(self.station, settings.mode)
+
+    @property
+    def station(self) -> int:
+        """The station number in force."""
+        engine = self.engine
+        return engine.config.station if isinstance(engine, Slave) else 0
+
+    @property
+    def mode(self) -> int | None:
+        """The refresh mode in force, None for a slave that does not know it."""
+        engine = self.engine
+        if isinstance(engine, Slave):
+            return engine.settings.mode if engine.settings else None
+        return engine.config.settings.mode if engine else None
+
+    def place_of(self, station: int, mode: int) -> BlockPlace:
+        """Where this PLC keeps a station's block."""
+        block = MODES[mode]
+        return block_place(station, block.bits, block.words, self._profile.word_spacing)
+
+    # -- status out ------------------------------------------------------------------------------
+
+    def publish(self) -> None:
+        """Write the engine's counts, codes, flags and times into the special devices."""
+        if self.engine is not None:
+            self._publish_status(self.engine.status)
+
+    def _publish_status(self, status: LinkStatus) -> None:
+        memory, devices = self._memory, self._registers
+        first = devices.first_word
+        memory.set_word("D", first, self.in_units(status.current))
+        memory.set_word("D", first + 1, self.in_units(status.longest))
+        for station in range(STATIONS):
+            memory.set_word("D", first + _COUNTS + station, status.counts[station])
+            memory.set_word("D", first + _CODES + station, status.codes[station])
+            memory.set(Device("M", devices.flags[station]), int(status.flags[station]))
+        memory.set(Device("M", devices.flags[STATIONS]), int(status.running))
+
+    def in_units(self, ticks: int | None) -> int:
+        """A link scan time in the unit of D8201, rounded half up; 0 for none; at most 32767."""
+        if ticks is None:
+            return 0
+        return min(32767, round_half_up(Fraction(ticks, self._profile.link_scan_unit)))
+
+    def registers(self) -> dict[str, int]:
+        """Every link-related special device, by the PW10's name for it.
+
+        Families that keep some elsewhere (FX1S: D201–D218, M503–M511) are read there and reported
+        under the common name, so that a result can be compared between families.
+        """
+        memory, devices = self._memory, self._registers
+        found = {f"D{address}": memory.word("D", address) for address in range(8173, 8181)}
+        for number in range(2 + 2 * STATIONS):
+            found[f"D{8201 + number}"] = memory.word("D", devices.first_word + number)
+        found[f"D{SERIAL_ERROR}"] = memory.word("D", SERIAL_ERROR)
+        found[f"M{SERIAL_ERROR}"] = memory.get(Device("M", SERIAL_ERROR))
+        found[f"M{M_PORT}"] = memory.get(Device("M", M_PORT))
+        for number, address in enumerate(devices.flags):
+            found[f"M{8183 + number}"] = memory.get(Device("M", address))
+        return found

@@ -1,0 +1,134 @@
+"""Device memory: X Y M S T C D by address, with the FX's ranges; X and Y are numbered in octal."""
+
+from __future__ import annotations
+
+import re
+from array import array
+from dataclasses import dataclass
+from typing import NamedTuple
+
+#: Bit devices and their address ranges (both ends included). T and C are the contacts.
+BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
+    "X": ((0, 0o377),),
+    "Y": ((0, 0o377),),
+    "M": ((0, 3071), (8000, 8255)),
+    "S": ((0, 999),),
+    "T": ((0, 255),),
+    "C": ((0, 255),),
+}
+#: Word devices. T and C are the current values; C200–C255 have 32 bits.
+WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
+    "D": ((0, 8255),),
+    "T": ((0, 255),),
+    "C": ((0, 255),),
+}
+FIRST_LONG_COUNTER = 200
+
+_NAME = re.compile(r"([XYMSTCD])([0-9]{1,5})")
+_OCTAL = "XY"
+
+
+class Device(NamedTuple):
+    """A device: its letter and its address as a plain number (X10 is ("X", 8))."""
+
+    letter: str
+    address: int
+
+    def __str__(self) -> str:
+        return f"{self.letter}{self.address:o}" if self.letter in _OCTAL else f"{self.letter}{self.address}"
+
+    @property
+    def is_word(self) -> bool:
+        """Whether a bare name means a word (D); T and C mean both, here their contact."""
+        return self.letter == "D"
+
+
+def _ranges_text(letter: str) -> str:
+    ranges = BIT_RANGES.get(letter) or WORD_RANGES[letter]
+    return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
+
+
+def parse_device(name: str) -> Device:
+    """The device of a name such as ``D8201``, ``M1064`` or ``X17`` (octal). Upper case only.
+
+    Raises ValueError with a message for the user.
+    """
+    match = _NAME.fullmatch(name)
+    if match is None:
+        raise ValueError(f"is {name!r}, not a device; write a letter of X Y M S T C D and a number")
+    letter, digits = match.groups()
+    if letter in _OCTAL and not set(digits) <= set("01234567"):
+        raise ValueError(f"is {name!r}, but {letter} is numbered in octal (no 8 or 9)")
+    address = int(digits, 8 if letter in _OCTAL else 10)
+    ranges = BIT_RANGES.get(letter) or WORD_RANGES[letter]
+    if not any(first <= address <= last for first, last in ranges):
+        raise ValueError(f"is {name!r}, allowed {_ranges_text(letter)}")
+    return Device(letter, address)
+
+
+@dataclass(frozen=True, slots=True)
+class BlockPlace:
+    """Where a station's shared block lies: ``bits`` M points from ``bit``, ``words`` D from ``word``."""
+
+    bit: int
+    bits: int
+    word: int
+    words: int
+
+
+def block_place(station: int, bits: int, words: int, spacing: int) -> BlockPlace:
+    """The block of a station: M(1000 + 64s) and D(spacing × s) on (PW10, section 7.2)."""
+    return BlockPlace(1000 + 64 * station, bits, spacing * station, words)
+
+
+class Memory:
+    """One PLC's devices. Bits are 0/1, words 0…65535, C200–C255 0…2³²−1."""
+
+    def __init__(self) -> None:
+        self._bits = {letter: bytearray(ranges[-1][1] + 1) for letter, ranges in BIT_RANGES.items()}
+        self._words = {
+            "D": array("H", bytes(2 * (WORD_RANGES["D"][0][1] + 1))),
+            "T": array("H", bytes(512)),
+            "C": array("L" if array("L").itemsize == 4 else "I", bytes(4 * 256)),
+        }
+
+    def get(self, device: Device) -> int:
+        """The value of a bit (of T and C: the contact) or of a D word."""
+        if device.is_word:
+            return self._words["D"][device.address]
+        return self._bits[device.letter][device.address]
+
+    def set(self, device: Device, value: int) -> None:
+        """Set a bit (any value but 0 is 1) or a D word (its low 16 bits)."""
+        if device.is_word:
+            self._words["D"][device.address] = value & 0xFFFF
+        else:
+            self._bits[device.letter][device.address] = 1 if value else 0
+
+    def word(self, letter: str, address: int) -> int:
+        """A word device: D, or the current value of T or C."""
+        return self._words[letter][address]
+
+    def set_word(self, letter: str, address: int, value: int) -> None:
+        """Set a word device to the value's low 16 bits (C200–C255: 32)."""
+        long = letter == "C" and address >= FIRST_LONG_COUNTER
+        self._words[letter][address] = value & (0xFFFFFFFF if long else 0xFFFF)
+
+    def block_image(self, place: BlockPlace) -> bytes:
+        """A shared block as its frame carries it: M low byte first, then D words high byte first."""
+        bits = self._bits["M"][place.bit : place.bit + place.bits]
+        packed = sum(bit << number for number, bit in enumerate(bits))
+        words = self._words["D"][place.word : place.word + place.words]
+        return packed.to_bytes(place.bits // 8, "little") + b"".join(w.to_bytes(2, "big") for w in words)
+
+    def store_block(self, place: BlockPlace, image: bytes) -> None:
+        """Write a received block."""
+        size = place.bits // 8
+        packed = int.from_bytes(image[:size], "little")
+        self._bits["M"][place.bit : place.bit + place.bits] = bytes(
+            packed >> number & 1 for number in range(place.bits)
+        )
+        words = self._words["D"]
+        for number in range(place.words):
+            at = size + 2 * number
+            words[place.word + number] = image[at] << 8 | image[at + 1]

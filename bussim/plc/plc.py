@@ -1,0 +1,178 @@
+"""One PLC: supply, RUN and STOP, memory, scan cycle, the link's board and what drives its block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from enum import Enum
+from fractions import Fraction
+
+from bussim.engines.nn.frames import MODES, LinkSettings
+from bussim.engines.nn.master import Master
+from bussim.plc.board import LinkBoard, LinkEngine, setting_defaults
+from bussim.plc.memory import Memory, parse_device
+from bussim.plc.profiles import Profile
+from bussim.plc.scan import ScanCycle
+from bussim.plc.sources import Source
+from bussim.plc.streams import Streams
+from bussim.units import round_half_up
+
+#: What the link has received for this PLC by a tick: (station, image) of every other station.
+Received = Callable[[int], Iterable[tuple[int, bytes]]]
+
+_NEVER = 1 << 62
+
+
+class PlcState(Enum):
+    """Supply and mode switch."""
+
+    OFF = "off"
+    STOP = "stop"
+    RUN = "run"
+
+
+class Plc:
+    """A PLC as the link sees it. All times are ticks.
+
+    ``scan_mean`` and ``scan_jitter`` are without N:N; the profile's factor is applied while the link
+    runs. ``registers`` are written at power-on. ``linked`` says whether it takes part in N:N.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        profile: Profile,
+        *,
+        scan_mean: int,
+        scan_jitter: int,
+        phase: int | None,
+        registers: Mapping[str, int],
+        sources: Mapping[str, Source],
+        linked: bool,
+        streams: Streams,
+    ) -> None:
+        self.name = name
+        self.profile = profile
+        self.state = PlcState.OFF
+        self.cycle = ScanCycle(streams.generator("scan", name))
+        self.memory = Memory()
+        self.board = LinkBoard(profile, self.memory)
+        #: Set by whoever connects the PLC to a link.
+        self.received: Received | None = None
+        self._scan = (scan_mean, scan_jitter)
+        self._phase = phase
+        self._registers = {parse_device(name): value for name, value in registers.items()}
+        self._sources = {parse_device(name): source for name, source in sources.items()}
+        self._linked = linked
+        self._image: bytes | None = None
+        self._image_until = -1
+
+    def scan_under_link(self) -> tuple[int, int]:
+        """Mean and jitter of the scan while N:N runs, in ticks."""
+        factor = self.profile.scan_factor
+        return round_half_up(self._scan[0] * factor), round_half_up(Fraction(self._scan[1]) * factor)
+
+    # -- supply and mode switch --------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """The supply comes back: memory at its power-on values, then STOP."""
+        self.memory = Memory()
+        for address, value in setting_defaults(self.profile).items():
+            self.memory.set_word("D", address, value)
+        for device, value in self._registers.items():
+            self.memory.set(device, value)
+        self.board = LinkBoard(self.profile, self.memory)
+        self.state = PlcState.STOP
+
+    def run(self, now: int, *, traced: bool) -> tuple[LinkEngine | None, int]:
+        """STOP→RUN: settings are taken over; returns the link's engine and the first END's tick.
+
+        The engine is None where the PLC takes no part in N:N or refuses its parameters (then M8063
+        and D8063 say so).
+        """
+        mean, jitter = self.scan_under_link()
+        engine = self.board.take_over(mean + jitter, traced=traced) if self._linked else None
+        if engine is None:
+            mean, jitter = self._scan
+        self.state = PlcState.RUN
+        self._image, self._image_until = None, -1
+        return engine, self.cycle.run(now, mean, jitter, self._phase)
+
+    def stop(self, now: int) -> None:
+        """RUN→STOP: what had arrived by the last END stays in memory."""
+        self.sync(now)
+        self.cycle.stop(now)
+        self.board.release()
+        self.state = PlcState.STOP
+
+    def power_off(self, now: int) -> None:
+        """The supply goes; the memory is lost when it comes back."""
+        if self.state is PlcState.RUN:
+            self.stop(now)
+        self.state = PlcState.OFF
+
+    def parameters(self, settings: LinkSettings) -> None:
+        """A slave has learnt the master's settings: its block may lie elsewhere now."""
+        self.board.parameters(settings)
+        self._image, self._image_until = None, -1
+
+    # -- END ---------------------------------------------------------------------------------------
+
+    def image_at(self, now: int) -> bytes:
+        """This station's block as its latest END at or before ``now`` left it.
+
+        Before the first END since RUN: the memory at RUN. The same object as long as nothing changed.
+        """
+        end = self.cycle.latest_end(now)
+        image = self._image
+        if image is not None and (end is None or end < self._image_until):
+            return image
+        if end is not None:
+            self._drive(end)
+        place = self.board.place
+        fresh = self.memory.block_image(place) if place is not None else b""
+        self._image_until = self._next_change(end)
+        if image is None or fresh != image:
+            self._image = fresh
+            return fresh
+        return image
+
+    def _next_change(self, end: int | None) -> int:
+        if end is None:
+            return -1  # the first END may change everything
+        changes = [source.next_change(end) for source in self._sources.values()]
+        return min((change for change in changes if change is not None), default=_NEVER)
+
+    def _drive(self, end: int) -> None:
+        for device, source in self._sources.items():
+            value = source.value(end)
+            self.memory.set(device, value if device.is_word else value & 1)
+
+    def sync(self, now: int) -> None:
+        """Bring the memory to what this PLC's latest END at or before ``now`` left in it."""
+        if self.state is not PlcState.RUN:
+            return
+        end = self.cycle.latest_end(now)
+        if end is not None:
+            self._drive(end)
+            if self.received is not None:
+                self._take(self.received(end))
+        self.board.publish()
+
+    def _take(self, blocks: Iterable[tuple[int, bytes]]) -> None:
+        board = self.board
+        mode = board.mode
+        if mode is None:
+            return
+        for station, image in blocks:
+            if station != board.station and len(image) == MODES[mode].size:
+                self.memory.store_block(board.place_of(station, mode), image)
+
+    def read(self, name: str) -> int:
+        """The value of a device by name, as the memory holds it (see :meth:`sync`)."""
+        return self.memory.get(parse_device(name))
+
+    @property
+    def master(self) -> Master | None:
+        """The link's engine if this PLC is a working master."""
+        engine = self.board.engine
+        return engine if isinstance(engine, Master) else None

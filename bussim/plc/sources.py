@@ -1,0 +1,82 @@
+"""Signals that drive a PLC's own block where no program does. Times in ticks of simulated time.
+
+``value(tick)`` is what the PLC writes at an END at that tick, ``next_change(tick)`` the first later
+tick with another value (None: never). Both count from the start of the simulation, not from RUN, so
+that a value seen anywhere tells when it was written.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Toggle:
+    """A bit (or word 0/1) that changes its value every ``every`` ticks, beginning with 0."""
+
+    every: int
+
+    def value(self, tick: int) -> int:
+        """0 or 1."""
+        return tick // self.every & 1
+
+    def next_change(self, tick: int) -> int | None:
+        """The first tick after ``tick`` with another value."""
+        return (tick // self.every + 1) * self.every
+
+
+@dataclass(frozen=True, slots=True)
+class Counter:
+    """A word that counts up once every ``every`` ticks, modulo 65536, from 0; a bit: its lowest bit."""
+
+    every: int
+
+    def value(self, tick: int) -> int:
+        """0…65535."""
+        return tick // self.every & 0xFFFF
+
+    def next_change(self, tick: int) -> int | None:
+        """The first tick after ``tick`` with another value."""
+        return (tick // self.every + 1) * self.every
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A fixed value: a bit 0 or 1, a word -32768…65535 (stored as 16 bits)."""
+
+    fixed: int
+
+    def value(self, tick: int) -> int:
+        """The value as 16 bits."""
+        del tick
+        return self.fixed & 0xFFFF
+
+    def next_change(self, tick: int) -> int | None:
+        """Never: None."""
+        del tick
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """A word that goes linearly from ``start`` to ``stop`` over ``over`` ticks, then stays there."""
+
+    start: int
+    stop: int
+    over: int
+
+    def value(self, tick: int) -> int:
+        """The value at a tick as 16 bits, rounded down towards ``start``."""
+        span = self.stop - self.start
+        steps = abs(span) * min(tick, self.over) // self.over
+        return (self.start + (steps if span > 0 else -steps)) & 0xFFFF
+
+    def next_change(self, tick: int) -> int | None:
+        """The first tick after ``tick`` with another value."""
+        span = abs(self.stop - self.start)
+        steps = span * min(tick, self.over) // self.over
+        # The least tick whose product with the span reaches the next step.
+        return None if steps >= span else -(-(steps + 1) * self.over // span)
+
+
+Source = Toggle | Counter | Constant | Ramp

@@ -1,0 +1,383 @@
+"""A half-duplex line: one driver at a time, collisions where there are two, and who hears what.
+
+In the ordinary case one port drives a quiet line, nothing disturbs the frame, and everybody else is
+told of it as a whole at its end. Everything else is heard character by character through the ports'
+ears, on the level that the line really has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from bussim.engines.contract import STORED
+from bussim.engines.nn.frames import DATA, Frame
+from bussim.line.characters import LineTiming
+from bussim.sim.disturb import Disturber
+from bussim.sim.ledger import Ledger
+from bussim.sim.port import Port
+from bussim.sim.reporter import Reporter
+from bussim.sim.transmission import Transmission
+from bussim.trace import FrameRecord, Sink
+
+Hear = Callable[[Frame, int, int], int]
+Audience = tuple[tuple[tuple[Port, Hear], ...], tuple[Port, ...]]
+
+
+class Bus:
+    """One N:N line with its ports in cable order."""
+
+    def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: Reporter) -> None:
+        self.name = name
+        self.timing = timing
+        self.sink = sink
+        self.reporter = reporter
+        self.ports: list[Port] = []
+        self.disturber = Disturber(self)
+        self.ledger = Ledger(0)
+        self._character = timing.characters(1)
+        self._air: list[Transmission] = []
+        # Drivers that are on: frames, jabber, and tails of late release.
+        self._drivers = 0
+        self._busy_since = 0
+        self._audiences: dict[int, Audience] = {}
+        self._segments: list[int] = []
+        self._open_ears = 0
+        #: Ticks during which some driver was on; frames; frames begun while another driver was on;
+        #: transmissions that some receiver took for another frame.
+        self.busy = 0
+        self.frames = 0
+        self.collisions = 0
+        self.undetected_frames = 0
+
+    def connect(self, ports: Iterable[Port], horizon: int) -> None:
+        """Seat the ports, in cable order; ``horizon`` is the longest PLC scan on the line in ticks."""
+        self.ports = list(ports)
+        self._segments = [0] * len(self.ports)
+        self.ledger = Ledger(horizon)
+
+    def connected(self, one: Port, other: Port) -> bool:
+        """Whether the cable between two ports is whole."""
+        return self._segments[one.seat] == self._segments[other.seat]
+
+    # -- who listens -------------------------------------------------------------------------------
+
+    def audience_changed(self) -> None:
+        """Some port listens otherwise than before."""
+        if self._audiences:
+            self._audiences.clear()
+
+    def ear_opened(self) -> None:
+        """A port begins to listen character by character."""
+        self._open_ears += 1
+        self.audience_changed()
+
+    def ear_closed(self) -> None:
+        """A port is told of whole frames again."""
+        self._open_ears -= 1
+        self.audience_changed()
+
+    def _audience(self, sender: Port) -> Audience:
+        """Who hears a frame on a line without other drivers: whole, or character by character."""
+        found = self._audiences.get(sender.seat)
+        if found is None:
+            whole: list[tuple[Port, Hear]] = []
+            single: list[Port] = []
+            for port in self.ports:
+                engine = port.engine
+                if port is sender or engine is None or not self.connected(port, sender):
+                    continue
+                if port.nominal and sender.nominal and not port.ear.is_open:
+                    whole.append((port, engine.receive_frame))
+                else:
+                    single.append(port)
+            found = self._audiences[sender.seat] = (tuple(whole), tuple(single))
+        return found
+
+    # -- sending -----------------------------------------------------------------------------------
+
+    def begin(self, port: Port, frame: Frame, now: int) -> Transmission:
+        """A port's driver is switched on for a frame."""
+        chars = frame.chars
+        tx = Transmission(port, frame, chars, now, now + len(chars) * self._character, port.timing)
+        if not port.nominal:
+            tx.set_chars(chars)
+        self.frames += 1
+        if port.jabbering:
+            tx.silent = True  # the port sends rubbish in its place
+            return tx
+        if self.disturber.active:
+            self.disturber.disturb(tx)
+        self._drive(tx, now)
+        return tx
+
+    def begin_jabber(self, port: Port, chars: bytes, now: int, *, first: bool) -> Transmission:
+        """A port that jabbers sends the next rubbish; ``first``: its driver was off before."""
+        tx = Transmission(port, None, chars, now, now, port.timing)
+        tx.set_chars(chars)
+        if first:
+            for other in self._air:
+                other.drop(port)
+            port.ear.close()
+        self._drive(tx, now, counted=first)
+        return tx
+
+    def finish_jabber(self, tx: Transmission, now: int) -> None:
+        """A stretch of rubbish is over; the next one follows at once."""
+        self._air.remove(tx)
+        self._count_driver_off(now)
+        if self.sink.traced:
+            self._record(tx)
+
+    def reply_vanishes(self, port: Port, now: int) -> bool:
+        """Whether a reply that is to begin now is never sent."""
+        return self.disturber.reply_vanishes(port.seat, now)
+
+    def _drive(self, tx: Transmission, now: int, *, counted: bool = True) -> None:
+        sender = tx.sender
+        if self._drivers:
+            self._crowd(tx, now, counted=counted)
+        else:
+            self._busy_since = now
+            whole, single = self._audience(sender)
+            if tx.spoilt:
+                self._spell_out(tx, [port for port, _ in whole], now)
+            elif tx.rx_flips or tx.rx_chars:
+                hit = {*(tx.rx_flips or ()), *(tx.rx_chars or ())}
+                tx.listeners = tuple(pair for pair in whole if pair[0].seat not in hit)
+                self._spell_out(tx, [port for port, _ in whole if port.seat in hit], now)
+            else:
+                tx.listeners = whole
+            if single:
+                self._spell_out(tx, single, now)
+        self._air.append(tx)
+        self._drivers += 1
+
+    def _spell_out(self, tx: Transmission, ports: Iterable[Port], now: int) -> None:
+        """These ports hear a transmission that begins now character by character."""
+        for port in ports:
+            port.ear.open(now)
+            port.ear.hear(tx, now)
+            port.ear.replan(now)
+
+    def _crowd(self, tx: Transmission, now: int, *, counted: bool) -> None:
+        """A driver is switched on while others are on."""
+        sender = tx.sender
+        others = [port for port in self.ports if port is not sender and port.driving]
+        clash = [port for port in others if self.connected(port, sender)]
+        if clash:
+            self.collisions += counted
+            tx.collided = True
+            for other in self._air:
+                if self.connected(other.sender, sender):
+                    other.collided = True
+        for other in self._air:
+            other.drop(sender)
+        hearers = [
+            port
+            for port in self.ports
+            if port is not sender
+            and port.engine is not None
+            and not port.driving
+            and self.connected(port, sender)
+        ]
+        for port in hearers:
+            self._open_up(port, now)
+            port.ear.hear(tx, now)
+            port.ear.replan(now)
+
+    def _open_up(self, port: Port, now: int) -> None:
+        """A port that was to be told of whole frames hears them character by character after all."""
+        heard = [other for other in self._air if other.drop(port)]
+        if not heard:
+            port.ear.open(now)
+            return
+        port.ear.open(min(other.start for other in heard))
+        for other in heard:
+            port.ear.hear(other, other.start)
+        port.ear.replan(now)
+
+    def finish(self, port: Port, tx: Transmission, now: int) -> None:
+        """A frame's last stop bit has left."""
+        if tx.silent or tx.cut:
+            return
+        self._air.remove(tx)
+        if not port.tail:
+            self._drivers -= 1
+        if self._drivers:
+            if not port.tail and not port.jabbering:
+                self.join_midway(port, now)
+        else:
+            self.busy += now - self._busy_since
+        frame = tx.frame
+        if frame is not None:
+            self._deliver(frame, tx, port.seat, now)
+        if self.sink.traced:
+            self._record(tx)
+        if self._open_ears:
+            for other in self.ports:
+                if other.ear.is_open:
+                    other.ear.settle()
+
+    def _deliver(self, frame: Frame, tx: Transmission, seat: int, now: int) -> None:
+        start = tx.start
+        if frame.kind != DATA:
+            for port, hear in tx.listeners:
+                hints = hear(frame, start, now)
+                if hints:
+                    port.handle(hints, now)
+            return
+        missed: list[int] = []
+        for port, hear in tx.listeners:
+            hints = hear(frame, start, now)
+            if not hints & STORED:
+                missed.append(port.seat)
+            if hints != STORED:
+                port.handle(hints, now)
+        listeners = tx.listeners
+        if len(listeners) - len(missed) == len(self.ports) - 1:
+            self.ledger.heard(frame.station, now, frame.data)
+            self.sink.refreshed(self.name, seat, now, None)
+        elif len(listeners) > len(missed):
+            took = [port.seat for port, _ in listeners if port.seat not in missed]
+            others = [port.seat for port in self.ports if port.seat != seat and port.seat not in took]
+            self.ledger.heard(frame.station, now, frame.data, others)
+            self.sink.refreshed(self.name, seat, now, took)
+
+    def stored_alone(self, port: Port, frame: Frame, now: int, sender: Port | None) -> None:
+        """One port took a block that it heard character by character; ``sender`` None: falsely."""
+        self.ledger.heard_alone(frame.station, now, frame.data, port.seat)
+        if sender is not None:
+            self.sink.refreshed(self.name, sender.seat, now, [port.seat])
+
+    def undetected(self, tx: Transmission, port: Port, frame: Frame, now: int) -> None:
+        """A receiver read a valid frame that nobody sent."""
+        if not tx.believed:
+            tx.believed = True
+            self.undetected_frames += 1
+        self.reporter.undetected(now, port.name, tx.sender.name, frame)
+
+    # -- drivers going off -------------------------------------------------------------------------
+
+    def cut(self, port: Port, now: int) -> None:
+        """What a port sends ends at this tick, in the middle of whatever it was."""
+        tx = port.sending
+        if tx is None or tx.silent or tx.cut:
+            return
+        self.cut_transmission(tx, now)
+
+    def cut_transmission(self, tx: Transmission, now: int) -> None:
+        """A transmission ends at this tick; its sender's driver goes off."""
+        tx.end = now
+        tx.cut = True
+        hearers = [port for port, _ in tx.listeners]
+        tx.listeners = ()
+        for port in hearers:
+            port.ear.open(tx.start)
+            port.ear.hear(tx, tx.start)
+        self._air.remove(tx)
+        self._count_driver_off(now)
+        for port in self.ports:
+            if port.ear.is_open:
+                port.ear.replan(now)
+                port.ear.settle()
+        if self.sink.traced:
+            self._record(tx)
+
+    def _count_driver_off(self, now: int) -> None:
+        self._drivers -= 1
+        if not self._drivers:
+            self.busy += now - self._busy_since
+
+    def driver_kept(self, now: int) -> None:
+        """A port whose driver was still on for its tail sends again: the tail is over."""
+        self._count_driver_off(now)
+
+    def driver_off(self, port: Port, now: int) -> None:
+        """A port's driver is released without a frame ending (late release): it hears again."""
+        self._count_driver_off(now)
+        self.join_midway(port, now)
+
+    def join_midway(self, port: Port, now: int) -> None:
+        """A port begins to listen: frames on the line are heard from here on."""
+        if port.engine is None or port.driving:
+            return
+        for tx in self._air:
+            if tx.sender is not port and self.connected(tx.sender, port):
+                port.ear.open(now)
+                port.ear.hear(tx, now)
+        if port.ear.is_open:
+            port.ear.replan(now)
+
+    def relisten(self, port: Port, now: int) -> None:
+        """A port's receiver starts anew in the middle of whatever is on the line."""
+        for tx in self._air:
+            tx.drop(port)
+        port.ear.close()
+        self.join_midway(port, now)
+
+    def retire(self, port: Port) -> None:
+        """A port's engine is about to stop: it hears nothing more."""
+        for tx in self._air:
+            tx.drop(port)
+        self.reporter.retire(port)
+
+    # -- the cable ---------------------------------------------------------------------------------
+
+    def set_cuts(self, cuts: Iterable[int], now: int) -> None:
+        """The cable is broken behind these seats, and nowhere else."""
+        before = self._segments
+        broken = set(cuts)
+        after: list[int] = []
+        segment = 0
+        for seat in range(len(self.ports)):
+            after.append(segment)
+            segment += seat in broken
+        affected = [
+            (tx, port)
+            for tx in self._air
+            for port in self.ports
+            if port.engine is not None
+            and port is not tx.sender
+            and not port.driving
+            and (before[port.seat] == before[tx.sender.seat]) != (after[port.seat] == after[tx.sender.seat])
+        ]
+        for tx, port in affected:
+            gained = after[port.seat] == after[tx.sender.seat]
+            self._open_up(port, now)
+            if gained:
+                port.ear.hear(tx, now)
+            else:
+                port.ear.unhear(tx, now)
+        self._segments = after
+        for _, port in affected:
+            if port.ear.is_open:
+                port.ear.replan(now)
+                port.ear.settle()
+        self.audience_changed()
+
+    def close(self, now: int) -> None:
+        """The run is over: count a driver that is still on."""
+        if self._drivers:
+            self.busy += now - self._busy_since
+            self._busy_since = now
+
+    # -- the trace ---------------------------------------------------------------------------------
+
+    def _record(self, tx: Transmission) -> None:
+        frame = tx.frame
+        self.sink.frame(
+            FrameRecord(
+                bus=self.name,
+                start=tx.start,
+                end=tx.end,
+                sender=tx.sender.name,
+                kind="jabber" if frame is None else frame.kind_name,
+                station=None if frame is None else frame.station,
+                counter=None if frame is None else frame.counter,
+                chars=tx.chars,
+                damaged_bits=tx.flips,
+                damaged_at={self.ports[seat].name: bits for seat, bits in (tx.rx_flips or {}).items()},
+                collided=tx.collided,
+                cut=tx.cut,
+            )
+        )

@@ -1,0 +1,56 @@
+"""A port that sends rubbish without end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from bussim.sim.kernel import HEARING, Kernel
+from bussim.sim.port import Port
+from bussim.sim.transmission import Transmission
+
+_CHUNK = 32
+
+
+class Jabber:
+    """Random characters back to back from one port, until :meth:`end`."""
+
+    def __init__(self, port: Port, kernel: Kernel, draws: Iterator[float]) -> None:
+        self._port = port
+        self._draws = draws
+        self._timer = kernel.timer(self._go_on, HEARING)
+        self._tx: Transmission | None = None
+        self._nested = False
+
+    def begin(self, now: int) -> None:
+        """The port's driver goes on; what its engine sends is lost from here on."""
+        port = self._port
+        if port.jabbering:
+            self._nested = True  # it jabbers already for another fault
+            return
+        port.bus.cut(port, now)
+        port.jabbering = True
+        self._send(now, first=True)
+
+    def _send(self, now: int, *, first: bool) -> None:
+        values = 1 << self._port.timing.format.data_bits
+        chars = bytes(int(next(self._draws) * values) for _ in range(_CHUNK))
+        tx = self._port.bus.begin_jabber(self._port, chars, now, first=first)
+        self._tx = tx
+        self._timer.set(tx.end)
+
+    def _go_on(self, now: int) -> None:
+        tx = self._tx
+        if tx is not None:
+            self._port.bus.finish_jabber(tx, now)
+            self._send(now, first=False)
+
+    def end(self, now: int) -> None:
+        """The port is well again."""
+        tx, port = self._tx, self._port
+        if self._nested or tx is None:
+            return
+        self._timer.cancel()
+        self._tx = None
+        port.jabbering = False
+        port.bus.cut_transmission(tx, now)
+        port.bus.join_midway(port, now)

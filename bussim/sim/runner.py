@@ -1,0 +1,213 @@
+"""Builds a scenario's simulation and runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from bussim.plc.board import D_STATION, bad_parameters, master_config, setting_values
+from bussim.plc.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
+from bussim.plc.plc import Plc
+from bussim.plc.streams import Streams
+from bussim.scenario import model
+from bussim.sim.bus import Bus
+from bussim.sim.disturb import Loss, PlacedNoise
+from bussim.sim.faults import FaultPlan
+from bussim.sim.kernel import Kernel
+from bussim.sim.port import Port
+from bussim.sim.reporter import Reporter
+from bussim.trace import LinkTotals, PlcTotals, RunTotals, Sink
+
+Progress = Callable[[int, int], None]
+
+_PROGRESS_STEPS = 400
+
+
+class Simulation:
+    """A scenario in simulated time. Times are ticks from the start."""
+
+    def __init__(self, scenario: model.Scenario, sink: Sink) -> None:
+        self._scenario = scenario
+        self._sink = sink
+        self.kernel = Kernel()
+        streams = Streams(scenario.seed)
+        self.plcs = {spec.name: _plc(spec, streams) for spec in scenario.plcs}
+        self.buses: dict[str, Bus] = {}
+        self.ports: dict[str, Port] = {}
+        self._primaries: dict[str, str | None] = {}
+        for spec in scenario.buses:
+            if spec.nn:
+                self._build_link(spec, streams)
+        for noise in scenario.noise:
+            self._place_noise(noise, streams)
+        self.faults = FaultPlan(scenario, self.kernel, self.buses, self.ports, streams, sink)
+
+    def _build_link(self, spec: model.Bus, streams: Streams) -> None:
+        seated = [plc for plc in self._scenario.plcs if plc.seat and plc.seat.bus == spec.name]
+        stations = {plc.name: plc.registers.get(f"D{D_STATION}", 0) for plc in seated}
+        names: dict[int, str] = {}
+        for name, station in stations.items():
+            names.setdefault(station, name)
+        primary = next((plc.name for plc in seated if stations[plc.name] == 0 and _accepted(plc)), None)
+        self._primaries[spec.name] = primary
+        reporter = Reporter(spec.name, self._sink, names, primary)
+        bus = Bus(spec.name, spec.timing, self._sink, reporter)
+        ports = [
+            Port(self.plcs[plc.name], bus, seat, self.kernel, streams) for seat, plc in enumerate(seated)
+        ]
+        longest = max((sum(port.plc.scan_under_link()) for port in ports), default=0)
+        bus.connect(ports, longest)
+        self.buses[spec.name] = bus
+        for port in ports:
+            self.ports[port.name] = port
+            port.plc.received = _visible(bus, port.seat)
+
+    def _place_noise(self, noise: model.Noise, streams: Streams) -> None:
+        target, kind, window = noise.target, noise.kind, noise.window
+        bus = self.buses.get(target.bus)
+        if bus is None:
+            return
+        seat = self.ports[target.station].seat if target.station is not None else None
+        if isinstance(kind, model.ReplyLoss):
+            draws = {
+                port.seat: streams.uniforms("noise", noise.name, port.name)
+                for port in bus.ports
+                if seat in (None, port.seat)
+            }
+            bus.disturber.add(Loss(seat, kind.probability, window.at, window.until, draws))
+            return
+        process = BitNoise(noise.name, _rate(noise, streams), streams, window.at, window.until)
+        receiver = seat is not None and target.direction is model.Direction.RX
+        bus.disturber.add(PlacedNoise(process, seat, receiver))
+
+    @property
+    def now(self) -> int:
+        """The current tick."""
+        return self.kernel.now
+
+    def run(self, until: int) -> None:
+        """Simulate everything before the tick ``until``."""
+        self.kernel.run(until)
+
+    def totals(self) -> RunTotals:
+        """Counts so far; brings every PLC's memory up to its latest END."""
+        now = self.now
+        for plc in self.plcs.values():
+            plc.sync(now)
+            plc.cycle.count_up_to(now)
+        warnings = [w for bus in self.buses.values() for w in bus.reporter.warnings]
+        return RunTotals(
+            duration=now,
+            links=tuple(self._link_totals(bus) for bus in self.buses.values()),
+            plcs=tuple(_plc_totals(plc) for plc in self.plcs.values()),
+            warnings=(*self._scenario.warnings, *warnings),
+        )
+
+    def _link_totals(self, bus: Bus) -> LinkTotals:
+        bus.close(self.now)
+        primary_name = self._primaries[bus.name]
+        reporter = bus.reporter
+        polls = reporter.polls
+        failed = {station: dict(codes) for station, codes in reporter.failed_attempts.items()}
+        errors = dict(reporter.station_errors)
+        settings = config = None
+        names: dict[int, str] = {}
+        for port in bus.ports:
+            names.setdefault(port.plc.memory.word("D", D_STATION), port.name)
+        if primary_name is not None:
+            spec = next(plc for plc in self._scenario.plcs if plc.name == primary_name)
+            config = master_config(spec.profile, setting_values(spec.profile, spec.registers))
+            settings = config.settings
+            errors = {k: errors.get(k, 0) for k in range(1, settings.slaves + 1)}
+            engine = self.ports[primary_name].plc.master
+            if engine is not None:
+                polls += engine.polls
+                for station, codes in engine.failed_attempts.items():
+                    known = failed.setdefault(station, {})
+                    for code, count in codes.items():
+                        known[code] = known.get(code, 0) + count
+                for station, count in engine.station_errors.items():
+                    errors[station] = errors.get(station, 0) + count
+        return LinkTotals(
+            bus=bus.name,
+            seats=tuple(port.name for port in bus.ports),
+            station_names=names,
+            slaves=settings.slaves if settings else None,
+            mode=settings.mode if settings else None,
+            retries=settings.retries if settings else None,
+            attempts=config.attempts if config else None,
+            timeout=config.timeout if config else None,
+            polls=polls,
+            failed_attempts=failed,
+            station_errors=errors,
+            busy=bus.busy,
+            frames=bus.frames,
+            collisions=bus.collisions,
+            undetected=bus.undetected_frames,
+            healthy_at=reporter.healthy_at,
+        )
+
+
+def _accepted(spec: model.Plc) -> bool:
+    """Whether a PLC's parameters will be accepted at RUN."""
+    return not bad_parameters(spec.profile, setting_values(spec.profile, spec.registers))
+
+
+def _visible(bus: Bus, seat: int) -> Callable[[int], Iterable[tuple[int, bytes]]]:
+    def received(end: int) -> Iterable[tuple[int, bytes]]:
+        return bus.ledger.visible(seat, end)
+
+    return received
+
+
+def _plc(spec: model.Plc, streams: Streams) -> Plc:
+    return Plc(
+        spec.name,
+        spec.profile,
+        scan_mean=spec.scan.mean,
+        scan_jitter=spec.scan.jitter,
+        phase=spec.phase,
+        registers=spec.registers,
+        sources=spec.sources,
+        linked=spec.seat is not None,
+        streams=streams,
+    )
+
+
+def _rate(noise: model.Noise, streams: Streams) -> ErrorRate:
+    kind = noise.kind
+    if isinstance(kind, model.BitErrors):
+        return ConstantRate(kind.ber)
+    draws = streams.uniforms("noise", noise.name, "state")
+    if isinstance(kind, model.Burst):
+        return BurstRate(kind.good, kind.bad, kind.ber_good, kind.ber_bad, draws)
+    if isinstance(kind, model.Impulse):
+        phase = kind.phase if kind.phase is not None else int(next(draws) * kind.every)
+        return ImpulseRate(kind.every, kind.width, kind.ber, noise.window.at + phase)
+    raise TypeError(kind)
+
+
+def _plc_totals(plc: Plc) -> PlcTotals:
+    cycle = plc.cycle
+    return PlcTotals(
+        name=plc.name,
+        registers=plc.board.registers(),
+        scans=cycle.count,
+        scan_mean=cycle.total / cycle.count if cycle.count else None,
+        scan_max=cycle.longest if cycle.count else None,
+    )
+
+
+def simulate(scenario: model.Scenario, sink: Sink, *, progress: Progress | None = None) -> RunTotals:
+    """Run a scenario to its end; ``sink`` takes its records.
+
+    ``progress``, where given, is called with (ticks simulated, ticks in all) some hundred times.
+    """
+    simulation = Simulation(scenario, sink)
+    duration = scenario.duration
+    if progress is None:
+        simulation.run(duration)
+    else:
+        for step in range(1, _PROGRESS_STEPS + 1):
+            simulation.run(duration * step // _PROGRESS_STEPS)
+            progress(simulation.now, duration)
+    return simulation.totals()

@@ -1,0 +1,96 @@
+"""One frame on the wire, and what of it each receiver gets to hear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from bussim.engines.nn.frames import Frame
+from bussim.line.characters import LineTiming
+from bussim.line.wave import Interval, low_intervals
+
+if TYPE_CHECKING:
+    from bussim.sim.port import Port
+
+Bits = tuple[int, ...]
+
+
+class Transmission:
+    """Characters that one port sends. ``frame`` is what they mean, None for jabber.
+
+    ``chars`` are the characters on the wire, which a fault may have made other than the frame's.
+    ``end`` moves when the sender is cut off. ``listeners`` hear it whole and undamaged and are told
+    at its end; everybody else hears it, or parts of it, character by character.
+    """
+
+    __slots__ = (
+        "_lows",
+        "believed",
+        "chars",
+        "collided",
+        "cut",
+        "end",
+        "flips",
+        "frame",
+        "listeners",
+        "rx_chars",
+        "rx_flips",
+        "sender",
+        "silent",
+        "start",
+        "timing",
+    )
+
+    def __init__(
+        self, sender: Port, frame: Frame | None, chars: bytes, start: int, end: int, timing: LineTiming
+    ) -> None:
+        self.sender = sender
+        self.frame = frame
+        self.chars = chars
+        self.start = start
+        self.end = end
+        self.timing = timing
+        self.listeners: tuple[tuple[Port, Callable[[Frame, int, int], int]], ...] = ()
+        self.flips: Bits = ()  # for everybody
+        self.rx_flips: dict[int, Bits] | None = None  # for one seat only
+        # Characters that one seat's receiver loses (value None) or adds: (place, value).
+        self.rx_chars: dict[int, tuple[int, int | None]] | None = None
+        self.collided = False
+        self.cut = False
+        self.silent = False  # nothing of it reaches the wire
+        self.believed = False  # some receiver took it for another frame
+        self._lows: dict[Bits, list[Interval]] | None = None
+
+    def set_chars(self, chars: bytes) -> None:
+        """Send these characters; the end follows, rounded once from the first edge."""
+        self.chars = chars
+        timing = self.timing
+        self.end = self.start + timing.bits(len(chars) * timing.format.bits)
+
+    @property
+    def spoilt(self) -> bool:
+        """Whether what reaches the wire is not the frame: for everybody."""
+        return bool(self.flips) or self.frame is None or self.chars is not self.frame.chars
+
+    def drop(self, port: Port) -> bool:
+        """A port does not hear this as a whole frame after all; returns whether it would have."""
+        for place, (listener, _) in enumerate(self.listeners):
+            if listener is port:
+                self.listeners = self.listeners[:place] + self.listeners[place + 1 :]
+                return True
+        return False
+
+    def lows(self, seat: int) -> list[Interval]:
+        """Where a seat's receiver sees the line pulled low by this transmission, the cut left out."""
+        flips = self.flips
+        if self.rx_flips is not None:
+            own = self.rx_flips.get(seat)
+            if own:
+                # A bit inverted on the wire and again in the receiver is right once more.
+                flips = tuple(sorted(set(flips) ^ set(own)))
+        if self._lows is None:
+            self._lows = {}
+        found = self._lows.get(flips)
+        if found is None:
+            found = self._lows[flips] = low_intervals(self.chars, self.timing, self.start, flips)
+        return found
