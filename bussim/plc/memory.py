@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from array import array
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -26,6 +27,7 @@ FIRST_LONG_COUNTER = 200
 
 _NAME = re.compile(r"([XYMSTCD])([0-9]{1,5})")
 _OCTAL = "XY"
+_AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
 
 
 class Device(NamedTuple):
@@ -117,9 +119,12 @@ class Memory:
     def block_image(self, place: BlockPlace) -> bytes:
         """A shared block as its frame carries it: M low byte first, then D words high byte first."""
         bits = self._bits["M"][place.bit : place.bit + place.bits]
-        packed = sum(bit << number for number, bit in enumerate(bits))
+        # The lowest M is bit 0: as a binary number it is written last.
+        packed = int(bits[::-1].translate(_AS_DIGITS), 2) if bits else 0
         words = self._words["D"][place.word : place.word + place.words]
-        return packed.to_bytes(place.bits // 8, "little") + b"".join(w.to_bytes(2, "big") for w in words)
+        if sys.byteorder == "little":
+            words.byteswap()
+        return packed.to_bytes(place.bits // 8, "little") + words.tobytes()
 
     def store_block(self, place: BlockPlace, image: bytes) -> None:
         """Write a received block."""

@@ -122,8 +122,10 @@ class Plc:
 
         Before the first END since RUN: the memory at RUN. The same object as long as nothing changed.
         """
-        end = self.cycle.latest_end(now)
         image = self._image
+        if self._image_until == _NEVER and image is not None:
+            return image
+        end = self.cycle.latest_end(now)
         if image is not None and (end is None or end < self._image_until):
             return image
         if end is not None:

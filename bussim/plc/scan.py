@@ -7,6 +7,7 @@ no event. Only the one before a frame leaves, or the one after a reply is ready,
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from operator import sub
 from typing import TYPE_CHECKING
 
 from bussim.units import TICKS_PER_SECOND
@@ -108,10 +109,9 @@ class ScanCycle:
         if previous == self._began and first == 0:
             # RUN to the first END is no whole scan.
             previous, first = ends[0], 1
-        for end in ends[first:last]:
-            duration = end - previous
-            previous = end
-            self.longest = max(self.longest, duration)
-            self.total += duration
-            self.count += 1
+        if last > first:
+            self.longest = max(self.longest, ends[first] - previous)
+            self.longest = max(self.longest, *map(sub, ends[first + 1 : last], ends[first : last - 1]), 0)
+            self.total += ends[last - 1] - previous
+            self.count += last - first
         self._counted_to = ends[last - 1]

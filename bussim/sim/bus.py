@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from bussim.engines.contract import STORED
-from bussim.engines.nn.frames import DATA, Frame
+from bussim.engines.nn.frames import DATA, POLL, Frame
 from bussim.line.characters import LineTiming
 from bussim.sim.disturb import Disturber
+from bussim.sim.gallery import Gallery
+from bussim.sim.kernel import DEADLINES, Kernel
 from bussim.sim.ledger import Ledger
 from bussim.sim.port import Port
 from bussim.sim.reporter import Reporter
@@ -20,13 +22,14 @@ from bussim.sim.transmission import Transmission
 from bussim.trace import FrameRecord, Sink
 
 Hear = Callable[[Frame, int, int], int]
-Audience = tuple[tuple[tuple[Port, Hear], ...], tuple[Port, ...]]
+#: Told of whole frames one by one; told character by character; how many the gallery stands for.
+Audience = tuple[tuple[tuple[Port, Hear], ...], tuple[Port, ...], int]
 
 
 class Bus:
     """One N:N line with its ports in cable order."""
 
-    def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: Reporter) -> None:
+    def __init__(self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: Reporter) -> None:
         self.name = name
         self.timing = timing
         self.sink = sink
@@ -34,6 +37,10 @@ class Bus:
         self.ports: list[Port] = []
         self.disturber = Disturber(self)
         self.ledger = Ledger(0)
+        self.gallery = Gallery()
+        #: Whether slaves may be told together (a test compares both ways).
+        self.together = True
+        self._gallery_timer = kernel.timer(self._watch_gallery, DEADLINES)
         self._character = timing.characters(1)
         self._air: list[Transmission] = []
         # Drivers that are on: frames, jabber, and tails of late release.
@@ -41,6 +48,7 @@ class Bus:
         self._busy_since = 0
         self._audiences: dict[int, Audience] = {}
         self._segments: list[int] = []
+        self._others = 0
         self._open_ears = 0
         #: Ticks during which some driver was on; frames; frames begun while another driver was on;
         #: transmissions that some receiver took for another frame.
@@ -52,6 +60,7 @@ class Bus:
     def connect(self, ports: Iterable[Port], horizon: int) -> None:
         """Seat the ports, in cable order; ``horizon`` is the longest PLC scan on the line in ticks."""
         self.ports = list(ports)
+        self._others = len(self.ports) - 1
         self._segments = [0] * len(self.ports)
         self.ledger = Ledger(horizon)
 
@@ -65,6 +74,48 @@ class Bus:
         """Some port listens otherwise than before."""
         if self._audiences:
             self._audiences.clear()
+
+    def leave_gallery(self, port: Port) -> None:
+        """A port is going to listen for itself."""
+        if port in self.gallery.members:
+            self._dissolve()
+
+    def _dissolve(self) -> None:
+        """Every slave listens for itself from now on, also to what is on the line."""
+        members = self.gallery.dissolve()
+        if not members:
+            return
+        for port in members:
+            port.watch()
+        for tx in self._air:
+            if tx.together:
+                tx.together = 0
+                tx.listeners += tuple(
+                    (port, port.engine.receive_frame)
+                    for port in members
+                    if port is not tx.sender and port.engine is not None
+                )
+        self._audiences.clear()
+
+    def _watch_gallery(self, now: int) -> None:
+        """The lazy watchdog of all members in one."""
+        gallery = self.gallery
+        if gallery.members:
+            if gallery.deadline > now:
+                self._gallery_timer.set(gallery.deadline)
+            else:
+                self._dissolve()
+
+    def _gather(self) -> None:
+        """The master's data frame is over: slaves that are calm and agree listen together."""
+        if self.together and not self._open_ears and not any(self._segments):
+            self._dissolve()
+            self.gallery.form(self.ports)
+            self._audiences.clear()
+            if self.gallery.members:
+                timer, deadline = self._gallery_timer, self.gallery.deadline
+                if timer.at < 0 or deadline < timer.at:
+                    timer.set(deadline)
 
     def ear_opened(self) -> None:
         """A port begins to listen character by character."""
@@ -82,15 +133,19 @@ class Bus:
         if found is None:
             whole: list[tuple[Port, Hear]] = []
             single: list[Port] = []
+            members = self.gallery.members
             for port in self.ports:
                 engine = port.engine
                 if port is sender or engine is None or not self.connected(port, sender):
+                    continue
+                if port in members:
                     continue
                 if port.nominal and sender.nominal and not port.ear.is_open:
                     whole.append((port, engine.receive_frame))
                 else:
                     single.append(port)
-            found = self._audiences[sender.seat] = (tuple(whole), tuple(single))
+            together = len(members) - (sender in members)
+            found = self._audiences[sender.seat] = (tuple(whole), tuple(single), together)
         return found
 
     # -- sending -----------------------------------------------------------------------------------
@@ -99,16 +154,28 @@ class Bus:
         """A port's driver is switched on for a frame."""
         chars = frame.chars
         tx = Transmission(port, frame, chars, now, now + len(chars) * self._character, port.timing)
-        if not port.nominal:
-            tx.set_chars(chars)
         self.frames += 1
-        if port.jabbering:
-            tx.silent = True  # the port sends rubbish in its place
-            return tx
         if self.disturber.active:
             self.disturber.disturb(tx)
-        self._drive(tx, now)
+        if self._drivers or tx.damaged or not port.nominal:
+            self._begin_otherwise(tx, now)
+            return tx
+        # The ordinary case: an undamaged frame on a quiet line.
+        self._busy_since = now
+        tx.listeners, single, tx.together = self._audiences.get(port.seat) or self._audience(port)
+        if single:
+            self._spell_out(tx, single, now)
+        self._air.append(tx)
+        self._drivers = 1
         return tx
+
+    def _begin_otherwise(self, tx: Transmission, now: int) -> None:
+        if tx.sender.jabbering:
+            tx.silent = True  # the port sends rubbish in its place
+            return
+        if not tx.sender.nominal:
+            tx.set_chars(tx.chars)
+        self._drive(tx, now)
 
     def begin_jabber(self, port: Port, chars: bytes, now: int, *, first: bool) -> Transmission:
         """A port that jabbers sends the next rubbish; ``first``: its driver was off before."""
@@ -134,19 +201,18 @@ class Bus:
 
     def _drive(self, tx: Transmission, now: int, *, counted: bool = True) -> None:
         sender = tx.sender
+        self._dissolve()
         if self._drivers:
             self._crowd(tx, now, counted=counted)
         else:
             self._busy_since = now
-            whole, single = self._audience(sender)
+            whole, single, _ = self._audience(sender)
             if tx.spoilt:
                 self._spell_out(tx, [port for port, _ in whole], now)
-            elif tx.rx_flips or tx.rx_chars:
+            else:
                 hit = {*(tx.rx_flips or ()), *(tx.rx_chars or ())}
                 tx.listeners = tuple(pair for pair in whole if pair[0].seat not in hit)
                 self._spell_out(tx, [port for port, _ in whole if port.seat in hit], now)
-            else:
-                tx.listeners = whole
             if single:
                 self._spell_out(tx, single, now)
         self._air.append(tx)
@@ -210,7 +276,7 @@ class Bus:
             self.busy += now - self._busy_since
         frame = tx.frame
         if frame is not None:
-            self._deliver(frame, tx, port.seat, now)
+            self._deliver(frame, tx, now)
         if self.sink.traced:
             self._record(tx)
         if self._open_ears:
@@ -218,30 +284,52 @@ class Bus:
                 if other.ear.is_open:
                     other.ear.settle()
 
-    def _deliver(self, frame: Frame, tx: Transmission, seat: int, now: int) -> None:
-        start = tx.start
-        if frame.kind != DATA:
+    def _deliver(self, frame: Frame, tx: Transmission, now: int) -> None:
+        """A whole undamaged frame reaches everybody who listens to whole frames."""
+        start, kind, sender = tx.start, frame.kind, tx.sender
+        gallery = self.gallery
+        if tx.together and not gallery.hear(frame, start, now):
+            members = gallery.members
+            self._dissolve()
+            tx.together = 0
+            tx.listeners += tuple(
+                (port, port.engine.receive_frame)
+                for port in members
+                if port is not sender and port.engine is not None
+            )
+        if kind != DATA:
+            if tx.together and kind == POLL:
+                polled = gallery.by_station.get(frame.station)
+                if polled is not None:
+                    polled.appoint(now, frame.counter)
             for port, hear in tx.listeners:
                 hints = hear(frame, start, now)
                 if hints:
                     port.handle(hints, now)
             return
+        listeners = tx.listeners
+        took = tx.together
         missed: list[int] = []
-        for port, hear in tx.listeners:
+        for port, hear in listeners:
             hints = hear(frame, start, now)
-            if not hints & STORED:
+            if hints & STORED:
+                took += 1
+            else:
                 missed.append(port.seat)
             if hints != STORED:
                 port.handle(hints, now)
-        listeners = tx.listeners
-        if len(listeners) - len(missed) == len(self.ports) - 1:
+        if took == self._others:
             self.ledger.heard(frame.station, now, frame.data)
-            self.sink.refreshed(self.name, seat, now, None)
-        elif len(listeners) > len(missed):
-            took = [port.seat for port, _ in listeners if port.seat not in missed]
-            others = [port.seat for port in self.ports if port.seat != seat and port.seat not in took]
+            self.sink.refreshed(self.name, sender.seat, now, None)
+        elif took:
+            seats = [port.seat for port, _ in listeners if port.seat not in missed]
+            if tx.together:
+                seats += [port.seat for port in gallery.members if port is not sender]
+            others = [port.seat for port in self.ports if port is not sender and port.seat not in seats]
             self.ledger.heard(frame.station, now, frame.data, others)
-            self.sink.refreshed(self.name, seat, now, took)
+            self.sink.refreshed(self.name, sender.seat, now, seats)
+        if not frame.station and listeners:
+            self._gather()
 
     def stored_alone(self, port: Port, frame: Frame, now: int, sender: Port | None) -> None:
         """One port took a block that it heard character by character; ``sender`` None: falsely."""
@@ -267,6 +355,7 @@ class Bus:
 
     def cut_transmission(self, tx: Transmission, now: int) -> None:
         """A transmission ends at this tick; its sender's driver goes off."""
+        self._dissolve()
         tx.end = now
         tx.cut = True
         hearers = [port for port, _ in tx.listeners]
@@ -310,6 +399,7 @@ class Bus:
 
     def relisten(self, port: Port, now: int) -> None:
         """A port's receiver starts anew in the middle of whatever is on the line."""
+        self.leave_gallery(port)
         for tx in self._air:
             tx.drop(port)
         port.ear.close()
@@ -317,6 +407,7 @@ class Bus:
 
     def retire(self, port: Port) -> None:
         """A port's engine is about to stop: it hears nothing more."""
+        self.leave_gallery(port)
         for tx in self._air:
             tx.drop(port)
         self.reporter.retire(port)
@@ -325,6 +416,7 @@ class Bus:
 
     def set_cuts(self, cuts: Iterable[int], now: int) -> None:
         """The cable is broken behind these seats, and nowhere else."""
+        self._dissolve()
         before = self._segments
         broken = set(cuts)
         after: list[int] = []
@@ -356,7 +448,8 @@ class Bus:
         self.audience_changed()
 
     def close(self, now: int) -> None:
-        """The run is over: count a driver that is still on."""
+        """The run is over (for now): count a driver that is still on."""
+        self.gallery.sync()
         if self._drivers:
             self.busy += now - self._busy_since
             self._busy_since = now

@@ -143,7 +143,7 @@ class Disturber:
                 continue  # sent by others (tx), or sent by the receiver itself (rx)
             hit = noise.process.inverted(tx.start, bits, bit, key)
             if hit:
-                self._invert(tx, noise.seat if noise.receiver else None, hit)
+                tx.invert(noise.seat if noise.receiver else None, hit)
 
     def _key(self, sender: Port, frame: Frame) -> str:
         """Who sends what to whom: the name of the frame's luck."""
@@ -152,15 +152,6 @@ class Disturber:
         if key is None:
             key = self._keys[place] = f"{sender.name} {KIND_NAMES[frame.kind]} {frame.station}"
         return key
-
-    @staticmethod
-    def _invert(tx: Transmission, seat: int | None, bits: tuple[int, ...]) -> None:
-        if seat is None:
-            tx.flips = tuple(sorted(set(tx.flips) ^ set(bits)))
-            return
-        if tx.rx_flips is None:
-            tx.rx_flips = {}
-        tx.rx_flips[seat] = tuple(sorted(set(tx.rx_flips.get(seat, ())) ^ set(bits)))
 
     def _apply(self, fault: FrameFault, tx: Transmission, frame: Frame) -> None:
         sender = tx.sender.seat
@@ -174,7 +165,7 @@ class Disturber:
             return
         if fault.action == "flip":
             inside = tuple(bit for bit in fault.bits if bit < len(tx.chars) * tx.timing.format.bits)
-            self._invert(tx, fault.seat if fault.receiver else None, inside)
+            tx.invert(fault.seat if fault.receiver else None, inside)
         else:
             self._recount(fault, tx)
         self._used(fault)
@@ -190,9 +181,7 @@ class Disturber:
             values = 1 << tx.timing.format.data_bits
             value = fault.value if fault.value is not None else int(next(fault.draws) * values)
         if fault.receiver:
-            if tx.rx_chars is None:
-                tx.rx_chars = {}
-            tx.rx_chars[fault.seat] = (index, value)
+            tx.miscount(fault.seat, index, value)
         elif value is None:
             tx.set_chars(tx.chars[:index] + tx.chars[index + 1 :])
         else:

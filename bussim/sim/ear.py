@@ -75,6 +75,7 @@ class Ear:
     def open(self, ready: int) -> None:
         """Begin to listen character by character; the receiver waits for an edge from ``ready`` on."""
         if not self.is_open:
+            self._port.bus.leave_gallery(self._port)
             self.is_open = True
             self._ready = ready
             self._half_heard = False

@@ -26,15 +26,13 @@ _UNSET = -1
 class Timer:
     """Calls ``action(tick)`` once at the tick that it was last set to."""
 
-    __slots__ = ("_action", "_callbacks", "_env", "_event", "_priority", "at")
+    __slots__ = ("_action", "_callbacks", "_event", "_kernel", "_priority", "at")
 
-    def __init__(
-        self, env: simpy.Environment, action: Callable[[int], None], priority: EventPriority
-    ) -> None:
-        self._env = env
+    def __init__(self, kernel: Kernel, action: Callable[[int], None], priority: EventPriority) -> None:
+        self._kernel = kernel
         self._action = action
         self._priority = priority
-        self._event = event = simpy.Event(env)
+        self._event = event = simpy.Event(kernel.env)
         # A SimPy event may only be scheduled triggered; this one is so for ever.
         event._ok = True  # noqa: SLF001 - what Event.succeed does, without scheduling
         event._value = None  # noqa: SLF001 - the same
@@ -47,8 +45,29 @@ class Timer:
         """Arm (or re-arm) it for a tick, not before now."""
         if self.at != at:
             self.at = at
-            env = self._env
-            env.schedule(self._event, self._priority, at - env.now)
+            self._schedule()
+
+    def chain(self, at: int) -> None:
+        """Arm it for what most likely is the next thing to happen at all.
+
+        If it is, SimPy's queue need not be troubled; the order of things is the same either way.
+        """
+        self.at = at
+        kernel = self._kernel
+        if kernel.chained is None:
+            kernel.chained = self
+        else:
+            self._schedule()
+
+    def unchain(self) -> None:
+        """Put a chained timer into SimPy's queue."""
+        self._kernel.chained = None
+        if self.at >= 0:
+            self._schedule()
+
+    def _schedule(self) -> None:
+        env = self._kernel.env
+        env.schedule(self._event, self._priority, self.at - env.now)
 
     def cancel(self) -> None:
         """Disarm it."""
@@ -56,26 +75,45 @@ class Timer:
 
     def _fire(self, event: simpy.Event) -> None:
         event.callbacks = self._callbacks
+        kernel = self._kernel
+        env = kernel.env
         at = self.at
-        if at == self._env.now:
-            self.at = _UNSET
-            self._action(at)
+        if at != env.now:
+            return
+        kernel.now = at
+        self.at = _UNSET
+        self._action(at)
+        timer = kernel.chained
+        while timer is not None:
+            kernel.chained = None
+            at = timer.at
+            if at >= 0:
+                if at >= env.peek():
+                    timer.unchain()
+                    return
+                kernel.now = at
+                timer.at = _UNSET
+                timer._action(at)  # noqa: SLF001 - another timer of this kernel
+            timer = kernel.chained
 
 
 class Kernel:
-    """The simulated clock."""
+    """The simulated clock.
+
+    ``now`` is the current tick. It may be ahead of SimPy's own clock, never of SimPy's next event:
+    what happens next and alone is done without going through the queue (:meth:`Timer.chain`).
+    """
+
+    __slots__ = ("chained", "env", "now")
 
     def __init__(self) -> None:
         self.env = simpy.Environment(initial_time=0)
-
-    @property
-    def now(self) -> int:
-        """The current tick."""
-        return int(self.env.now)
+        self.now = 0
+        self.chained: Timer | None = None
 
     def timer(self, action: Callable[[int], None], priority: EventPriority) -> Timer:
         """A timer that calls ``action(tick)``."""
-        return Timer(self.env, action, priority)
+        return Timer(self, action, priority)
 
     def at(self, tick: int, action: Callable[[int], None], priority: EventPriority) -> None:
         """Call ``action(tick)`` once."""
@@ -83,5 +121,9 @@ class Kernel:
 
     def run(self, until: int) -> None:
         """Do everything before the tick ``until``."""
-        if until > self.env.now:
-            self.env.run(until)
+        if until <= self.env.now:
+            return
+        if self.chained is not None:  # set from outside of any action
+            self.chained.unchain()
+        self.env.run(until)
+        self.now = until

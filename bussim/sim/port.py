@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from bussim.sim.bus import Bus
 
 _IDLE = b""
+_ONLY_TRANSMIT = TRANSMIT | STORED
 
 
 class Port:
@@ -34,7 +35,7 @@ class Port:
     __slots__ = (
         "_deadline_timer",
         "_end_timer",
-        "_now",
+        "_kernel",
         "_pending",
         "_release_timer",
         "_sequence",
@@ -80,7 +81,7 @@ class Port:
         self.late_release = 0
         self.replies_at_end = plc.profile.reply is Reply.END
         self._turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
-        self._now = kernel.env
+        self._kernel = kernel
         self._pending: list[tuple[int, int, int]] = []  # (start, order, counter) of what is to be sent
         self._sequence = 0
         self._start_timer = kernel.timer(self._on_start, SENDING)
@@ -91,7 +92,7 @@ class Port:
     @property
     def now(self) -> int:
         """The current tick."""
-        return int(self._now.now)
+        return self._kernel.now
 
     @property
     def name(self) -> str:
@@ -151,7 +152,11 @@ class Port:
     def handle(self, hints: int, now: int) -> None:
         """Look at what the engine asks for."""
         engine = self.engine
-        if engine is None or not hints & ~STORED:
+        if engine is None:
+            return
+        if hints | STORED == _ONLY_TRANSMIT:
+            at, engine.due = engine.due, -1
+            self.appoint(at, engine.due_counter)
             return
         if hints & OPEN:
             self.ear.hold(now)
@@ -159,9 +164,9 @@ class Port:
             self.drain(now)
         if hints & TRANSMIT and engine.due >= 0:
             at, engine.due = engine.due, -1
-            self._appoint(at, engine.due_counter)
+            self.appoint(at, engine.due_counter)
         if hints & DEADLINE:
-            self._watch(now)
+            self.watch()
 
     def drain(self, now: int) -> None:
         """Report the engine's events; a transmission among them is appointed."""
@@ -171,23 +176,25 @@ class Port:
             if item is None:
                 return
             if isinstance(item, Transmit):
-                self._appoint(item.at, item.counter)
+                self.appoint(item.at, item.counter)
             else:
                 self.reporter.engine_event(self, item, now)
                 engine = self.engine
 
-    def _watch(self, now: int) -> None:
+    def watch(self) -> None:
         """Arm the deadline's timer unless it comes up earlier anyway: one lazy watchdog a port."""
         engine = self.engine
         at = engine.deadline() if engine is not None else None
         timer = self._deadline_timer
         if at is not None and (timer.at < 0 or at < timer.at):
-            timer.set(max(at, now))
+            timer.set(max(at, self._kernel.now))
 
     def _on_deadline(self, now: int) -> None:
         engine = self.engine
         if engine is None:
             return
+        if self in self.bus.gallery.members:
+            return  # the gallery watches for all its members
         at = engine.deadline()
         if at is None:
             return
@@ -195,11 +202,12 @@ class Port:
             self._deadline_timer.set(at)
             return
         self.handle(engine.on_deadline(now), now)
-        self._watch(now)
+        self.watch()
 
     # -- sending -----------------------------------------------------------------------------------
 
-    def _appoint(self, at: int, counter: int) -> None:
+    def appoint(self, at: int, counter: int) -> None:
+        """A frame is to be sent from ``at`` on; a slave adds its turnaround."""
         if not self.is_master:
             at += self._turnarounds.draw() + self.extra_turnaround
             if self.replies_at_end:
@@ -211,8 +219,8 @@ class Port:
         else:
             self._sequence = 0
             self._pending.append((at, 0, counter))
-        now = self.now
-        self._start_timer.set(at if at > now else now)
+        now = self._kernel.now
+        self._start_timer.chain(at if at > now else now)
 
     def _on_start(self, now: int) -> None:
         if self.sending is not None:
@@ -237,7 +245,7 @@ class Port:
             self.bus.driver_kept(now)
         tx = self.bus.begin(self, frame, now)
         self.sending = tx
-        self._end_timer.set(tx.end)
+        self._end_timer.chain(tx.end)
 
     def _on_end(self, now: int) -> None:
         tx = self.sending

@@ -50,7 +50,7 @@ class Simulation:
         primary = next((plc.name for plc in seated if stations[plc.name] == 0 and _accepted(plc)), None)
         self._primaries[spec.name] = primary
         reporter = Reporter(spec.name, self._sink, names, primary)
-        bus = Bus(spec.name, spec.timing, self._sink, reporter)
+        bus = Bus(spec.name, spec.timing, self.kernel, self._sink, reporter)
         ports = [
             Port(self.plcs[plc.name], bus, seat, self.kernel, streams) for seat, plc in enumerate(seated)
         ]
@@ -91,6 +91,8 @@ class Simulation:
     def totals(self) -> RunTotals:
         """Counts so far; brings every PLC's memory up to its latest END."""
         now = self.now
+        for bus in self.buses.values():
+            bus.close(now)
         for plc in self.plcs.values():
             plc.sync(now)
             plc.cycle.count_up_to(now)
@@ -103,7 +105,6 @@ class Simulation:
         )
 
     def _link_totals(self, bus: Bus) -> LinkTotals:
-        bus.close(self.now)
         primary_name = self._primaries[bus.name]
         reporter = bus.reporter
         polls = reporter.polls

@@ -23,23 +23,19 @@ class Transmission:
     at its end; everybody else hears it, or parts of it, character by character.
     """
 
-    __slots__ = (
-        "_lows",
-        "believed",
-        "chars",
-        "collided",
-        "cut",
-        "end",
-        "flips",
-        "frame",
-        "listeners",
-        "rx_chars",
-        "rx_flips",
-        "sender",
-        "silent",
-        "start",
-        "timing",
-    )
+    # What most frames never change stands here, not in each of them.
+    flips: Bits = ()  # bits inverted for everybody
+    rx_flips: dict[int, Bits] | None = None  # bits inverted for one seat only
+    # Characters that one seat's receiver loses (value None) or adds: (place, value).
+    rx_chars: dict[int, tuple[int, int | None]] | None = None
+    damaged = False  # something above is set, or ``chars`` are not the frame's
+    collided = False
+    cut = False
+    silent = False  # nothing of it reaches the wire
+    believed = False  # some receiver took it for another frame
+    together = 0  # how many more hear it together, in the bus's gallery
+    listeners: tuple[tuple[Port, Callable[[Frame, int, int], int]], ...] = ()
+    _lows: dict[Bits, list[Interval]] | None = None
 
     def __init__(
         self, sender: Port, frame: Frame | None, chars: bytes, start: int, end: int, timing: LineTiming
@@ -50,20 +46,12 @@ class Transmission:
         self.start = start
         self.end = end
         self.timing = timing
-        self.listeners: tuple[tuple[Port, Callable[[Frame, int, int], int]], ...] = ()
-        self.flips: Bits = ()  # for everybody
-        self.rx_flips: dict[int, Bits] | None = None  # for one seat only
-        # Characters that one seat's receiver loses (value None) or adds: (place, value).
-        self.rx_chars: dict[int, tuple[int, int | None]] | None = None
-        self.collided = False
-        self.cut = False
-        self.silent = False  # nothing of it reaches the wire
-        self.believed = False  # some receiver took it for another frame
-        self._lows: dict[Bits, list[Interval]] | None = None
 
     def set_chars(self, chars: bytes) -> None:
         """Send these characters; the end follows, rounded once from the first edge."""
-        self.chars = chars
+        if chars is not self.chars:
+            self.chars = chars
+            self.damaged = True
         timing = self.timing
         self.end = self.start + timing.bits(len(chars) * timing.format.bits)
 
@@ -71,6 +59,23 @@ class Transmission:
     def spoilt(self) -> bool:
         """Whether what reaches the wire is not the frame: for everybody."""
         return bool(self.flips) or self.frame is None or self.chars is not self.frame.chars
+
+    def invert(self, seat: int | None, bits: Bits) -> None:
+        """Turn bits round: for everybody (None) or in one seat's receiver."""
+        self.damaged = True
+        if seat is None:
+            self.flips = tuple(sorted(set(self.flips) ^ set(bits)))
+            return
+        if self.rx_flips is None:
+            self.rx_flips = {}
+        self.rx_flips[seat] = tuple(sorted(set(self.rx_flips.get(seat, ())) ^ set(bits)))
+
+    def miscount(self, seat: int, index: int, value: int | None) -> None:
+        """One seat's receiver loses the character at a place (value None), or adds one before it."""
+        self.damaged = True
+        if self.rx_chars is None:
+            self.rx_chars = {}
+        self.rx_chars[seat] = (index, value)
 
     def drop(self, port: Port) -> bool:
         """A port does not hear this as a whole frame after all; returns whether it would have."""

@@ -22,7 +22,7 @@ poll: up to the counter).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from binascii import hexlify
 from typing import Final, NamedTuple
 
 SOH: Final = 0x01
@@ -84,8 +84,7 @@ class LinkSettings(NamedTuple):
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class Frame(NamedTuple):
     """One valid frame. ``data`` is the block's image (empty unless a data frame)."""
 
     kind: int
@@ -112,7 +111,7 @@ def _sealed(header: int, body: bytes) -> bytes:
 
 def encode_data(station: int, counter: int, data: bytes) -> Frame:
     """The data frame of a station (0–7) with a counter (0–15) and its block's image."""
-    body = b"%X%X%b\x03" % (station, counter, data.hex().upper().encode("ascii"))
+    body = b"%X%X%b\x03" % (station, counter, hexlify(data).upper())
     return Frame(DATA, station, counter, _sealed(STX, body), data)
 
 

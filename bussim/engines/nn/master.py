@@ -277,7 +277,8 @@ class Master:
     def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Frame:
         """The frame that is due; ``image`` is the block at the latest END (a data frame's content)."""
         del counter  # a master answers nobody
-        self._reader.reset()
+        if self._reader.open:
+            self._reader.reset()
         if self.state is MasterState.POLL:
             self._poll_start = now
             self._scan_attempts += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, RxChar, Transmit
 from bussim.engines.nn import codes
@@ -35,7 +36,8 @@ from bussim.engines.nn.status import LinkStatus
 
 # What a listener writes down for a poll that got no good answer, by what came last.
 _SILENCE = codes.NOT_IN_NETWORK
-_NOBODY = -1
+#: No poll is without an answer.
+NOBODY = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,23 @@ class SlaveConfig:
     count_on_edge: bool = False
 
 
+class Listening(NamedTuple):
+    """What a slave has in mind of the link besides its status: the state of its listening.
+
+    ``pending``/``pending_counter``: the poll without an answer yet (-1: none) and ``outcome`` what
+    its attempt came to; ``counter``: of the latest master frame; ``heard_master``: when a valid one
+    ended; ``data_start``/``data_counter``: of the master's latest data frame.
+    """
+
+    pending: int
+    pending_counter: int
+    outcome: int
+    counter: int
+    heard_master: int
+    data_start: int | None
+    data_counter: int
+
+
 class Slave:
     """A station 1–7 of a link. See :mod:`bussim.engines.contract` for the methods.
 
@@ -64,7 +83,6 @@ class Slave:
 
     __slots__ = (
         "_alert",
-        "_block_size",
         "_counter",
         "_data_counter",
         "_data_start",
@@ -77,8 +95,8 @@ class Slave:
         "_pending",
         "_pending_counter",
         "_reader",
-        "_watchdog",
         "_watching",
+        "block_size",
         "config",
         "due",
         "due_counter",
@@ -88,6 +106,7 @@ class Slave:
         "state",
         "status",
         "wants_image",
+        "watchdog",
     )
 
     def __init__(self, config: SlaveConfig) -> None:
@@ -114,19 +133,53 @@ class Slave:
         self._reader.data_size = None
         self.settings = None
         self.due = -1
-        self._block_size = -1
+        #: Bytes of a block in the link's mode, -1 while it is unknown.
+        self.block_size = -1
         self._counter = -1  # of the latest master frame
-        self._pending = _NOBODY  # station whose poll has no answer yet
+        self._pending = NOBODY  # station whose poll has no answer yet
         self._pending_counter = 0
         self._outcome = _SILENCE
         self._watching = False
         # Something is wrong with the master (or it was not heard yet): its next frame is news.
         self._alert = True
-        self._watchdog = 0
+        #: Ticks without a valid master frame after which code 11 is due, 0 while unknown.
+        self.watchdog = 0
         self._heard_master = 0
         self._master_damaged = False
         self._data_start: int | None = None  # of the master's latest data frame
         self._data_counter = 0
+
+    # -- listening together: a driver may let one listener stand for several ------------------------
+
+    @property
+    def calm(self) -> bool:
+        """Linked, nothing wrong with the master and nothing half heard."""
+        return self.state is SlaveState.LINKED and not self._alert and not self._reader.open
+
+    @property
+    def listening(self) -> Listening:
+        """The state of its listening."""
+        return Listening(
+            self._pending,
+            self._pending_counter,
+            self._outcome,
+            self._counter,
+            self._heard_master,
+            self._data_start,
+            self._data_counter,
+        )
+
+    def listen_on(self, state: Listening) -> None:
+        """Go on as if it had itself heard what led to this state."""
+        (
+            self._pending,
+            self._pending_counter,
+            self._outcome,
+            self._counter,
+            self._heard_master,
+            self._data_start,
+            self._data_counter,
+        ) = state
 
     # -- what the PLC does ---------------------------------------------------------------------
 
@@ -180,14 +233,14 @@ class Slave:
                 return hints | TRANSMIT
             return hints
         if kind == DATA:
-            if len(frame.data) != self._block_size:
+            if len(frame.data) != self.block_size:
                 self._reader.spoil(frame, start)
                 return OPEN
             station = frame.station
             if station == self._pending and frame.counter == self._pending_counter:
                 if station == self.config.station:
                     return 0
-                self._pending = _NOBODY
+                self._pending = NOBODY
                 if self.status.flags[station]:
                     return STORED | self._back(station, end)
                 return STORED
@@ -221,9 +274,9 @@ class Slave:
             self._events.append(ParametersTaken(end, settings))
             hints = EVENTS
         self.settings = settings
-        self._block_size = self._reader.data_size = MODES[settings.mode].size
+        self.block_size = self._reader.data_size = MODES[settings.mode].size
         config = self.config
-        self._watchdog = (
+        self.watchdog = (
             2 * settings.timeout * config.timeout_unit
             + config.worst_turnaround
             + data_chars(settings.mode) * config.character
@@ -237,7 +290,7 @@ class Slave:
         self._heard_master = end
         if self._pending >= 0:
             hints |= self._judge(end)
-            self._pending = _NOBODY
+            self._pending = NOBODY
         counter = frame.counter
         if self._data_start is not None and counter == (self._data_counter + 1) & 15:
             self.status.measured(start - self._data_start, start)
@@ -314,7 +367,7 @@ class Slave:
 
     def deadline(self) -> int | None:
         """The watchdog on the master's frames."""
-        return self._heard_master + self._watchdog if self._watching else None
+        return self._heard_master + self.watchdog if self._watching else None
 
     def on_deadline(self, now: int) -> int:
         """The master's frames stopped: code 11, once, and the next interval is not measured."""
@@ -329,7 +382,8 @@ class Slave:
     def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Frame:
         """The reply to the poll with this counter; ``image`` is the block at the latest END."""
         del now
-        self._reader.reset()
+        if self._reader.open:
+            self._reader.reset()
         if image is not self._encoded_image:
             if image != self._encoded_image:
                 self._encoded.clear()
@@ -343,7 +397,7 @@ class Slave:
         """The reply has left: its poll is answered, as far as this station knows."""
         del now
         if self._pending == self.config.station:
-            self._pending = _NOBODY
+            self._pending = NOBODY
         self.status.running = True
         return 0
 
