@@ -314,10 +314,11 @@ class Bus:
             hints = hear(frame, start, now)
             if hints & STORED:
                 took += 1
+                if hints == STORED:
+                    continue
             else:
                 missed.append(port.seat)
-            if hints != STORED:
-                port.handle(hints, now)
+            port.handle(hints, now)
         if took == self._others:
             self.ledger.heard(frame.station, now, frame.data)
             self.sink.refreshed(self.name, sender.seat, now, None)

@@ -72,7 +72,8 @@ class Disturber:
         self._frame_faults: list[FrameFault] = []
         self._keys: dict[tuple[int, int, int], str] = {}
         self.active = False
-        self._replies_at_risk = False
+        #: Whether a reply may vanish before it is sent.
+        self.replies_at_risk = False
 
     def add(self, item: PlacedNoise | Loss | Drop | FrameFault) -> None:
         """Something disturbs from now on (noise and losses know their own window)."""
@@ -97,14 +98,12 @@ class Disturber:
 
     def _refresh(self) -> None:
         self.active = bool(self._noises or self._frame_faults)
-        self._replies_at_risk = bool(self._losses or self._drops)
+        self.replies_at_risk = bool(self._losses or self._drops)
 
     # -- replies -----------------------------------------------------------------------------------
 
     def reply_vanishes(self, seat: int, now: int) -> bool:
         """Whether a reply that is to begin now is never sent."""
-        if not self._replies_at_risk:
-            return False
         vanishes = False
         for loss in self._losses:
             if loss.seat not in (None, seat) or now < loss.since:

@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 
+#: Histories are cut back only when they have grown past this.
+_SLACK = 16
+
 Entry = tuple[int, bytes]  # when it was received, the image
 
 
@@ -62,8 +65,9 @@ class Ledger:
             histories.split(seat)
         common = histories.common
         common.append((tick, image))
-        self._prune(common, tick)
-        if len(histories.apart) > len(missed):
+        if len(common) > _SLACK:
+            self._prune(common, tick)
+        if histories.apart and len(histories.apart) > len(missed):
             for seat in [seat for seat in histories.apart if seat not in missed]:
                 histories.before[seat] = (tick, tuple(histories.apart.pop(seat)))
 
@@ -71,7 +75,8 @@ class Ledger:
         """One seat received a block that the others did not (or not as a whole frame)."""
         own = self._stations.setdefault(station, _Histories()).split(seat)
         own.append((tick, image))
-        self._prune(own, tick)
+        if len(own) > _SLACK:
+            self._prune(own, tick)
 
     def _prune(self, history: deque[Entry], tick: int) -> None:
         while len(history) > 1 and history[1][0] <= tick - self._horizon:

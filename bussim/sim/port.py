@@ -212,28 +212,27 @@ class Port:
             at += self._turnarounds.draw() + self.extra_turnaround
             if self.replies_at_end:
                 at = self.plc.cycle.next_end(at)
-        if self._pending:
-            self._sequence += 1
-            insort(self._pending, (at, self._sequence, counter))
-            at = self._pending[0][0]
-        else:
-            self._sequence = 0
-            self._pending.append((at, 0, counter))
+        pending = self._pending
         now = self._kernel.now
-        self._start_timer.chain(at if at > now else now)
+        if at < now:
+            at = now
+        if pending:
+            self._sequence += 1
+            insort(pending, (at, self._sequence, counter))
+            self._start_timer.set(pending[0][0])
+        else:
+            pending.append((at, 0, counter))
+            self._start_timer.chain(at)
 
     def _on_start(self, now: int) -> None:
-        if self.sending is not None:
-            return  # what falls due while it sends follows at once: see _on_end
-        counter = self._pending.pop(0)[2]
-        if self.is_master or not self.bus.reply_vanishes(self, now):
-            self._begin(now, counter)
-        if self._pending:
-            self._start_timer.set(max(self._pending[0][0], now))
-
-    def _begin(self, now: int, counter: int) -> None:
         engine = self.engine
-        if engine is None:
+        if self.sending is not None or engine is None:
+            return  # what falls due while it sends follows at once: see _on_end
+        bus, pending = self.bus, self._pending
+        counter = pending.pop(0)[2]
+        if pending:
+            self._start_timer.set(max(pending[0][0], now))
+        if bus.disturber.replies_at_risk and not self.is_master and bus.reply_vanishes(self, now):
             return
         image = self.plc.image_at(now) if engine.wants_image else _IDLE
         frame = engine.begin_transmit(now, image, counter)
@@ -242,9 +241,8 @@ class Port:
         if self.tail:
             self._release_timer.cancel()
             self.tail = False
-            self.bus.driver_kept(now)
-        tx = self.bus.begin(self, frame, now)
-        self.sending = tx
+            bus.driver_kept(now)
+        self.sending = tx = bus.begin(self, frame, now)
         self._end_timer.chain(tx.end)
 
     def _on_end(self, now: int) -> None:
