@@ -1,0 +1,74 @@
+"""What the README shows is what the program does."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import bussim
+from bussim.cli import COMMANDS
+from bussim.engines.nn.states import MASTER, mermaid
+from bussim.scenario.loader import loads
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+
+#: Link times of the FX communication manual (JY992D69901, N:N network), ms, by number of stations.
+PUBLISHED = {
+    2: (18, 22, 34),
+    3: (26, 32, 50),
+    4: (33, 42, 66),
+    5: (41, 52, 83),
+    6: (49, 62, 99),
+    7: (57, 72, 115),
+    8: (65, 82, 131),
+}
+
+
+def link(stations: int, mode: int, profile: str) -> str:
+    plcs = [f"  - {{name: p0, profile: {profile}, scan: 8 ms, nn: {{bus: link, port: COM4, station: 0, "
+            f"slaves: {stations - 1}, mode: {mode}}}}}"]
+    plcs += [
+        f"  - {{name: p{k}, profile: {profile}, scan: 8 ms, nn: {{bus: link, port: COM4, station: {k}}}}}"
+        for k in range(1, stations)
+    ]
+    lines = ["schema: 1", "name: table", "duration: 5 s", "seed: 1", "buses:", "  - {name: link, nn: true}"]
+    return "\n".join([*lines, "plcs:", *plcs])
+
+
+def simulated_mean(stations: int, mode: int, profile: str = "pw10") -> float:
+    summary = bussim.run(loads(link(stations, mode, profile)), rows=False).summary
+    return float(summary["links"]["link"]["scan_time_ms"]["mean"])
+
+
+def table_row(stations: int) -> str:
+    cells = [f"{PUBLISHED[stations][mode]} | {simulated_mean(stations, mode):.1f}" for mode in range(3)]
+    return f"| {stations} | {' | '.join(cells)} |"
+
+
+@pytest.mark.parametrize("profile", ["pw10", "fx2n"])
+@pytest.mark.parametrize("stations", PUBLISHED)
+def test_published_link_times(stations: int, profile: str) -> None:
+    for mode, published in enumerate(PUBLISHED[stations]):
+        assert abs(simulated_mean(stations, mode, profile) - published) <= 0.65
+
+
+@pytest.mark.parametrize("stations", PUBLISHED)
+def test_link_time_table(stations: int) -> None:
+    assert table_row(stations) in README
+
+
+def test_master_diagram() -> None:
+    assert mermaid(MASTER) in README
+
+
+def test_every_command_is_listed() -> None:
+    for command in COMMANDS:
+        assert f"`bussim {command}" in README
+
+
+def test_example_scenario_is_sound() -> None:
+    example = re.search(r"```yaml\n(.*?)```", README, re.DOTALL)
+    assert example is not None
+    assert loads(example.group(1)).warnings == ()
