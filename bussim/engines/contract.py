@@ -61,7 +61,11 @@ class Engine(Protocol[FrameT, EventT]):
         """The receiver heard a character whose first edge was at ``start``; returns hints."""
 
     def receive_frame(self, frame: FrameT, start: int, end: int) -> int:
-        """A whole undamaged frame was heard: the same as its characters one by one; returns hints."""
+        """A whole undamaged frame was heard: the same as its characters one by one; returns hints.
+
+        Only while nothing is half heard: after the hint OPEN the driver goes on character by character
+        until a frame completes without it or the line was quiet.
+        """
 
     def line_idle(self, now: int) -> int:
         """The line has been quiet for the protocol's gap; returns hints."""
@@ -73,7 +77,10 @@ class Engine(Protocol[FrameT, EventT]):
         """The deadline has come (after whatever was completely heard by then); returns hints."""
 
     def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> FrameT:
-        """The driver is switched on at ``now``: the frame to send. What was half heard is dropped."""
+        """The driver is switched on at ``now``: the frame to send. What was half heard is dropped.
+
+        Events that this causes are announced by the next hint, at the latest by ``transmit_done``.
+        """
 
     def transmit_done(self, now: int) -> int:
         """The last stop bit has left; returns hints."""

@@ -6,7 +6,7 @@ communication manual, chapter 12.2.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from fractions import Fraction
 
 from bussim.engines.nn.frames import MODES, LinkSettings
@@ -65,17 +65,39 @@ def bad_parameters(profile: Profile, values: dict[int, int]) -> list[str]:
     if station:
         return []
     low, high = profile.timeout_range
-    ranges = {
-        D_SLAVES: (1, MAX_SLAVES),
-        D_MODE: (min(profile.modes), max(profile.modes)),
-        D_RETRIES: (0, MAX_RETRIES),
-        D_TIMEOUT: (low, high),
+    allowed: dict[int, tuple[Container[int], str]] = {
+        D_SLAVES: (range(1, MAX_SLAVES + 1), f"1..{MAX_SLAVES}"),
+        D_MODE: (profile.modes, mode_numbers(profile.modes)),
+        D_RETRIES: (range(MAX_RETRIES + 1), f"0..{MAX_RETRIES}"),
+        D_TIMEOUT: (range(low, high + 1), f"{low}..{high}"),
     }
     return [
-        f"D{address} is {values[address]}, allowed {low}..{high}"
-        for address, (low, high) in ranges.items()
-        if not low <= values[address] <= high
+        f"D{address} is {values[address]}, allowed {text}"
+        for address, (good, text) in allowed.items()
+        if values[address] not in good
     ]
+
+
+def mode_numbers(modes: tuple[int, ...]) -> str:
+    """Refresh modes in words: ``0..4``, ``0``, or ``0, 2`` where there are gaps."""
+    ordered = sorted(modes)
+    if len(ordered) > 1 and ordered == list(range(ordered[0], ordered[-1] + 1)):
+        return f"{ordered[0]}..{ordered[-1]}"
+    return ", ".join(map(str, ordered))
+
+
+def refusal(name: str, reasons: list[str], port: str) -> str:
+    """What a PLC with bad N:N parameters does, as a sentence."""
+    code = serial_error(port, BAD_PARAMETERS)
+    return (
+        f"{name} refuses its N:N settings ({'; '.join(reasons)}): M8063 on, D8063 = {code}, "
+        "and it sends nothing"
+    )
+
+
+def serial_error(port: str, code: int) -> int:
+    """D8063 = 7xyy: x the port's number, yy the code (PW10, section 8)."""
+    return 7000 + 100 * int(port[3:]) + code
 
 
 def setting_values(profile: Profile, registers: Mapping[str, int]) -> dict[int, int]:
@@ -114,6 +136,8 @@ class LinkBoard:
         self._registers = profile.devices
         self.engine: LinkEngine | None = None
         self.place: BlockPlace | None = None
+        #: The refresh mode in force, None for a slave that does not know it.
+        self.mode: int | None = None
 
     # -- settings in -----------------------------------------------------------------------------
 
@@ -124,7 +148,7 @@ class LinkBoard:
         """
         memory, profile = self._memory, self._profile
         values = {address: memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
-        self.engine, self.place = None, None
+        self.engine, self.place, self.mode = None, None, None
         self._publish_status(LinkStatus())
         station = values[D_STATION]
         if bad_parameters(profile, values):
@@ -152,12 +176,16 @@ class LinkBoard:
     def refuse(self) -> None:
         """Bad parameters: M8063 on, D8063 = 7348 (COM3) or 7448 (COM4), no link."""
         self.report_error(selected_port(self._memory), BAD_PARAMETERS)
-        self.place = None
+        self.place, self.mode = None, None
 
     def report_error(self, port: str, code: int) -> None:
-        """M8063 on and D8063 = 7xyy: x the port's number, yy the code (PW10, section 8)."""
+        """M8063 on and D8063 = 7xyy (:func:`serial_error`)."""
         self._memory.set(Device("M", SERIAL_ERROR), 1)
-        self._memory.set_word("D", SERIAL_ERROR, 7000 + 100 * int(port[3:]) + code)
+        self._memory.set_word("D", SERIAL_ERROR, serial_error(port, code))
+
+    def error_over(self) -> None:
+        """M8063 off; D8063 keeps the last code."""
+        self._memory.set(Device("M", SERIAL_ERROR), 0)
 
     def parameters(self, settings: LinkSettings) -> None:
         """A slave has learnt the master's settings."""
@@ -169,13 +197,14 @@ class LinkBoard:
             self.publish()
             if isinstance(self.engine, Slave):
                 self._mirror(None)
-        self.engine, self.place = None, None
+        self.engine, self.place, self.mode = None, None, None
 
     def _mirror(self, settings: LinkSettings | None) -> None:
         memory = self._memory
         memory.set_word("D", D_MIRROR_SLAVES, settings.slaves if settings else 0)
         memory.set_word("D", D_MIRROR_MODE, settings.mode if settings else 0)
         if settings is not None and self.engine is not None:
+            self.mode = settings.mode
             self.place = self.place_of(self.station, settings.mode)
 
     @property
@@ -183,14 +212,6 @@ class LinkBoard:
         """The station number in force."""
         engine = self.engine
         return engine.config.station if isinstance(engine, Slave) else 0
-
-    @property
-    def mode(self) -> int | None:
-        """The refresh mode in force, None for a slave that does not know it."""
-        engine = self.engine
-        if isinstance(engine, Slave):
-            return engine.settings.mode if engine.settings else None
-        return engine.config.settings.mode if engine else None
 
     def place_of(self, station: int, mode: int) -> BlockPlace:
         """Where this PLC keeps a station's block."""

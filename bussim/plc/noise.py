@@ -41,9 +41,10 @@ class ConstantRate:
 
 def _bits_before(tick: int, start: int, bit: Fraction) -> int:
     """How many bits of a frame have their centre before a tick (never negative)."""
-    # Bit n's centre is start + (2n + 1) * bit / 2; count the n with centre < tick.
-    span = Fraction(2 * (tick - start)) / bit
-    return max(0, math.ceil((span - 1) / 2))
+    # Bit n's centre is start + (2n + 1) * bit / 2; count the n with centre < tick. In whole numbers,
+    # because this is asked several times for every frame.
+    ticks, parts = bit.numerator, bit.denominator
+    return max(0, -((ticks - 2 * (tick - start) * parts) // (2 * ticks)))
 
 
 class BurstRate:

@@ -98,9 +98,9 @@ class Plc:
         return engine, self.cycle.run(now, mean, jitter, self._phase)
 
     def stop(self, now: int) -> None:
-        """RUN→STOP: what had arrived by the last END stays in memory."""
-        self.sync(now)
-        self.cycle.stop(now)
+        """RUN→STOP: what had arrived by the last END stays in memory. An END at ``now`` does not happen."""
+        self.sync(now - 1)
+        self.cycle.stop(now - 1)
         self.board.release()
         self.state = PlcState.STOP
 
@@ -110,10 +110,16 @@ class Plc:
             self.stop(now)
         self.state = PlcState.OFF
 
-    def parameters(self, settings: LinkSettings) -> None:
+    def parameters(self, settings: LinkSettings, now: int) -> None:
         """A slave has learnt the master's settings: its block may lie elsewhere now."""
+        self.sync(now - 1)  # what came in another mode
         self.board.parameters(settings)
         self._image, self._image_until = None, -1
+
+    def refuse(self, now: int) -> None:
+        """The master asks for a mode that this family does not have: no link."""
+        self.sync(now - 1)
+        self.board.refuse()
 
     # -- END ---------------------------------------------------------------------------------------
 

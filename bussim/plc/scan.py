@@ -10,21 +10,17 @@ from bisect import bisect_left, bisect_right
 from operator import sub
 from typing import TYPE_CHECKING
 
-from bussim.units import TICKS_PER_SECOND
-
 if TYPE_CHECKING:
     import numpy as np
 
 _BLOCK = 512
-#: A look-up further back than this many ticks before the latest one is not supported.
-_KEPT = TICKS_PER_SECOND
 
 
 class ScanCycle:
     """END instants of one PLC between RUN and STOP.
 
-    Questions may go forward freely, and back to the scan before the earliest tick asked for since
-    the last forward step of a block.
+    ENDs may be asked for as far ahead as one likes, and back to the latest one before the present,
+    which only ever moves forward.
     """
 
     def __init__(self, generator: np.random.Generator) -> None:
@@ -74,11 +70,11 @@ class ScanCycle:
             last = self._ends[-1]
             self._ends += range(last + self._mean, last + self._mean * (_BLOCK + 1), self._mean)
 
-    def _reach(self, tick: int) -> list[int]:
-        """The ENDs known around a tick, drawn on until they pass it."""
+    def _reach(self, tick: int, now: int) -> list[int]:
+        """The ENDs from the latest one before ``now`` on (at least), drawn on until they pass a tick."""
         ends = self._ends
         while self._running and ends[-1] <= tick:
-            if len(ends) > 2 * _BLOCK:
+            if len(ends) > 2 * _BLOCK and ends[_BLOCK] < now:
                 self.count_up_to(ends[_BLOCK])
                 del ends[:_BLOCK]
             self._extend()
@@ -90,18 +86,18 @@ class ScanCycle:
         if not ends:
             return None
         if self._running and ends[-1] <= tick:
-            ends = self._reach(tick)
+            ends = self._reach(tick, tick)
         place = bisect_right(ends, tick)
         return ends[place - 1] if place else None
 
-    def next_end(self, tick: int) -> int:
-        """The first END at or after a tick. The PLC must be in RUN."""
-        ends = self._reach(tick)
+    def next_end(self, tick: int, now: int) -> int:
+        """The first END at or after a tick, which may lie far ahead of ``now``. The PLC must be in RUN."""
+        ends = self._reach(tick, now)
         return ends[bisect_left(ends, tick)]
 
     def count_up_to(self, tick: int) -> None:
         """Add the scans that ended by ``tick`` to the counts."""
-        ends = self._reach(tick)
+        ends = self._reach(tick, tick)
         first, last = bisect_right(ends, self._counted_to), bisect_right(ends, tick)
         if last <= first:
             return

@@ -12,6 +12,7 @@ from fractions import Fraction
 
 from bussim.line.characters import LineTiming
 from bussim.plc.profiles import Profile
+from bussim.plc.sources import Source
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,39 +38,6 @@ class Seat:
 
     bus: str
     port: str  # "COM3" or "COM4"
-
-
-@dataclass(frozen=True, slots=True)
-class Toggle:
-    """A bit (or word 0/1) that changes its value every ``every`` ticks of simulated time, from 0."""
-
-    every: int
-
-
-@dataclass(frozen=True, slots=True)
-class Counter:
-    """A word (or bit: its lowest bit) that counts up once every ``every`` ticks, modulo 65536, from 0."""
-
-    every: int
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """A fixed value: a bit 0 or 1, a word -32768…65535 (stored as 16 bits)."""
-
-    value: int
-
-
-@dataclass(frozen=True, slots=True)
-class Ramp:
-    """A word that goes linearly from ``start`` to ``stop`` over ``over`` ticks, then stays there."""
-
-    start: int
-    stop: int
-    over: int
-
-
-Source = Toggle | Counter | Constant | Ramp
 
 
 @dataclass(frozen=True, slots=True)

@@ -398,13 +398,17 @@ class Bus:
         if port.ear.is_open:
             port.ear.replan(now)
 
-    def relisten(self, port: Port, now: int) -> None:
-        """A port's receiver starts anew in the middle of whatever is on the line."""
+    def relisten(self, port: Port, timing: LineTiming, now: int) -> None:
+        """A port's receiver starts anew, with another timing, in the middle of whatever is on the line."""
         self.leave_gallery(port)
-        for tx in self._air:
-            tx.drop(port)
+        if any(listener is port for tx in self._air for listener, _ in tx.listeners):
+            self._open_up(port, now)  # the characters so far were heard
+        half_heard = port.ear.half_heard
         port.ear.close()
+        port.ear.set_timing(timing)
         self.join_midway(port, now)
+        if half_heard:
+            port.ear.hold(now)  # the engine's reader still waits for the line's quiet
 
     def retire(self, port: Port) -> None:
         """A port's engine is about to stop: it hears nothing more."""

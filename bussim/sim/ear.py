@@ -67,8 +67,11 @@ class Ear:
         """Use another rate, format or clock from now on (what is half heard is lost)."""
         self._uart = Uart(timing)
         self._quiet = timing.characters(QUIET_CHARS)
-        if self.is_open and self._pieces:
-            self._plan()
+
+    @property
+    def half_heard(self) -> bool:
+        """Whether something unfinished waits for more, or for the line's quiet."""
+        return self._half_heard
 
     # -- what is on the line -----------------------------------------------------------------------
 
@@ -181,7 +184,8 @@ class Ear:
             tx = piece.tx
             if tx.start < end:
                 blamed = tx
-                if tx.frame is not None and tx.start == start and tx.frame.chars == frame.chars:
+                # Its first edge is not the transmission's where a fault put a character before it.
+                if tx.frame is not None and tx.start <= start < tx.end and tx.frame.chars == frame.chars:
                     true_sender = tx.sender
                     break
         bus = self._port.bus
@@ -193,7 +197,9 @@ class Ear:
     def _on_quiet(self, now: int) -> None:
         coming = self._next
         if coming is not None and coming.start < now:
-            return  # a character has begun: not quiet
+            # A character has begun: not quiet, unless a cut makes nothing of it.
+            self._quiet_timer.set(coming.end + self._quiet)
+            return
         if now - self._last_end < self._quiet:
             return
         self._half_heard = False

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from bussim.line.characters import LineTiming
-from bussim.plc.plc import PlcState
+from bussim.plc.plc import Plc, PlcState
 from bussim.plc.streams import Streams
 from bussim.scenario import model
 from bussim.sim.bus import Bus
@@ -23,19 +23,21 @@ Undo = Callable[[int], None]
 class FaultPlan:
     """Begins and ends every fault of a scenario, and the PLCs' supply.
 
-    ``ports`` are the link ports by PLC name (a PLC outside of any link has none: ``loose``).
+    ``ports`` are the link ports by PLC name; a PLC outside of any link has none.
     """
 
     def __init__(
         self,
         scenario: model.Scenario,
         kernel: Kernel,
+        plcs: Mapping[str, Plc],
         buses: Mapping[str, Bus],
         ports: Mapping[str, Port],
         streams: Streams,
         sink: Sink,
     ) -> None:
         self._kernel = kernel
+        self._plcs = plcs
         self._buses = buses
         self._ports = ports
         self._streams = streams
@@ -47,15 +49,19 @@ class FaultPlan:
         self._jabbers: dict[str, list[Jabber]] = {}
         self._cuts: dict[str, list[int]] = {name: [] for name in buses}
         for plc in scenario.plcs:
-            if plc.name in ports:
-                self._unpowered[plc.name] = 1
-                kernel.at(plc.power_on, self._supply(plc.name, -1), FAULT)
+            self._unpowered[plc.name] = 1
+            kernel.at(plc.power_on, self._supply(plc.name, -1), FAULT)
         for fault in scenario.faults:
             if fault.window.at < scenario.duration:
                 kernel.at(fault.window.at, self._beginning(fault), FAULT)
 
     def _note(self, tick: int, kind: str, fault: model.Fault, text: str) -> None:
-        self._sink.note(NoteRecord(tick, kind, fault.name, text, {}))
+        detail: dict[str, int | str] = {}
+        for key in ("plc", "bus", "count"):
+            value = getattr(fault.kind, key, None)
+            if value is not None:
+                detail[key] = value
+        self._sink.note(NoteRecord(tick, kind, fault.name, text, detail))
 
     def _beginning(self, fault: model.Fault) -> Undo:
         def begin(now: int) -> None:
@@ -79,20 +85,20 @@ class FaultPlan:
         if isinstance(kind, model.CableCut):
             return self._cut_cable(kind, now)
         plc = kind.plc
-        port = self._ports.get(plc)
-        if port is None:
-            return None
         if isinstance(kind, model.PowerOff):
             self._supply(plc, 1)(now)
             return self._supply(plc, -1)
         if isinstance(kind, model.Stop):
             self._switch(plc, 1)(now)
             return self._switch(plc, -1)
+        if isinstance(kind, model.BoardError):
+            self._plcs[plc].board.report_error(kind.port, kind.code)
+            return lambda _: self._plcs[plc].board.error_over()
+        port = self._ports.get(plc)
+        if port is None:
+            return None  # the rest are a link port's faults
         if isinstance(kind, model.Jabber):
             return self._jabber(fault.name, port, now)
-        if isinstance(kind, model.BoardError):
-            port.plc.board.report_error(kind.port, kind.code)
-            return None
         if isinstance(kind, (model.DropReply, model.LoseChar, model.InsertChar, model.FlipBits)):
             return self._frame_fault(fault.name, port, kind)
         return self._station_fault(fault.name, port, kind, now)
@@ -107,6 +113,8 @@ class FaultPlan:
         def well(now: int) -> None:
             jabbers.remove(jabber)
             jabber.end(now)
+            if jabbers and not port.jabbering and port.plc.state is not PlcState.OFF:
+                jabbers[0].begin(now)  # it jabbers on for another fault
 
         return well
 
@@ -127,24 +135,29 @@ class FaultPlan:
         return act
 
     def _apply_state(self, name: str, now: int) -> None:
-        port = self._ports[name]
-        plc = port.plc
+        port = self._ports.get(name)
+        plc = self._plcs[name]
         powered = self._unpowered[name] <= 0
         running = powered and self._stopped.get(name, 0) <= 0
         if plc.state is PlcState.RUN and not running:
-            port.halt(now)
+            if port is not None:
+                port.halt(now)
             plc.stop(now)
         if plc.state is not PlcState.OFF and not powered:
             plc.power_off(now)
             for jabber in self._jabbers.get(name, ()):
                 jabber.end(now)
-            port.bus.ledger.forget(port.seat)
+            if port is not None:
+                port.bus.ledger.forget(port.seat)
         if plc.state is PlcState.OFF and powered:
             plc.power_on()
             for jabber in self._jabbers.get(name, ()):
                 jabber.begin(now)
         if plc.state is PlcState.STOP and running:
-            port.run(now)
+            if port is not None:
+                port.run(now)
+            else:
+                plc.run(now, traced=False)
 
     # -- single frames -------------------------------------------------------------------------------
 

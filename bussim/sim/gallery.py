@@ -79,7 +79,7 @@ class Gallery:
                 continue
             if state is None:
                 state = engine.listening
-                if state.pending != NOBODY:
+                if state.pending >= 0:
                     return
                 self._block_size = engine.block_size
             elif engine.listening != state or engine.block_size != self._block_size:
@@ -135,11 +135,12 @@ class Gallery:
         """
         kind = frame.kind
         if kind == POLL:
-            if self._pending >= 0:
+            pending, station = self._pending, frame.station
+            if pending >= 0 or (station == ~pending and frame.counter == self._pending_counter):
                 return False
             self._heard_master = end
             self._counter = self._pending_counter = frame.counter
-            self._pending = frame.station
+            self._pending = station
             self._outcome = NOT_IN_NETWORK
             return True
         if kind != DATA or len(frame.data) != self._block_size:
@@ -148,7 +149,7 @@ class Gallery:
         if station:
             if station != self._pending or frame.counter != self._pending_counter or station in self._flagged:
                 return False
-            self._pending = NOBODY
+            self._pending = ~station
             return True
         if self._pending >= 0:
             return False

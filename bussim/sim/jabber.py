@@ -24,8 +24,8 @@ class Jabber:
     def begin(self, now: int) -> None:
         """The port's driver goes on; what its engine sends is lost from here on."""
         port = self._port
-        if port.jabbering:
-            self._nested = True  # it jabbers already for another fault
+        self._nested = port.jabbering  # it jabbers already for another fault
+        if self._nested:
             return
         port.bus.cut(port, now)
         port.jabbering = True

@@ -57,6 +57,8 @@ class Timer:
         if kernel.chained is None:
             kernel.chained = self
         else:
+            # Two at once: both into the queue, in the order in which they were armed.
+            kernel.chained.unchain()
             self._schedule()
 
     def unchain(self) -> None:

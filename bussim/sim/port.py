@@ -143,8 +143,7 @@ class Port:
         """Send and receive with another rate, format or clock; what is being received is lost."""
         self.timing = timing
         self.nominal = timing == self.bus.timing
-        self.bus.relisten(self, now)
-        self.ear.set_timing(timing)
+        self.bus.relisten(self, timing, now)
         self.bus.audience_changed()
 
     # -- the engine's wishes -----------------------------------------------------------------------
@@ -211,7 +210,7 @@ class Port:
         if not self.is_master:
             at += self._turnarounds.draw() + self.extra_turnaround
             if self.replies_at_end:
-                at = self.plc.cycle.next_end(at)
+                at = self.plc.cycle.next_end(at, self._kernel.now)
         pending = self._pending
         now = self._kernel.now
         if at < now:
@@ -250,7 +249,7 @@ class Port:
         if tx is None:
             return
         self.sending = None
-        if self.late_release and not self.jabbering:
+        if self.late_release and not (self.jabbering or tx.silent or tx.cut):
             self.tail = True
             self._release_timer.set(now + self.late_release)
         self.bus.finish(self, tx, now)

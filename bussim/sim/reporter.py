@@ -20,7 +20,14 @@ from bussim.engines.nn.events import (
 )
 from bussim.engines.nn.frames import Frame
 from bussim.engines.nn.master import Master
-from bussim.plc.board import D_STATION, D_TIMEOUT, bad_parameters, selected_port
+from bussim.plc.board import (
+    D_STATION,
+    D_TIMEOUT,
+    SERIAL_ERROR,
+    bad_parameters,
+    refusal,
+    selected_port,
+)
 from bussim.plc.plc import Plc
 from bussim.trace import AttemptRecord, NoteRecord, ScanRecord, Sink
 
@@ -39,6 +46,8 @@ class Reporter:
         self._sink = sink
         self._names = names
         self._primary = primary
+        # Link scans so far, over all RUNs of the primary master.
+        self._scans = 0
         self.healthy_at: int | None = None
         #: What finished engines of the primary master counted.
         self.polls = 0
@@ -76,10 +85,10 @@ class Reporter:
         elif isinstance(event, PolledWithoutParameters):
             self._note(event.tick, "no_parameters", port.name, "polled before it had parameters")
         elif isinstance(event, ParametersTaken):
-            port.plc.parameters(event.settings)
+            port.plc.parameters(event.settings, now)
             self._note(event.tick, "parameters", port.name, "took the master's parameters")
         elif isinstance(event, ParametersRefused):
-            port.plc.board.refuse()
+            port.plc.refuse(now)
             text = f"mode {event.settings.mode} of the master does not exist on {port.plc.profile.name}"
             self._note(now, "refused", port.name, text)
             self._warn(f"{port.name}: {text}; it takes no part in the link")
@@ -90,7 +99,7 @@ class Reporter:
             sink.scan(
                 ScanRecord(
                     self._bus,
-                    event.index,
+                    self._scans,
                     event.start,
                     event.duration,
                     event.attempts,
@@ -99,6 +108,7 @@ class Reporter:
                     self._cause(event),
                 )
             )
+            self._scans += 1
         elif isinstance(event, AttemptEnded):
             if event.code:
                 sink.failed(self._bus, event.end, event.station, event.code)
@@ -151,10 +161,9 @@ class Reporter:
     def refused(self, now: int, plc: Plc) -> None:
         """A PLC went to RUN without an engine: its parameters are bad."""
         values = {address: plc.memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
-        reasons = "; ".join(bad_parameters(plc.profile, values))
-        code = plc.memory.word("D", 8063)
-        self._note(now, "refused", plc.name, reasons, D8063=code, port=selected_port(plc.memory))
-        self._warn(f"{plc.name}: N:N parameters refused (D8063 = {code}): {reasons}")
+        text = refusal(plc.name, bad_parameters(plc.profile, values), selected_port(plc.memory))
+        self._note(now, "refused", plc.name, text, D8063=plc.memory.word("D", SERIAL_ERROR))
+        self._warn(text)
 
     def undetected(self, tick: int, receiver: str, sender: str, frame: Frame) -> None:
         """A receiver believed a frame that nobody sent."""

@@ -34,12 +34,14 @@ class Simulation:
         self.buses: dict[str, Bus] = {}
         self.ports: dict[str, Port] = {}
         self._primaries: dict[str, str | None] = {}
+        # By bus: the first PLC with each station number.
+        self._names: dict[str, dict[int, str]] = {}
         for spec in scenario.buses:
             if spec.nn:
                 self._build_link(spec, streams)
         for noise in scenario.noise:
             self._place_noise(noise, streams)
-        self.faults = FaultPlan(scenario, self.kernel, self.buses, self.ports, streams, sink)
+        self.faults = FaultPlan(scenario, self.kernel, self.plcs, self.buses, self.ports, streams, sink)
 
     def _build_link(self, spec: model.Bus, streams: Streams) -> None:
         seated = [plc for plc in self._scenario.plcs if plc.seat and plc.seat.bus == spec.name]
@@ -47,6 +49,7 @@ class Simulation:
         names: dict[int, str] = {}
         for name, station in stations.items():
             names.setdefault(station, name)
+        self._names[spec.name] = names
         primary = next((plc.name for plc in seated if stations[plc.name] == 0 and _accepted(plc)), None)
         self._primaries[spec.name] = primary
         reporter = Reporter(spec.name, self._sink, names, primary)
@@ -101,7 +104,7 @@ class Simulation:
             duration=now,
             links=tuple(self._link_totals(bus) for bus in self.buses.values()),
             plcs=tuple(_plc_totals(plc) for plc in self.plcs.values()),
-            warnings=(*self._scenario.warnings, *warnings),
+            warnings=tuple(dict.fromkeys((*self._scenario.warnings, *warnings))),
         )
 
     def _link_totals(self, bus: Bus) -> LinkTotals:
@@ -111,9 +114,6 @@ class Simulation:
         failed = {station: dict(codes) for station, codes in reporter.failed_attempts.items()}
         errors = dict(reporter.station_errors)
         settings = config = None
-        names: dict[int, str] = {}
-        for port in bus.ports:
-            names.setdefault(port.plc.memory.word("D", D_STATION), port.name)
         if primary_name is not None:
             spec = next(plc for plc in self._scenario.plcs if plc.name == primary_name)
             config = master_config(spec.profile, setting_values(spec.profile, spec.registers))
@@ -131,7 +131,8 @@ class Simulation:
         return LinkTotals(
             bus=bus.name,
             seats=tuple(port.name for port in bus.ports),
-            station_names=names,
+            station_names=dict(self._names[bus.name]),
+            master=primary_name,
             slaves=settings.slaves if settings else None,
             mode=settings.mode if settings else None,
             retries=settings.retries if settings else None,
@@ -155,6 +156,7 @@ def _accepted(spec: model.Plc) -> bool:
 
 def _visible(bus: Bus, seat: int) -> Callable[[int], Iterable[tuple[int, bytes]]]:
     def received(end: int) -> Iterable[tuple[int, bytes]]:
+        bus.gallery.sync()  # the status that the PLC publishes next is its own engine's
         return bus.ledger.visible(seat, end)
 
     return received

@@ -19,6 +19,7 @@ from bussim.engines.nn.frames import (
     DATA,
     MODES,
     STX,
+    Damage,
     Frame,
     FrameReader,
     LinkSettings,
@@ -78,6 +79,7 @@ class Master:
         "_scan_start",
         "_scans",
         "_station",
+        "_torn",
         "_trouble",
         "_with_parameters",
         "config",
@@ -127,7 +129,8 @@ class Master:
         self._counter = 0
         self._station = 1
         self._attempt = 1
-        self._foreign = False
+        # This attempt heard characters that are no reply; a reply that began well and was torn.
+        self._foreign = self._torn = False
         self._poll_start = self._poll_end = 0
         self._scan_start: int | None = None
         self._scans = 0
@@ -149,14 +152,14 @@ class Master:
         return TRANSMIT
 
     def stop(self, now: int) -> int:
-        """STOP or power-off: nothing pending survives; returns hints."""
+        """STOP or power-off: nothing pending survives but events; returns hints."""
         del now
         self._move(MasterInput.STOP)
         self.due = -1
         self._deadline = None
         self._reader.reset()
         self.status.running = False
-        return DEADLINE
+        return (DEADLINE | EVENTS) if self._events else DEADLINE
 
     def _move(self, cause: MasterInput) -> None:
         self.state = MASTER[self.state, cause]
@@ -169,10 +172,12 @@ class Master:
             return 0
         reader = self._reader
         heard = reader.character(char, start)
-        if type(heard) is Frame:
+        if isinstance(heard, Frame):
             self.heard, self.heard_start = heard, reader.start
             return self._heard(heard, reader.start, end)
-        if not reader.in_frame or heard is not None:
+        if heard is not None:
+            self._over(heard)
+        elif not reader.in_frame:
             self._foreign = True
         return OPEN
 
@@ -189,7 +194,7 @@ class Master:
     def _heard(self, frame: Frame, start: int, end: int) -> int:
         if frame.kind != DATA:
             self._foreign = True
-            return 0
+            return OPEN if self._torn else 0
         station = self._station
         if frame.station != station:
             return self._failed(codes.WRONG_STATION, end, start)
@@ -212,9 +217,17 @@ class Master:
     def line_idle(self, now: int) -> int:
         """Two quiet character times: a damaged reply fails its attempt now."""
         damage = self._reader.quiet()
-        if damage is None or self.state is not MasterState.REPLY or damage.header != STX:
+        if self.state is not MasterState.REPLY:
             return 0
-        return self._failed(codes.DAMAGED, now, None)
+        if damage is not None:
+            self._over(damage)
+        return self._failed(codes.DAMAGED, now, None) if self._torn else 0
+
+    def _over(self, damage: Damage) -> None:
+        """Something damaged or unfinished is over; the line may not be quiet yet."""
+        self._foreign = True
+        if damage.header == STX:
+            self._torn = True
 
     def deadline(self) -> int | None:
         """The running attempt's deadline."""
@@ -326,7 +339,7 @@ class Master:
         if state is MasterState.POLL:
             self.state = _AFTER_POLL
             self._poll_end = now
-            self._foreign = False
+            self._foreign = self._torn = False
             self._deadline = now + self.config.timeout
             return DEADLINE
         if state is MasterState.STOPPED:

@@ -36,7 +36,8 @@ from bussim.engines.nn.status import LinkStatus
 
 # What a listener writes down for a poll that got no good answer, by what came last.
 _SILENCE = codes.NOT_IN_NETWORK
-#: No poll is without an answer.
+_ANSWERED = 0  # nothing: an earlier attempt of the same exchange was answered
+#: No poll is without an answer, and none was answered since the master's data frame.
 NOBODY = -1
 
 
@@ -60,9 +61,10 @@ class SlaveConfig:
 class Listening(NamedTuple):
     """What a slave has in mind of the link besides its status: the state of its listening.
 
-    ``pending``/``pending_counter``: the poll without an answer yet (-1: none) and ``outcome`` what
-    its attempt came to; ``counter``: of the latest master frame; ``heard_master``: when a valid one
-    ended; ``data_start``/``data_counter``: of the master's latest data frame.
+    ``pending``/``pending_counter``: the poll without an answer yet (below zero: none, and then its
+    complement is the station that answered last, 0 for nobody) and ``outcome`` what its attempt came
+    to; ``counter``: of the latest master frame; ``heard_master``: when a valid one ended;
+    ``data_start``/``data_counter``: of the master's latest data frame.
     """
 
     pending: int
@@ -222,11 +224,15 @@ class Slave:
             hints = self._master_heard(end) if self._alert else 0
             self._heard_master = end
             station, counter = frame.station, frame.counter
-            if self._pending >= 0 and (station != self._pending or counter != self._pending_counter):
+            pending, same = self._pending, counter == self._pending_counter
+            if pending >= 0 and not (same and station == pending):
                 hints |= self._judge(end)
+            if not (same and (station == ~pending or (station == pending and self._outcome == _ANSWERED))):
+                self._outcome = _SILENCE
+            else:
+                self._outcome = _ANSWERED  # the master missed an answer that was heard here
             self._counter = self._pending_counter = counter
             self._pending = station
-            self._outcome = _SILENCE
             if station == self.config.station:
                 self.due = end
                 self.due_counter = counter
@@ -240,7 +246,7 @@ class Slave:
             if station == self._pending and frame.counter == self._pending_counter:
                 if station == self.config.station:
                     return 0
-                self._pending = NOBODY
+                self._pending = ~station
                 if self.status.flags[station]:
                     return STORED | self._back(station, end)
                 return STORED
@@ -272,7 +278,7 @@ class Slave:
         hints = 0
         if settings != self.settings:
             self._events.append(ParametersTaken(end, settings))
-            hints = EVENTS
+            hints = EVENTS | DEADLINE  # another timeout may bring the watchdog forward
         self.settings = settings
         self.block_size = self._reader.data_size = MODES[settings.mode].size
         config = self.config
@@ -305,11 +311,11 @@ class Slave:
         if self._pending >= 0:
             # Somebody answers a poll that was not his, or an older one.
             wrong = station != self._pending
-            self._outcome = codes.HEARD_WRONG_STATION if wrong else codes.HEARD_WRONG_COUNTER
-            return 0
+            return self._failed(codes.HEARD_WRONG_STATION if wrong else codes.HEARD_WRONG_COUNTER)
         if frame.counter != self._counter:
             return 0
         # It missed the poll: the data are good, and nothing is to be judged.
+        self._pending, self._pending_counter = ~station, frame.counter
         return STORED | (self._back(station, end) if self.status.flags[station] else 0)
 
     def _back(self, station: int, now: int) -> int:
@@ -317,10 +323,16 @@ class Slave:
         self._events.append(StationBack(now, station))
         return EVENTS
 
+    def _failed(self, code: int) -> int:
+        """What the pending poll's attempt has come to, as heard here."""
+        if self._outcome != _ANSWERED:
+            self._outcome = code
+        return 0
+
     def _judge(self, now: int) -> int:
         """The master has moved past the polled station, whose answer was never heard here."""
         station = self._pending
-        if station == self.config.station:
+        if station == self.config.station or self._outcome == _ANSWERED:
             return 0
         status = self.status
         count = not (status.flags[station] and self.config.count_on_edge)
@@ -357,8 +369,7 @@ class Slave:
                 return 0
             self._master_damaged = True
             return self._master_lost(now, codes.MASTER_DAMAGED)
-        self._outcome = codes.DAMAGED
-        return 0
+        return self._failed(codes.DAMAGED)
 
     def line_idle(self, now: int) -> int:
         """Two quiet character times: what was unfinished is damage."""
@@ -396,9 +407,10 @@ class Slave:
     def transmit_done(self, now: int) -> int:
         """The reply has left: its poll is answered, as far as this station knows."""
         del now
-        if self._pending == self.config.station:
-            self._pending = NOBODY
-        self.status.running = True
+        if self.state is SlaveState.LINKED:
+            if self._pending == self.config.station:
+                self._pending = ~self._pending
+            self.status.running = True
         return 0
 
     def poll(self) -> Transmit | SlaveEvent | None:

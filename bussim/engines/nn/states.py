@@ -6,7 +6,9 @@ from them. Inputs are words for what the driver tells the engine.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
+from typing import TypeVar
 
 
 class MasterState(StrEnum):
@@ -70,7 +72,11 @@ SLAVE: dict[tuple[SlaveState, SlaveInput], SlaveState] = {
 }
 
 
-def mermaid(table: dict[tuple[MasterState, MasterInput], MasterState]) -> str:
+StateT = TypeVar("StateT", bound=StrEnum)
+CauseT = TypeVar("CauseT", bound=StrEnum)
+
+
+def mermaid(table: Mapping[tuple[StateT, CauseT], StateT]) -> str:
     """The table as a Mermaid state diagram (STOP, which leads to ``stopped`` from everywhere, left out)."""
     lines = ["stateDiagram-v2", "    [*] --> stopped"]
     lines += [

@@ -1,0 +1,109 @@
+"""Layer 7: the Python interface: load a scenario, run it, look at the results.
+
+::
+
+    import bussim
+
+    result = bussim.run("press_line")
+    result.plot_scan_times()
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from bussim.errors import UsageError
+from bussim.results.collector import Collector, Rows
+from bussim.results.files import RunFolder
+from bussim.results.load import FolderRows, load_run
+from bussim.results.record import RunRecord
+from bussim.results.result import Result
+from bussim.results.rows import MemoryRows
+from bussim.results.summary import summarise
+from bussim.scenario.model import Scenario
+from bussim.trace import RunTotals
+from bussim.version import __version__
+
+__all__ = ["Progress", "Result", "Source", "load", "open_run", "run"]
+
+#: Called with (ticks simulated, ticks in all) some hundred times a run.
+Progress = Callable[[int, int], None]
+#: The path of a scenario file, or the name of a built-in scenario.
+Source = str | os.PathLike[str]
+
+
+def load(source: Source, overrides: Iterable[str] = ()) -> Scenario:
+    """The scenario in a file, or the built-in one of that name if there is no such file.
+
+    ``overrides`` are texts such as ``"plcs.press1.nn.retries=2"``. Raises ScenarioError with every
+    mistake in the file, UsageError for an override whose path leads nowhere.
+    """
+    from bussim.scenario import loader
+
+    return loader.load(source, overrides)
+
+
+def run(
+    scenario: Scenario | Source,
+    *,
+    out: Source | None = None,
+    trace: bool = False,
+    rows: bool = True,
+    format: str = "csv",  # noqa: A002 (the option's name on the command line)
+    force: bool = False,
+    numbered: bool = False,
+    progress: Progress | None = None,
+) -> Result:
+    """Simulate a scenario, given as such, as a file or by a built-in name.
+
+    ``out`` is a folder to write (summary, tables, pictures); without it the result stays in memory.
+    ``rows`` keeps one row a link scan, ``trace`` also every attempt, frame and event; without both
+    the memory needed does not depend on the run's length. ``format`` is that of the tables, "csv"
+    or "parquet". Where ``out`` exists, ``force`` replaces the folder of an earlier run and ``numbered``
+    takes the next free of ``out-2``, ``out-3`` and so on; :attr:`Result.folder` tells which.
+
+    Raises ScenarioError or UsageError for bad input, RunError if writing fails.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = load(scenario)
+    if out is None:
+        if force or numbered or format != "csv":
+            raise UsageError("format, force and numbered are about a folder: give out as well")
+        memory = MemoryRows(scans=rows, traced=trace)
+        totals, record = _simulate(scenario, memory if rows or trace else None, trace, progress)
+        return Result(record, memory, totals=totals)
+    from bussim.scenario.dump import dumps
+
+    text = f"# As run by bussim {__version__}, with every default filled in.\n{dumps(scenario)}"
+    place = Path(out)
+    with RunFolder(place, rows=rows, traced=trace, fmt=format, force=force, numbered=numbered) as folder:
+        totals, record = _simulate(scenario, folder.rows if rows or trace else None, trace, progress)
+        place = folder.finish(record, text)
+    return Result(record, FolderRows(place), totals=totals, folder=place)
+
+
+def open_run(folder: Source) -> Result:
+    """The result of an earlier run, from its folder.
+
+    Raises UsageError if it is not the folder of a run, or of one that was stopped.
+    """
+    place = Path(folder)
+    return Result(load_run(place), FolderRows(place), folder=place)
+
+
+def _simulate(
+    scenario: Scenario,
+    rows: Rows | None,
+    trace: bool,  # noqa: FBT001 (private)
+    progress: Progress | None,
+) -> tuple[RunTotals, RunRecord]:
+    from bussim.sim.runner import simulate
+
+    bus_of = {plc.name: plc.seat.bus for plc in scenario.plcs if plc.seat is not None}
+    collector = Collector(traced=trace, rows=rows, bus_of=bus_of)
+    totals = simulate(scenario, collector, progress=progress)
+    links = collector.links(totals)
+    summary = summarise(totals, links, scenario=scenario.name, seed=scenario.seed)
+    return totals, RunRecord(summary, totals.duration, links, tuple(collector.notes), collector.left_out)

@@ -1,0 +1,110 @@
+"""The command line: ``bussim COMMAND``. A command's module is imported when the command is used."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import os
+import sys
+from collections.abc import Sequence
+
+import click
+
+from bussim.errors import RunError, ScenarioError, UsageError
+from bussim.version import __version__
+
+#: The commands, in the order of ``--help``, with what that says about them.
+COMMANDS = {
+    "run": "Simulate a scenario and write its results.",
+    "check": "Name every mistake of a scenario with its line and column.",
+    "scenarios": "List, show or copy the built-in scenarios.",
+    "plot": "Draw the link scan times of one run or several.",
+}
+
+#: Exit codes: a failed run, bad input, interrupted from the keyboard.
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+
+class _Commands(click.Group):
+    """A group whose ``--help`` imports no command."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names of all commands."""
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command, None if there is none of that name."""
+        del ctx
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"bussim.commands.{cmd_name}")
+        command: click.Command = module.command
+        command.name = cmd_name
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The table of commands, from :data:`COMMANDS`."""
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, with the nearest name if there is none."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from bussim.scenario.wording import shorten, suggest
+
+            raise click.UsageError(
+                f"no command {shorten(args[0])!r}; {suggest(args[0], list(COMMANDS))}", ctx
+            )
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, "--version", message="bussim %(version)s")
+def cli() -> None:
+    """Simulate PLCs that share an RS485 wire.
+
+    Link scan times, retries, timeouts and dead stations of N:N links, described in a YAML file.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return the exit code. A user's mistake never shows a traceback."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A file name or a µ that the terminal cannot show must not end the program.
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        code = cli.main(
+            args=None if arguments is None else list(arguments), prog_name="bussim", standalone_mode=False
+        )
+        sys.stdout.flush()
+    except (click.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (ScenarioError, UsageError) as error:
+        click.echo(_lines(error), err=True)
+        return BAD_INPUT
+    except RunError as error:
+        click.echo(_lines(error), err=True)
+        return FAILED
+    except BrokenPipeError:
+        # As click does it; Python flushes stdout once more at its end, which would complain again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    return code if isinstance(code, int) else 0
+
+
+def _lines(error: ScenarioError | UsageError | RunError) -> str:
+    if isinstance(error, ScenarioError):
+        return "\n".join(str(problem) for problem in error.problems)
+    return f"Error: {error}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""``bussim check``: every mistake and every warning of a scenario, without running it."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from bussim.errors import Problem, ScenarioError
+from bussim.scenario.loader import Examined, examine
+from bussim.scenario.model import Scenario
+from bussim.units import format_time
+
+
+@click.command()
+@click.argument("scenario", metavar="SCENARIO")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def command(scenario: str, *, as_json: bool) -> None:
+    """Name every mistake of a scenario with its line and column.
+
+    SCENARIO is a file, or the name of a built-in scenario. The exit code is 2 if there is a mistake;
+    warnings leave it at 0.
+    """
+    examined = examine(scenario)
+    if as_json:
+        click.echo(json.dumps(_as_json(examined), ensure_ascii=False, indent=1))
+        if examined.scenario is None:
+            raise click.exceptions.Exit(2)
+        return
+    for warning in examined.warnings:
+        click.echo(str(Problem(warning.file, warning.line, warning.column, f"warning: {warning.message}")))
+    if examined.scenario is None:
+        raise ScenarioError(examined.errors)
+    click.echo(f"{scenario}: ok: {describe(examined.scenario)}")
+
+
+def describe(scenario: Scenario) -> str:
+    """What a scenario has in it, in one line."""
+    links = sum(bus.nn for bus in scenario.buses)
+    parts = [
+        _count(len(scenario.plcs), "PLC"),
+        _count(links, "N:N link"),
+        _count(len(scenario.noise), "noise entry", "noise entries"),
+        _count(len(scenario.faults), "fault"),
+        f"{format_time(scenario.duration)}, seed {scenario.seed}",
+    ]
+    return f"{scenario.name}: {', '.join(part for part in parts if part)}"
+
+
+def _count(number: int, one: str, many: str | None = None) -> str:
+    if number == 0:
+        return ""
+    return f"1 {one}" if number == 1 else f"{number} {many or one + 's'}"
+
+
+def _as_json(examined: Examined) -> dict[str, object]:
+    found = examined.scenario
+    return {
+        "schema": 1,
+        "ok": found is not None,
+        "scenario": found.name if found is not None else None,
+        "errors": [_problem(problem) for problem in examined.errors],
+        "warnings": [_problem(problem) for problem in examined.warnings],
+    }
+
+
+def _problem(problem: Problem) -> dict[str, object]:
+    return {
+        "file": problem.file,
+        "line": problem.line,
+        "column": problem.column,
+        "message": problem.message,
+    }

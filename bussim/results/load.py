@@ -1,0 +1,137 @@
+"""Reads the folder of a finished run back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bussim.errors import UsageError
+from bussim.results.files import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
+from bussim.results.names import from_cell
+from bussim.results.record import SCHEMA, RunRecord
+from bussim.results.rows import TRACE
+from bussim.results.tables import ATTEMPT_COLUMNS, FORMATS, PANDAS_TYPES, SCAN_COLUMNS, import_pyarrow
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: No file of a run that is read whole is larger (bytes).
+_LARGEST = 256 * 1024 * 1024
+_NO_TRACE = "it was run without a trace (--trace)"
+
+
+def load_run(folder: Path) -> RunRecord:
+    """The summary, histograms and notes of a run's folder.
+
+    Raises UsageError if it is no such folder, is incomplete or damaged, or was written by a newer
+    bussim with another schema.
+    """
+    if not folder.is_dir():
+        part = folder.with_name(folder.name + SUFFIX)
+        hint = f"; {part} is a run that was not finished" if folder.name and part.is_dir() else ""
+        what = "is a file, not the folder of a run" if folder.exists() else "does not exist"
+        raise UsageError(f"{folder} {what}{hint}")
+    if (folder / MARKER).is_file():
+        raise UsageError(f"{folder} is incomplete: its run was stopped before it had finished; run it again")
+    if not (folder / SUMMARY).is_file():
+        runs = sorted(path.parent.name for path in folder.glob(f"*/{SUMMARY}"))
+        hint = f"; folders of runs in it: {', '.join(runs[:5])}" if runs else ""
+        raise UsageError(f"{folder} is not the folder of a run: it has no {SUMMARY}{hint}")
+    summary = _read_json(folder / SUMMARY)
+    _check_schema(folder / SUMMARY, summary)
+    histograms = _read_json(folder / HISTOGRAMS)
+    _check_schema(folder / HISTOGRAMS, histograms)
+    try:
+        return RunRecord.from_json(summary, histograms)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise UsageError(f"{folder / HISTOGRAMS} is damaged, run it again ({reason})") from error
+
+
+class FolderRows:
+    """The rows in a run's folder, read when asked for. UsageError tells what the run did not keep."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def link_scans(self) -> pd.DataFrame:
+        """The table of link scans."""
+        return _load_table(self._folder, "link_scans", SCAN_COLUMNS, "it was run without rows (--no-rows)")
+
+    def exchanges(self) -> pd.DataFrame:
+        """The table of attempts."""
+        return _load_table(self._folder, "exchanges", ATTEMPT_COLUMNS, _NO_TRACE)
+
+    def trace(self) -> list[dict[str, Any]]:
+        """The lines of ``trace.jsonl``."""
+        path = self._folder / TRACE
+        try:
+            with path.open(encoding="utf-8") as lines:
+                return [json.loads(line) for line in lines]
+        except FileNotFoundError:
+            raise UsageError(f"{self._folder} has no {TRACE}: {_NO_TRACE}") from None
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{path} cannot be read: {error}") from error
+
+
+def _load_table(folder: Path, stem: str, columns: dict[str, str], why_none: str) -> pd.DataFrame:
+    import pandas as pd
+
+    types = {name: PANDAS_TYPES[kind] for name, kind in columns.items()}
+    for fmt in FORMATS:
+        path = folder / f"{stem}.{fmt}"
+        if not path.is_file():
+            continue
+        try:
+            if fmt == "csv":
+                table = pd.read_csv(
+                    path, dtype=types, keep_default_na=False, na_values=_numbers_missing(columns)
+                )
+            else:
+                import_pyarrow()
+                table = pd.read_parquet(path).astype(types)
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{path} cannot be read: {error}") from error
+        if list(table.columns) != list(columns):
+            raise UsageError(f"{path} has the columns {', '.join(table.columns)}; not a table of bussim")
+        if fmt == "csv":
+            for name, kind in columns.items():
+                if kind == "text":
+                    table[name] = table[name].map(from_cell).astype("str")
+        return table
+    raise UsageError(f"{folder} has no {stem}.csv or {stem}.parquet: {why_none}")
+
+
+def _numbers_missing(columns: dict[str, str]) -> dict[str, list[str]]:
+    """Only an empty number is a missing one; a bus may be called "NA"."""
+    return {name: [""] for name, kind in columns.items() if kind != "text"}
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        size = path.stat().st_size
+        if size > _LARGEST:
+            raise UsageError(f"{path} has {size:,} bytes, more than any run writes ({_LARGEST:,})")
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise UsageError(f"{path} is missing: {path.parent} is not the whole folder of a run") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{path} is not JSON: {error}") from error
+    if not isinstance(data, dict):
+        raise UsageError(f"{path} is not a file of bussim: it holds a {type(data).__name__}, not an object")
+    return data
+
+
+def _check_schema(path: Path, data: dict[str, Any]) -> None:
+    schema = data.get("schema")
+    if not isinstance(schema, int) or schema < 1:
+        raise UsageError(f"{path} is not a file of bussim: schema is {schema!r}")
+    if schema > SCHEMA:
+        writer = data.get("bussim", "a newer version")
+        raise UsageError(
+            f"{path} has schema {schema}, written by bussim {writer}; this one reads up to {SCHEMA}; "
+            "update bussim"
+        )

@@ -1,0 +1,161 @@
+"""What a run gave, for Python and for notebooks."""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from bussim.errors import UsageError
+from bussim.results.record import RunRecord
+from bussim.trace import RunTotals
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from bussim.results.style import Picture
+
+
+class StoredRows(Protocol):
+    """Where the rows of a run are kept. Each method raises UsageError if they were not."""
+
+    def link_scans(self) -> pd.DataFrame:
+        """One row a link scan."""
+
+    def exchanges(self) -> pd.DataFrame:
+        """One row an attempt."""
+
+    def trace(self) -> list[dict[str, Any]]:
+        """One object a frame or event."""
+
+
+class Result:
+    """What a run gave, in memory or in a folder.
+
+    ``totals`` has the simulation's own counts (ticks of 1/72 MHz), None for a run that was opened
+    from a folder. ``folder`` is None for a run that stayed in memory.
+    """
+
+    def __init__(
+        self,
+        record: RunRecord,
+        rows: StoredRows,
+        *,
+        totals: RunTotals | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        self.record = record
+        self.totals = totals
+        self.folder = folder
+        self._rows = rows
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The content of ``summary.json``."""
+        return self.record.summary
+
+    @cached_property
+    def link_scans(self) -> pd.DataFrame:
+        """One row a link scan: bus, index, start_s, duration_ms, attempts, failed, stations_in_error.
+
+        Raises UsageError if the run kept no rows.
+        """
+        return self._rows.link_scans()
+
+    @cached_property
+    def exchanges(self) -> pd.DataFrame:
+        """One row an attempt: bus, start_s, end_s, station, attempt, outcome, code, turnaround_ms.
+
+        Raises UsageError if the run was not traced.
+        """
+        return self._rows.exchanges()
+
+    @cached_property
+    def trace(self) -> list[dict[str, Any]]:
+        """Every frame and event, as the lines of ``trace.jsonl``.
+
+        Raises UsageError if the run was not traced.
+        """
+        return self._rows.trace()
+
+    def plot_scan_times(self, path: str | os.PathLike[str] | None = None, bus: str | None = None) -> Figure:
+        """The histogram of link scan times of a bus (default: the first one with scans).
+
+        ``path``, ending in .png or .svg, is where to save it. In a notebook the figure shows itself.
+        Raises UsageError if there is no such bus or nothing to draw.
+        """
+        from bussim.results.plots import scan_time_histogram
+
+        return _saved(scan_time_histogram([self.record], self._bus(bus)), path)
+
+    def plot_scan_times_over_run(
+        self, path: str | os.PathLike[str] | None = None, bus: str | None = None
+    ) -> Figure:
+        """Scan times over the run with its faults and stations in error; else as plot_scan_times."""
+        from bussim.results.plot_run import scan_times_over_run
+
+        return _saved(scan_times_over_run(self.record, self._bus(bus)), path)
+
+    def _bus(self, bus: str | None) -> str:
+        if bus is not None:
+            return bus
+        for name, link in self.record.links.items():
+            if link.scan_times.histogram.count:
+                return name
+        raise UsageError(
+            f"{self.record.scenario}: no N:N link made a complete scan, there is nothing to plot"
+        )
+
+    def __repr__(self) -> str:
+        summary = self.summary
+        links = "; ".join(f"{bus}: {_in_words(link)}" for bus, link in summary["links"].items())
+        place = f" in {self.folder}" if self.folder is not None else ""
+        return (
+            f"<Result of {summary['scenario']!r}, seed {summary['seed']}, {summary['duration_s']:g} s"
+            f"{place}: {links or 'no N:N link'}>"
+        )
+
+    def _repr_html_(self) -> str:
+        summary = self.summary
+        rows = []
+        for bus, link in summary["links"].items():
+            times = link["scan_time_ms"]
+            cells = [bus, link["scans"], link["attempts"], *(times[key] for key in _SHOWN)]
+            rows.append("".join(f"<td>{escape(_cell(value))}</td>" for value in cells))
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        head = "".join(
+            f"<th>{name}</th>" for name in ("link", "scans", "attempts", *(f"{key} (ms)" for key in _SHOWN))
+        )
+        caption = escape(
+            f"{summary['scenario']}, seed {summary['seed']}, {summary['duration_s']:g} s, "
+            f"bussim {summary['bussim']}"
+        )
+        warnings = "".join(f"<li>{escape(text)}</li>" for text in summary["warnings"])
+        return f"<table><caption>{caption}</caption><tr>{head}</tr>{body}</table>" + (
+            f"<ul>{warnings}</ul>" if warnings else ""
+        )
+
+
+_SHOWN = ("min", "mean", "p99", "max")
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def _in_words(link: dict[str, Any]) -> str:
+    times = link["scan_time_ms"]
+    if not link["scans"]:
+        return "no complete scan"
+    return f"{link['scans']} scans, mean {times['mean']:.3f} ms, max {times['max']:.3f} ms"
+
+
+def _saved(picture: Picture, path: str | os.PathLike[str] | None) -> Picture:
+    if path is not None:
+        picture.save(Path(path))
+    return picture

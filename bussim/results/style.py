@@ -1,0 +1,134 @@
+"""How bussim's pictures look, and how they are saved: the same bytes for the same run."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bussim.errors import UsageError
+from bussim.version import __version__
+
+#: The palette of Okabe and Ito, which colour-blind people can tell apart; yellow, too pale for
+#: lines, is left out.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+GREY = "#6b6b6b"
+FAULT = "#E69F00"
+IN_ERROR = "#D55E00"
+
+_DPI = 150
+_SOFTWARE = f"bussim {__version__}"
+# Any, since the type of matplotlib's setting names differs between its versions.
+_SETTINGS: Any = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": GREY,
+    "axes.formatter.useoffset": False,
+    "axes.grid": True,
+    "axes.labelsize": 10,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 11,
+    "figure.dpi": 100,
+    "font.family": ["DejaVu Sans"],  # comes with matplotlib: the same picture everywhere
+    "font.size": 9,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "svg.hashsalt": "bussim",
+    "xtick.color": GREY,
+    "xtick.labelcolor": "black",
+    "ytick.color": GREY,
+    "ytick.labelcolor": "black",
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The settings under which pictures are drawn and saved, whatever the user's own are."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        with mpl.rc_context(_SETTINGS):
+            yield
+
+
+class Picture(Figure):
+    """A matplotlib figure that needs no pyplot and that a notebook shows by itself.
+
+    ``description`` goes into the metadata of its files.
+    """
+
+    description = ""
+
+    def save(self, path: Path) -> Path:
+        """Write the picture as PNG or SVG, after the path's ending, and return the path.
+
+        Raises UsageError for another ending or a place that cannot be written.
+        """
+        kind = path.suffix.lower()
+        if kind not in (".png", ".svg"):
+            raise UsageError(f"{path} ends in {kind or 'nothing'}; allowed are .png and .svg")
+        content = self._repr_png_() if kind == ".png" else self._svg()
+        part = path.with_name(f"{path.name}.part")
+        try:
+            part.write_bytes(content)
+            part.replace(path)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
+        return path
+
+    def save_both(self, stem: Path) -> tuple[Path, Path]:
+        """Write ``stem.png`` and ``stem.svg`` and return their paths; raises as :meth:`save`."""
+        png, svg = (self.save(stem.with_name(stem.name + ending)) for ending in (".png", ".svg"))
+        return png, svg
+
+    def _repr_png_(self) -> bytes:
+        return self._bytes(format="png", dpi=_DPI, metadata={"Software": _SOFTWARE, **self._about()})
+
+    def _svg(self) -> bytes:
+        return self._bytes(format="svg", metadata={"Creator": _SOFTWARE, "Date": None, **self._about()})
+
+    def _about(self) -> dict[str, str]:
+        return {"Title": "Link scan time", "Description": self.description}
+
+    def _bytes(self, **how: Any) -> bytes:
+        buffer = io.BytesIO()
+        with style():
+            self.savefig(buffer, **how)
+        return buffer.getvalue()
+
+
+def new_picture(width: float, height: float, description: str) -> Picture:
+    """An empty figure of so many inches; draw on it within :func:`style`."""
+    picture = Picture(figsize=(width, height), layout="constrained")
+    picture.description = description
+    FigureCanvasAgg(picture)
+    return picture
+
+
+def finish_picture(picture: Picture, heading: str, handles: Sequence[Artist]) -> None:
+    """Heading and legend above the axes, where they hide no data; the description under them."""
+    picture.legend(
+        handles=handles,
+        title=shorten(heading, 90),
+        title_fontsize=11,
+        loc="outside upper left",
+        alignment="left",
+        borderaxespad=0.2,
+    )
+    picture.supxlabel(shorten(picture.description, 150), x=0.99, ha="right", fontsize=7, color=GREY)
+
+
+def shorten(text: str, length: int) -> str:
+    """At most so many characters of a text, without what matplotlib would take for a formula."""
+    text = text if len(text) <= length else text[: length - 1].rstrip() + "…"
+    return text.replace("$", r"\$")

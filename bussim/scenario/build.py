@@ -1,0 +1,179 @@
+"""From a draft without mistakes to the frozen scenario."""
+
+from __future__ import annotations
+
+from bussim.line.characters import NN_LINE, LineTiming
+from bussim.plc.sources import Constant, Counter, Ramp, Source, Toggle
+from bussim.scenario.canonical import canonical
+from bussim.scenario.disturbances import FaultIn, NoiseIn
+from bussim.scenario.fields import exact
+from bussim.scenario.model import (
+    BitErrors,
+    BoardError,
+    Burst,
+    Bus,
+    CableCut,
+    ClockPpm,
+    Direction,
+    DropReply,
+    Fault,
+    FaultKind,
+    FlipBits,
+    Impulse,
+    InsertChar,
+    Jabber,
+    LateRelease,
+    LoseChar,
+    Noise,
+    NoiseKind,
+    Plc,
+    PowerOff,
+    ReplyLoss,
+    Scan,
+    Scenario,
+    Seat,
+    Slow,
+    Stop,
+    Target,
+    Window,
+    WrongFormat,
+)
+from bussim.scenario.schema import SourceIn
+from bussim.scenario.seats import Member, device_name, line_of
+from bussim.scenario.validate import Draft
+
+
+def build(draft: Draft, members: list[Member], warnings: tuple[str, ...]) -> Scenario:
+    """The scenario of a draft in which no mistake was found."""
+    document = draft.document
+    if document is None:
+        raise AssertionError("a draft without mistakes has a document")
+    buses = [entry.value for entry in draft.buses if entry.value is not None]
+    noise = [entry.value for entry in draft.noise if entry.value is not None]
+    faults = [entry.value for entry in draft.faults if entry.value is not None]
+    power_on: dict[str, int] = {}
+    for fault in faults:
+        power_on.update(fault.power_on or {})
+    acting = [fault for fault in faults if fault.power_on is None]
+    noise_names = _unique([entry.name for entry in noise], [_noise_label(entry) for entry in noise])
+    fault_names = _unique([fault.name for fault in acting], [_fault_label(fault) for fault in acting])
+    return Scenario(
+        name=document.name,
+        duration=document.duration,
+        seed=document.seed,
+        buses=tuple(Bus(bus.name, bus.nn, line_of(bus)) for bus in buses),
+        plcs=tuple(_plc(member, power_on.get(member.name, 0)) for member in members),
+        noise=tuple(_noise(name, entry) for name, entry in zip(noise_names, noise, strict=True)),
+        faults=tuple(_fault(name, fault) for name, fault in zip(fault_names, acting, strict=True)),
+        warnings=warnings,
+        source=canonical(document, buses, members, noise, faults),
+    )
+
+
+def _plc(member: Member, power_on: int) -> Plc:
+    plc = member.plc
+    return Plc(
+        name=plc.name,
+        profile=member.profile,
+        scan=Scan(plc.scan.mean, plc.scan.jitter),
+        seat=Seat(member.bus, member.port) if member.bus is not None else None,
+        registers=member.registers,
+        sources={device_name(name) or name: _source(source) for name, source in plc.sources.items()},
+        phase=plc.phase,
+        power_on=power_on,
+    )
+
+
+def _source(given: SourceIn) -> Source:
+    if given.toggle is not None:
+        return Toggle(given.toggle)
+    if given.counter is not None:
+        return Counter(given.counter)
+    if given.ramp is not None:
+        return Ramp(given.ramp.from_, given.ramp.to, given.ramp.over)
+    return Constant(given.constant or 0)
+
+
+def _noise_label(noise: NoiseIn) -> str:
+    return f"{noise.kind} {noise.station or noise.bus}"
+
+
+def _fault_label(fault: FaultIn) -> str:
+    if fault.cable_cut is not None:
+        return f"cable_cut after {fault.cable_cut.after}"
+    if fault.board_error is not None:
+        return f"board_error {fault.board_error.plc}"
+    return f"{fault.kind} {getattr(fault, fault.kind).station}"
+
+
+def _unique(given: list[str | None], labels: list[str]) -> list[str]:
+    """The given names, and for the rest their labels, numbered from the second of its kind on.
+
+    A label has a space, which no given name has. It does not depend on the entry's position, so
+    that another entry changes nobody's random stream.
+    """
+    seen: dict[str, int] = {}
+    names = []
+    for name, label in zip(given, labels, strict=True):
+        if name is not None:
+            names.append(name)
+            continue
+        seen[label] = seen.get(label, 0) + 1
+        names.append(label if seen[label] == 1 else f"{label} #{seen[label]}")
+    return names
+
+
+def _noise(name: str, given: NoiseIn) -> Noise:
+    kind: NoiseKind
+    side = given.direction or Direction.RX
+    if given.ber is not None:
+        kind = BitErrors(given.ber)
+    elif given.burst is not None:
+        kind = Burst(given.burst.good, given.burst.bad, given.burst.ber_good, given.burst.ber_bad)
+    elif given.impulse is not None:
+        kind = Impulse(given.impulse.every, given.impulse.width, given.impulse.ber, given.impulse.phase)
+    else:
+        kind, side = ReplyLoss(given.reply_loss or 0.0), Direction.TX
+    target = Target(given.bus, given.station, Direction(side))
+    return Noise(name, target, kind, Window(given.at, given.for_))
+
+
+def _fault(name: str, given: FaultIn) -> Fault:
+    return Fault(name, _fault_kind(given), Window(given.at or 0, given.for_))
+
+
+def _fault_kind(given: FaultIn) -> FaultKind:
+    count = given.count
+    if given.power_off is not None:
+        return PowerOff(given.power_off.station)
+    if given.stop is not None:
+        return Stop(given.stop.station)
+    if given.drop_reply is not None:
+        return DropReply(given.drop_reply.station, count)
+    if given.slow is not None:
+        return Slow(given.slow.station, given.slow.extra)
+    if given.jabber is not None:
+        return Jabber(given.jabber.station)
+    if given.cable_cut is not None:
+        return CableCut(given.cable_cut.bus, given.cable_cut.after)
+    if given.wrong_format is not None:
+        wrong = given.wrong_format
+        return WrongFormat(
+            wrong.station, LineTiming(wrong.baud or NN_LINE.baud, wrong.format or NN_LINE.format)
+        )
+    if given.clock_ppm is not None:
+        return ClockPpm(given.clock_ppm.station, exact(given.clock_ppm.ppm))
+    if given.late_release is not None:
+        return LateRelease(given.late_release.station, given.late_release.by)
+    if given.insert_char is not None:
+        insert = given.insert_char
+        return InsertChar(insert.station, Direction(insert.direction), count, insert.index, insert.value)
+    if given.lose_char is not None:
+        lose = given.lose_char
+        return LoseChar(lose.station, Direction(lose.direction), count, lose.index)
+    if given.flip_bits is not None:
+        flip = given.flip_bits
+        return FlipBits(flip.station, Direction(flip.direction), tuple(sorted(flip.bits)), count, flip.frame)
+    if given.board_error is not None:
+        return BoardError(given.board_error.plc, given.board_error.port, given.board_error.code)
+    raise AssertionError(f"no fault is made of {given.kind}")

@@ -1,0 +1,39 @@
+"""A scenario back into YAML."""
+
+from __future__ import annotations
+
+import io
+
+from bussim.errors import UsageError
+from bussim.scenario.model import Scenario
+from bussim.units import format_time
+
+
+def dumps(scenario: Scenario) -> str:
+    """The scenario as YAML with every default filled in; the same text for the same scenario.
+
+    Loading the text gives an equal scenario. Name, duration and seed are the scenario's own, also
+    where ``dataclasses.replace`` changed them after loading. Raises UsageError for a scenario that
+    no loader made, which has no form to be written in.
+    """
+    from ruamel.yaml import YAML
+
+    if not scenario.source:
+        raise UsageError(
+            f"scenario {scenario.name!r} was not loaded; make it with from_data to write it as YAML"
+        )
+    data = {
+        **scenario.source,
+        "name": scenario.name,
+        "duration": format_time(scenario.duration),
+        "seed": scenario.seed,
+    }
+    # ruamel leaves no choice between block and flow style but by depth: one line an entry of a list.
+    yaml = YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment] # typed as None by mistake
+    yaml.default_flow_style = None
+    yaml.allow_unicode = True
+    yaml.width = 110
+    text = io.StringIO()
+    yaml.dump(data, text)
+    return text.getvalue()

@@ -1,0 +1,217 @@
+"""The kinds of values that a scenario's keys take, each with its message for a wrong one.
+
+Every validator raises with a predicate that follows the value's name: "is 12, allowed 0..10".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import Annotated, Any
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from bussim.line.characters import BAUDS, CharFormat
+from bussim.scenario.wording import RawFloat, RawInt, nearest, show
+from bussim.units import TICKS_PER_SECOND, format_time, parse_time
+
+#: The error type of our own messages.
+OWN = "bussim"
+#: The longest time that a scenario may name: ten years of 365 days.
+LONGEST = 10 * 365 * 86400 * TICKS_PER_SECOND
+
+_NAME = re.compile(r"(?=.*[^\W\d_])[\w-]{1,64}")
+
+
+class _Empty:
+    """Stands for a key without a value, so that no field can take it for "not given"."""
+
+
+EMPTY = _Empty()
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of value: how the file's is checked and read, and how ours is written back."""
+
+    read: Callable[[object], object]
+    write: Callable[[Any], object] | None = None
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What pydantic asks an annotation for."""
+        del source, handler
+        serialization = None
+        if self.write is not None:
+            serialization = core_schema.plain_serializer_function_ser_schema(self.write)
+        return core_schema.no_info_plain_validator_function(self.read, serialization=serialization)
+
+
+def fail(predicate: str, at: str | None = None) -> PydanticCustomError:
+    """The error to raise: ``predicate`` about the value, or about its key ``at``."""
+    return PydanticCustomError(OWN, "{text}", {"text": predicate, "at": at})
+
+
+def _found(value: object) -> str:
+    return "is empty" if value is EMPTY else f"is {show(value)}"
+
+
+def name() -> Kind:
+    """A name: letters, digits, _ and -, at least one letter, at most 64 characters."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and _NAME.fullmatch(value):
+            return value
+        raise fail(
+            f"{_found(value)}, not a name; allowed are letters, digits, _ and -, with at least one letter"
+        )
+
+    return Kind(check)
+
+
+def title() -> Kind:
+    """A line of free text, 1 to 200 characters."""
+
+    def check(value: object) -> str:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        if not isinstance(value, str) or not value.strip():
+            raise fail(f"{_found(value)}, expected a line of text")
+        if len(value) > 200 or not value.isprintable():
+            raise fail(f"{_found(value)}, expected one line of at most 200 printable characters")
+        return value
+
+    return Kind(check)
+
+
+def whole(low: int, high: int) -> Kind:
+    """A whole number from ``low`` to ``high``."""
+
+    def check(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise fail(f"{_found(value)}, expected a whole number {low}..{high}")
+        if not low <= value <= high:
+            raise fail(f"{_found(value)}, allowed {low}..{high}")
+        return int(value)
+
+    return Kind(check)
+
+
+def number(low: float, high: float) -> Kind:
+    """A number from ``low`` to ``high``."""
+
+    def check(value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise fail(f"{_found(value)}, expected a number {low:g}..{high:g}")
+        if not low <= value <= high or math.isnan(value):
+            raise fail(f"{_found(value)}, allowed {low:g}..{high:g}")
+        return float(value)
+
+    return Kind(check)
+
+
+def time(low: int = 0, high: int = LONGEST) -> Kind:
+    """A time with its unit, from ``low`` to ``high`` ticks."""
+
+    def check(value: object) -> int:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            value = show(value)
+        if not isinstance(value, str):
+            raise fail(f"{_found(value)}, expected a time such as 8 ms")
+        try:
+            ticks = parse_time(value[:100])
+        except ValueError as error:
+            raise fail(str(error)) from None
+        if low <= ticks <= high:
+            return ticks
+        if low <= 1 and high == LONGEST:
+            raise fail(f"is {value.strip()}, allowed {'more than 0' if low else '0'} up to 10 y")
+        least = "more than 0" if low == 1 else format_time(low)
+        most = "10 y" if high == LONGEST else format_time(high)
+        raise fail(f"is {value.strip()}, allowed {least}..{most}")
+
+    return Kind(check, format_time)
+
+
+def flag() -> Kind:
+    """True or false."""
+
+    def check(value: object) -> bool:
+        if not isinstance(value, bool):
+            raise fail(f"{_found(value)}, allowed true, false")
+        return value
+
+    return Kind(check)
+
+
+def choice(*options: str) -> Kind:
+    """One of some words."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and value in options:
+            return value
+        near = nearest(value, options) if isinstance(value, str) else None
+        hint = f"; did you mean {near}?" if near else ""
+        raise fail(f"{_found(value)}, allowed {', '.join(options)}{hint}")
+
+    return Kind(check)
+
+
+def one_of(options: Sequence[int]) -> Kind:
+    """One of some whole numbers."""
+
+    def check(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or value not in options:
+            raise fail(f"{_found(value)}, allowed {', '.join(map(str, options))}")
+        return int(value)
+
+    return Kind(check)
+
+
+def link_port() -> Kind:
+    """The port of an N:N link."""
+
+    def check(value: object) -> str:
+        if value in ("COM3", "COM4"):
+            return str(value)
+        if value in ("COM5", "COM6"):
+            raise fail(f"is {value}, which M8179 cannot select (0: COM3, 1: COM4); allowed COM3, COM4")
+        raise fail(f"{_found(value)}, allowed COM3, COM4")
+
+    return Kind(check)
+
+
+def character_format() -> Kind:
+    """A character format such as 7E1, which YAML may have read as a number."""
+
+    def check(value: object) -> CharFormat:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        if not isinstance(value, str):
+            raise fail(f"{_found(value)}, expected a character format such as 8N1")
+        try:
+            return CharFormat.parse(value[:100])
+        except ValueError as error:
+            raise fail(str(error)) from None
+
+    return Kind(check, str)
+
+
+def exact(value: float) -> Fraction:
+    """The decimal number that a float prints as: 1.1 is eleven tenths."""
+    return Fraction(Decimal(repr(value)))
+
+
+Name = Annotated[str, name()]
+Time = Annotated[int, time()]
+Positive = Annotated[int, time(low=1)]
+Probability = Annotated[float, number(0, 1)]
+Baud = Annotated[int, one_of(BAUDS)]
+Format = Annotated[CharFormat, character_format()]
+Flag = Annotated[bool, flag()]

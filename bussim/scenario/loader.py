@@ -1,0 +1,118 @@
+"""From a file, a text or plain data to a :class:`Scenario`, or to every mistake in it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from bussim.errors import Problem, ScenarioError, UsageError
+from bussim.scenario import builtin, yaml
+from bussim.scenario.model import Scenario
+from bussim.scenario.overrides import Override, apply_overrides
+from bussim.scenario.places import Places, Report
+from bussim.scenario.plain import copied
+from bussim.scenario.wording import nearest
+
+#: Values set from outside of the file: ``key.path=value``, or an Override with a label of its own.
+Overrides = Iterable[str | Override]
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """A scenario, or all of its mistakes; a scenario's warnings. Problems are in file order."""
+
+    scenario: Scenario | None
+    errors: tuple[Problem, ...]
+    warnings: tuple[Problem, ...]
+
+    def get(self) -> Scenario:
+        """The scenario. Raises ScenarioError with every mistake."""
+        if self.scenario is None:
+            raise ScenarioError(self.errors)
+        return self.scenario
+
+
+def load(path: str | os.PathLike[str], overrides: Overrides = ()) -> Scenario:
+    """The scenario in a file, or the built-in one of that name if there is no such file.
+
+    ``overrides`` are texts ``key.path=value``. Raises ScenarioError with every mistake, and
+    UsageError for an override whose path leads nowhere.
+    """
+    return examine(path, overrides).get()
+
+
+def loads(text: str, name: str = "<string>", overrides: Overrides = ()) -> Scenario:
+    """The scenario in a text; ``name`` stands for the file in messages. Raises as :func:`load`."""
+    return _judge(*yaml.read(text, name), overrides).get()
+
+
+def from_data(data: Mapping[str, object], overrides: Overrides = (), name: str = "<data>") -> Scenario:
+    """The scenario in plain data as a YAML file would give them. Raises as :func:`load`."""
+    plain = copied(data, name)
+    return _judge(plain, Places(name, data=plain), [], overrides).get()
+
+
+def check(path: str | os.PathLike[str], overrides: Overrides = ()) -> tuple[list[Problem], list[Problem]]:
+    """The mistakes and the warnings of a scenario file, in file order."""
+    examined = examine(path, overrides)
+    return list(examined.errors), list(examined.warnings)
+
+
+def examine(path: str | os.PathLike[str], overrides: Overrides = ()) -> Examined:
+    """Like :func:`load`, but mistakes are returned, and warnings with their places."""
+    place, shown = builtin.locate(os.fspath(path))
+    try:
+        raw = _bytes(place, shown)
+    except ScenarioError as error:
+        return Examined(None, error.problems, ())
+    return _judge(*yaml.read(raw, shown), overrides)
+
+
+def _bytes(path: Path, shown: str) -> bytes:
+    try:
+        if path.is_dir():
+            message = "is a directory, not a scenario file"
+        else:
+            with path.open("rb") as file:
+                return file.read(yaml.MAX_BYTES + 1)
+    except FileNotFoundError:
+        message = _missing(path, shown)
+    except OSError as error:
+        message = f"cannot be read: {error.strerror or type(error).__name__}"
+    except ValueError:
+        message = "is not a path"
+    raise ScenarioError([Problem(shown, 0, 0, message)])
+
+
+def _missing(path: Path, shown: str) -> str:
+    if path.name != shown:
+        return "no such file"  # a built-in scenario has no folder
+    near = nearest(shown.removesuffix(".yaml"), builtin.names())
+    hint = f"did you mean {near}?" if near else "bussim scenarios lists them all"
+    return f"no such file, and no built-in scenario of that name; {hint}"
+
+
+def _judge(data: object, places: Places, problems: list[Problem], overrides: Overrides) -> Examined:
+    report = Report(places, problems)
+    if data is None:
+        empty = Problem(places.file, 0, 0, "is empty; a scenario begins with schema: 1")
+        return Examined(None, tuple(sorted(problems)) or (empty,), ())
+    # Here, because pydantic costs a tenth of a second that only a readable file should pay.
+    from bussim.scenario.build import build
+    from bussim.scenario.rules import check_rules
+    from bussim.scenario.validate import read_draft
+
+    data = apply_overrides(data, places, overrides)
+    draft = read_draft(data, report)
+    members = check_rules(draft, report)
+    labels = set(places.labels.values())
+    for problem in report.unknown:
+        if problem.file in labels:  # the request is wrong, not the file
+            raise UsageError(str(problem))
+    if report.errors:
+        # A warning beside a mistake may be no more than its consequence.
+        return Examined(None, tuple(sorted(report.errors)), ())
+    scenario = build(draft, members, tuple(problem.message for problem in report.warnings))
+    return Examined(scenario, (), tuple(sorted(report.warnings)))

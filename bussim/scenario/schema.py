@@ -1,0 +1,252 @@
+"""The form of a scenario file: buses and PLCs. What exceeds one value or one mapping is in ``rules``.
+
+Fields are named as in the file; where that is a word of Python, the alias is the file's.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+
+from bussim.engines.nn.frames import MODES
+from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, PROFILES, AbsentStation, Attempts, ErrorCount, Reply
+from bussim.scenario.fields import (
+    Baud,
+    Flag,
+    Format,
+    Name,
+    Positive,
+    Time,
+    choice,
+    fail,
+    link_port,
+    number,
+    one_of,
+    time,
+    title,
+    whole,
+)
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+#: How many of each a scenario may have.
+MAX_BUSES, MAX_PLCS, MAX_NOISE, MAX_FAULTS = 16, 64, 1000, 1000
+
+
+class Model(BaseModel):
+    """A mapping of the file: no unknown keys, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
+
+    #: What the message says where something else stands.
+    example: ClassVar[str] = ""
+    #: The key that a plain value in place of the mapping stands for.
+    shorthand: ClassVar[str | None] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _expand(cls, value: Any) -> Any:
+        if cls.shorthand is not None and isinstance(value, str | int | float) and not isinstance(value, bool):
+            return {cls.shorthand: value}
+        return value
+
+
+class DocumentIn(Model):
+    """The top of a file; its sections are lists that are read entry by entry."""
+
+    example = "keys such as schema: 1, name: …, duration: 60 s"
+
+    schema_: Annotated[int, one_of([1])] = Field(alias="schema")
+    name: Annotated[str, title()]
+    duration: Positive
+    seed: Annotated[int, whole(0, 2**63 - 1)] = 1
+    buses: list[Any]
+    plcs: list[Any]
+    noise: list[Any] = []
+    faults: list[Any] = []
+
+
+class BusIn(Model):
+    """One RS485 line."""
+
+    example = "{name: link, nn: true}"
+
+    name: Name
+    nn: Flag = False
+    baud: Baud | None = None
+    format: Format | None = None
+
+
+class ScanIn(Model):
+    """A scan time."""
+
+    example = "a time, or {mean: 8 ms, jitter: 1 ms}"
+    shorthand = "mean"
+
+    mean: Annotated[int, time(TICKS_PER_MS // 10, 10 * TICKS_PER_SECOND)]
+    jitter: Time = 0
+
+    @model_validator(mode="after")
+    def _jitter_below_mean(self) -> ScanIn:
+        if self.jitter >= self.mean:
+            raise fail("must be less than the mean", "jitter")
+        return self
+
+
+class TurnaroundIn(Model):
+    """A turnaround: uniform, or measured values with weights."""
+
+    example = "{mean: 1.25 ms, jitter: 0.75 ms} or {values: [1 ms, 2 ms], weights: [3, 1]}"
+    shorthand = "mean"
+
+    mean: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
+    jitter: Time | None = None
+    values: (
+        Annotated[
+            list[Annotated[int, time(0, 10 * TICKS_PER_SECOND)]], Field(min_length=1, max_length=10_000)
+        ]
+        | None
+    ) = None
+    weights: Annotated[list[Annotated[float, number(1e-9, 1e9)]], Field(max_length=10_000)] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> TurnaroundIn:
+        if self.values is not None:
+            if self.mean is not None or self.jitter is not None:
+                raise fail("excludes mean and jitter", "values")
+            if self.weights is not None and len(self.weights) != len(self.values):
+                raise fail(f"has {len(self.weights)} entries, values has {len(self.values)}", "weights")
+        elif self.weights is not None:
+            raise fail("needs values", "weights")
+        elif self.mean is None:
+            raise fail("is missing", "mean")
+        elif self.jitter is not None and self.jitter > self.mean:
+            raise fail("must not be more than the mean", "jitter")
+        return self
+
+
+class ProfileIn(Model):
+    """A profile by name, or a built-in one with some fields changed."""
+
+    example = "the name of a profile, or {base: pw10, attempts: retries}"
+    shorthand = "base"
+
+    base: Annotated[str, choice(*PROFILES)]
+    master_gap: Annotated[int, time(0, TICKS_PER_SECOND)] | None = None
+    turnaround: TurnaroundIn | None = None
+    scan_overhead: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
+    attempts: Annotated[str, choice(*Attempts)] | None = None
+    absent_station: Annotated[str, choice(*AbsentStation)] | None = None
+    error_count: Annotated[str, choice(*ErrorCount)] | None = None
+    reply: Annotated[str, choice(*Reply)] | None = None
+    link_scan_unit: Annotated[int, time(72, TICKS_PER_SECOND)] | None = None
+    scan_factor: Annotated[float, number(1, 10)] | None = None
+    default_timeout: Annotated[int, whole(1, 255)] | None = None
+    timeout_range: (
+        Annotated[list[Annotated[int, whole(1, 255)]], Field(min_length=2, max_length=2)] | None
+    ) = None
+    modes: Annotated[list[Annotated[int, whole(0, 4)]], Field(min_length=1, max_length=5)] | None = None
+    word_spacing: Annotated[int, whole(4, 1000)] | None = None
+
+    @model_validator(mode="after")
+    def _timeouts_agree(self) -> ProfileIn:
+        base = PROFILES[self.base]
+        low, high = self.timeout_range or base.timeout_range
+        if low > high:
+            raise fail(f"is [{low}, {high}]; the first must not be more than the second", "timeout_range")
+        default = self.default_timeout or base.default_timeout
+        if not low <= default <= high:
+            if self.default_timeout is not None:
+                raise fail(f"is {default}, allowed {low}..{high}", "default_timeout")
+            raise fail(f"is [{low}, {high}], which leaves out the default timeout {default}", "timeout_range")
+        return self
+
+    @model_validator(mode="after")
+    def _blocks_fit(self) -> ProfileIn:
+        base = PROFILES[self.base]
+        spacing = self.word_spacing or base.word_spacing
+        words = max(MODES[mode].words for mode in self.modes or base.modes)
+        if words > spacing:
+            at = "word_spacing" if self.word_spacing is not None else "modes"
+            raise fail(f"lets the stations' blocks of {words} words overlap: they are {spacing} apart", at)
+        return self
+
+
+class NNIn(Model):
+    """A PLC's seat on an N:N link: the friendly form of D8176 to D8180 and M8179."""
+
+    example = "{bus: link, port: COM4, station: 1}"
+
+    bus: Name
+    port: Annotated[str, link_port()] | None = None
+    station: Annotated[int, whole(0, MAX_SLAVES)]
+    slaves: Annotated[int, whole(1, MAX_SLAVES)] | None = None
+    mode: Annotated[int, whole(0, 4)] | None = None
+    retries: Annotated[int, whole(0, MAX_RETRIES)] | None = None
+    timeout: Time | None = None
+
+
+class PortIn(Model):
+    """What a port is wired to."""
+
+    example = "{bus: link}"
+
+    bus: Name
+
+
+class RampIn(Model):
+    """A linear ramp of a word."""
+
+    example = "{from: 0, to: 1000, over: 10 s}"
+
+    from_: Annotated[int, whole(-32768, 65535)] = Field(alias="from")
+    to: Annotated[int, whole(-32768, 65535)]
+    over: Positive
+
+
+class SourceIn(Model):
+    """What drives one device: exactly one of its keys."""
+
+    example = "{toggle: 1 s}, {counter: 100 ms}, {constant: 5} or {ramp: {from: 0, to: 1000, over: 10 s}}"
+
+    toggle: Positive | None = None
+    counter: Positive | None = None
+    constant: Annotated[int, whole(-32768, 65535)] | None = None
+    ramp: RampIn | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self, info: ValidationInfo) -> SourceIn:
+        only_one(self, ("toggle", "counter", "constant", "ramp"), info)
+        return self
+
+
+class PlcIn(Model):
+    """One PLC."""
+
+    example = "{name: press1, profile: pw10, scan: 8 ms, nn: {bus: link, station: 0}}"
+
+    name: Name
+    profile: ProfileIn = ProfileIn(base="pw10")
+    scan: ScanIn = ScanIn(mean="10 ms")  # type: ignore[arg-type] # read as from a file
+    phase: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
+    nn: NNIn | None = None
+    registers: dict[str, Annotated[int, whole(-32768, 65535)]] = {}
+    ports: dict[str, PortIn] = {}
+    sources: dict[str, SourceIn] = {}
+
+
+def given_of(model: Model, keys: tuple[str, ...]) -> str:
+    """The first of ``keys`` that is given, "" for none."""
+    return next((key for key in keys if getattr(model, key) is not None), "")
+
+
+def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
+    """Complain unless exactly one of ``keys`` is given.
+
+    None is right where the reading's context says that wrong keys were left out (they may be it).
+    """
+    given = [key for key in keys if getattr(model, key) is not None]
+    if len(given) > 1:
+        raise fail(f"excludes {given[0]} in the same entry", given[1])
+    if not given and not info.context:
+        raise fail(f"says nothing; expected one of {', '.join(keys)}")

@@ -1,0 +1,186 @@
+"""What a PLC's entry means for the link: its profile, its registers, its seat.
+
+Rules judge these values and the builder puts them into the scenario, so that both mean the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from bussim.line.characters import NN_LINE, CharFormat, LineTiming
+from bussim.plc.board import (
+    D_MODE,
+    D_RETRIES,
+    D_SLAVES,
+    D_STATION,
+    D_TIMEOUT,
+    M_PORT,
+    TAKE_PART,
+    TIMEOUT_UNIT,
+    bad_parameters,
+    setting_defaults,
+)
+from bussim.plc.memory import parse_device
+from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
+from bussim.scenario.fields import exact
+from bussim.scenario.places import Path
+from bussim.scenario.schema import BusIn, NNIn, PlcIn, ProfileIn, TurnaroundIn
+from bussim.units import round_half_up
+
+#: The keys of ``nn`` beside bus and port, and the registers that they stand for.
+NN_KEYS = {
+    "station": D_STATION,
+    "slaves": D_SLAVES,
+    "mode": D_MODE,
+    "retries": D_RETRIES,
+    "timeout": D_TIMEOUT,
+}
+#: The ports' own rate and format (PW10, section 5), for a bus that gives none.
+PLAIN_LINE = LineTiming(9600, CharFormat(8, "N", 1))
+PORT_DEVICE = f"M{M_PORT}"
+
+
+def line_of(bus: BusIn) -> LineTiming:
+    """Rate and format of a bus."""
+    if bus.nn:
+        return NN_LINE
+    return LineTiming(bus.baud or PLAIN_LINE.baud, bus.format or PLAIN_LINE.format)
+
+
+def profile_of(given: ProfileIn) -> Profile:
+    """The built-in profile with the given fields changed."""
+    base = PROFILES[given.base]
+    changes: dict[str, object] = {
+        key: value
+        for key in ("master_gap", "scan_overhead", "link_scan_unit", "default_timeout", "word_spacing")
+        if (value := getattr(given, key)) is not None
+    }
+    choices = {
+        "attempts": Attempts,
+        "absent_station": AbsentStation,
+        "error_count": ErrorCount,
+        "reply": Reply,
+    }
+    for key, kind in choices.items():
+        if (word := getattr(given, key)) is not None:
+            changes[key] = kind(word)
+    if given.turnaround is not None:
+        changes["turnaround"] = _turnaround(given.turnaround)
+    if given.scan_factor is not None:
+        changes["scan_factor"] = exact(given.scan_factor)
+    if given.timeout_range is not None:
+        changes["timeout_range"] = tuple(given.timeout_range)
+    if given.modes is not None:
+        changes["modes"] = tuple(sorted(set(given.modes)))
+    return replace(base, **changes)  # type: ignore[arg-type] # the schema gave each field its type
+
+
+def _turnaround(given: TurnaroundIn) -> Turnaround:
+    if given.values is None:
+        return Turnaround(given.mean or 0, given.jitter or 0)
+    values = tuple(given.values)
+    weights = tuple(given.weights or [1.0] * len(values))
+    measured = Turnaround(0, 0, values, weights)
+    return replace(measured, mean=round_half_up(measured.average))
+
+
+def friendly_registers(nn: NNIn) -> dict[str, int]:
+    """The registers that the given keys of ``nn`` stand for."""
+    registers = {
+        f"D{address}": value for key, address in NN_KEYS.items() if (value := getattr(nn, key)) is not None
+    }
+    if nn.timeout is not None:
+        registers[f"D{D_TIMEOUT}"] = nn.timeout // TIMEOUT_UNIT
+    if nn.port is not None:
+        registers[PORT_DEVICE] = int(nn.port == "COM4")
+    return registers
+
+
+def device_name(name: str) -> str | None:
+    """The proper name of a device (D007 is D7), None if there is no such device."""
+    try:
+        return str(parse_device(name))
+    except ValueError:
+        return None
+
+
+def raw_registers(plc: PlcIn) -> dict[str, int]:
+    """``registers`` by the devices' proper names, without names that are not devices."""
+    return {
+        proper: value for name, value in plc.registers.items() if (proper := device_name(name)) is not None
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One PLC as the link sees it. ``bus`` is None if it takes no part, or none is given for its port."""
+
+    path: Path
+    plc: PlcIn
+    profile: Profile
+    registers: dict[str, int]
+    takes_part: bool
+    port: str
+    bus: str | None
+
+    @property
+    def name(self) -> str:
+        """The PLC's name."""
+        return self.plc.name
+
+    @property
+    def settings(self) -> dict[int, int]:
+        """D8176 to D8180 after power-on, as 16-bit values by address."""
+        return {
+            address: self.registers.get(f"D{address}", default) & 0xFFFF
+            for address, default in setting_defaults(self.profile).items()
+        }
+
+    @property
+    def station(self) -> int:
+        """D8176; 0 is the master."""
+        return self.settings[D_STATION]
+
+    @property
+    def refused(self) -> list[str]:
+        """What the PLC refuses of its settings, in words."""
+        return bad_parameters(self.profile, self.settings)
+
+    @property
+    def longest_scan(self) -> int:
+        """Its longest PLC scan while N:N runs, in ticks."""
+        scan = self.plc.scan
+        return round_half_up((scan.mean + scan.jitter) * self.profile.scan_factor)
+
+    def setting_path(self, address: int) -> Path:
+        """Where the scenario sets one of D8176 to D8180, or the PLC itself."""
+        key = next(key for key, device in NN_KEYS.items() if device == address)
+        if self.plc.nn is not None and getattr(self.plc.nn, key) is not None:
+            return (*self.path, "nn", key)
+        for name in self.plc.registers:
+            if device_name(name) == f"D{address}":
+                return (*self.path, "registers", name)
+        return self.path
+
+
+def member_of(path: Path, plc: PlcIn) -> Member:
+    """The meaning of a PLC's entry.
+
+    ``nn`` of a master also stands for the defaults of what it leaves open, so that a scenario says
+    with which settings it runs.
+    """
+    profile = profile_of(plc.profile)
+    registers = raw_registers(plc)
+    takes_part = plc.nn is not None or any(name in registers for name in TAKE_PART)
+    if plc.nn is not None:
+        given = friendly_registers(plc.nn)
+        registers = {**given, **registers}
+        registers.setdefault(PORT_DEVICE, 0)
+        if plc.nn.station == 0:
+            for address, default in setting_defaults(profile).items():
+                registers.setdefault(f"D{address}", default)
+    port = "COM4" if registers.get(PORT_DEVICE) else "COM3"
+    bus = plc.nn.bus if plc.nn is not None else None
+    if bus is None and takes_part and port in plc.ports:
+        bus = plc.ports[port].bus
+    return Member(path, plc, profile, dict(sorted(registers.items())), takes_part, port, bus)

@@ -1,0 +1,102 @@
+"""``bussim check``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from bussim.cli import main
+from bussim.scenario import builtin
+
+GOOD = builtin.read("two_stations")
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_clean_one_is_described_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "press_line"]) == 0
+    assert capsys.readouterr().out == (
+        "press_line: ok: three presses in a line: 3 PLCs, 1 N:N link, 1 noise entry, 1 fault, 60 s, seed 7\n"
+    )
+
+
+def test_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.yaml").write_text(GOOD, encoding="utf-8")
+    assert main(["check", "mine.yaml"]) == 0
+    assert capsys.readouterr().out == "mine.yaml: ok: two stations: 2 PLCs, 1 N:N link, 60 s, seed 1\n"
+
+
+def test_warnings_have_places_and_leave_the_exit_code_at_0(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "bad_parameter"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert printed.out.splitlines() == [
+        (
+            "bad_parameter.yaml:16:34: warning: master refuses its N:N settings (D8177 is 0, allowed 1..7): "
+            "M8063 on, D8063 = 7348, and it sends nothing"
+        ),
+        "bad_parameter: ok: bad parameter: 2 PLCs, 1 N:N link, 10 s, seed 15",
+    ]
+
+
+def test_mistakes_go_to_stderr_with_exit_code_2(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.yaml").write_text(GOOD.replace("retries: 3", "retries: 12"), encoding="utf-8")
+    assert main(["check", "mine.yaml"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == "mine.yaml:16:74: nn.retries is 12, allowed 0..10\n"
+
+
+def test_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "same_number_twice", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["schema"], found["ok"], found["errors"]) == (1, True, [])
+    assert [(w["file"], w["line"], w["column"]) for w in found["warnings"]] == [
+        ("same_number_twice.yaml", 17, 53),
+        ("same_number_twice.yaml", 25, 42),
+    ]
+    Path("mine.yaml").write_text(GOOD.replace("seed: 1", "seed: x"), encoding="utf-8")
+    assert main(["check", "mine.yaml", "--json"]) == 2
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert json.loads(printed.out) == {
+        "schema": 1,
+        "ok": False,
+        "scenario": None,
+        "errors": [
+            {
+                "file": "mine.yaml",
+                "line": 8,
+                "column": 7,
+                "message": "seed is 'x', expected a whole number 0..9223372036854775807",
+            }
+        ],
+        "warnings": [],
+    }
+
+
+@pytest.mark.parametrize(
+    ("argument", "message"),
+    [
+        (
+            "nix",
+            "no such file, and no built-in scenario of that name; bussim scenarios lists them all",
+        ),
+        ("x/two_station", "no such file"),
+        ("two_station", "no such file, and no built-in scenario of that name; did you mean two_stations?"),
+        (".", "is a directory, not a scenario file"),
+    ],
+)
+def test_what_is_not_there(argument: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", argument]) == 2
+    assert capsys.readouterr().err == f"{argument}: {message}\n"
+
+
+def test_nothing_is_written(tmp_path: Path) -> None:
+    main(["check", "press_line"])
+    assert list(tmp_path.iterdir()) == []

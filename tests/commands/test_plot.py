@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bussim.cli import main
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plot")
+    for seed in (1, 2):
+        arguments = ["run", "--duration", "3s", "--seed", str(seed), "--no-rows", "--out"]
+        assert main([*arguments, str(folder / f"seed{seed}")]) == 0
+    return folder
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def printed(capsys: pytest.CaptureFixture[str]) -> list[Path]:
+    said = capsys.readouterr()
+    assert said.err == ""
+    return [Path(line) for line in said.out.splitlines()]
+
+
+def assert_pictures(paths: list[Path]) -> None:
+    for path in paths:
+        content = path.read_bytes()
+        assert content.startswith(PNG) if path.suffix == ".png" else b"<svg" in content[:1000]
+
+
+def test_one_run_into_its_own_folder(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn_by_run = (runs / "seed1" / "scan_time_link.png").read_bytes()
+    capsys.readouterr()
+    assert main(["plot", str(runs / "seed1")]) == 0
+    paths = printed(capsys)
+    assert [path.name for path in paths] == [
+        "scan_time_link.png",
+        "scan_time_link.svg",
+        "scan_time_over_run_link.png",
+        "scan_time_over_run_link.svg",
+    ]
+    assert {path.parent for path in paths} == {runs / "seed1"}
+    assert_pictures(paths)
+    assert paths[0].read_bytes() == drawn_by_run
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("histogram", {"scan_time_link_seed1_seed2"}),
+        ("over-run", {"scan_time_over_run_link_seed1", "scan_time_over_run_link_seed2"}),
+    ],
+)
+def test_several_runs_into_this_folder(
+    here: Path, runs: Path, capsys: pytest.CaptureFixture[str], kind: str, expected: set[str]
+) -> None:
+    capsys.readouterr()
+    assert main(["plot", str(runs / "seed1"), str(runs / "seed2"), "--kind", kind, "--bus", "link"]) == 0
+    paths = printed(capsys)
+    assert {path.stem for path in paths} == {path.stem for path in here.iterdir()} == expected
+    assert_pictures(paths)
+
+
+def test_out_is_made(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert main(["plot", str(runs / "seed1"), "--kind", "histogram", "--out", "a/b"]) == 0
+    assert printed(capsys) == [Path("a/b/scan_time_link.png"), Path("a/b/scan_time_link.svg")]
+    assert_pictures(list((here / "a" / "b").iterdir()))
+
+
+def test_mistakes(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    seed1 = str(runs / "seed1")
+    (here / "file").write_text("x")
+    for arguments, expected in (
+        ([], "RUN_DIR"),
+        (["nowhere"], "nowhere does not exist"),
+        ([str(runs)], "folders of runs in it: seed1, seed2"),
+        ([seed1, "--bus", "lonk"], "no N:N link 'lonk'; it has 'link'"),
+        ([seed1, seed1], "named twice"),
+        ([seed1, "--kind", "pie"], "pie"),
+        ([seed1, "--out", "file"], "--out file: cannot be made"),
+    ):
+        capsys.readouterr()
+        assert main(["plot", *arguments]) == 2, arguments
+        said = capsys.readouterr()
+        assert expected in said.err
+        assert "Traceback" not in said.err
+        assert said.out == ""
+    assert [path.name for path in here.iterdir()] == ["file"]

@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bussim.plc.memory import BlockPlace, Device, Memory, block_place, parse_device
+
+
+@pytest.mark.parametrize(
+    ("name", "device"),
+    [
+        ("D0", Device("D", 0)),
+        ("D8201", Device("D", 8201)),
+        ("M1064", Device("M", 1064)),
+        ("M8191", Device("M", 8191)),
+        ("X10", Device("X", 8)),
+        ("Y377", Device("Y", 255)),
+        ("S999", Device("S", 999)),
+        ("T255", Device("T", 255)),
+        ("C200", Device("C", 200)),
+    ],
+)
+def test_names(name: str, device: Device) -> None:
+    assert parse_device(name) == device
+    assert str(device) == name
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("D8256", "D0–D8255"),
+        ("M3072", "M8000–M8255"),
+        ("M7999", "M0–M3071"),
+        ("X8", "octal"),
+        ("Y400", "Y0–Y377"),
+        ("T256", "T0–T255"),
+        ("Q1", "X Y M S T C D"),
+        ("d0", "not a device"),
+        ("D", "not a device"),
+        ("D-1", "not a device"),
+        ("D１", "not a device"),
+    ],
+)
+def test_bad_names_say_what_is_allowed(name: str, says: str) -> None:
+    with pytest.raises(ValueError, match="is ") as caught:
+        parse_device(name)
+    assert says in str(caught.value)
+
+
+@given(st.sampled_from("XYMST"), st.integers(0, 255), st.integers(-5, 70_000))
+def test_a_bit_is_zero_or_one(letter: str, address: int, value: int) -> None:
+    memory = Memory()
+    memory.set(Device(letter, address), value)
+    assert memory.get(Device(letter, address)) == (1 if value else 0)
+
+
+@given(st.integers(0, 8255), st.integers(-40_000, 70_000))
+def test_a_word_keeps_its_low_16_bits(address: int, value: int) -> None:
+    memory = Memory()
+    memory.set(Device("D", address), value)
+    assert memory.get(Device("D", address)) == memory.word("D", address) == value % 65536
+
+
+def test_long_counters_have_32_bits_and_t_and_c_have_a_contact_beside_the_value() -> None:
+    memory = Memory()
+    memory.set_word("C", 199, 0x12345)
+    memory.set_word("C", 200, 0x1_2345_6789)
+    memory.set_word("T", 7, -1)
+    assert memory.word("C", 199) == 0x2345
+    assert memory.word("C", 200) == 0x2345_6789
+    assert memory.word("T", 7) == 0xFFFF
+    assert memory.get(Device("T", 7)) == 0
+    memory.set(Device("C", 200), 1)
+    assert memory.get(Device("C", 200)) == 1
+    assert memory.word("C", 200) == 0x2345_6789
+
+
+PLACES = st.builds(
+    block_place,
+    station=st.integers(0, 7),
+    bits=st.sampled_from([0, 32, 64]),
+    words=st.sampled_from([4, 8, 16, 32]),
+    spacing=st.sampled_from([10, 32]),
+)
+
+
+@given(PLACES, st.data())
+def test_an_image_is_what_its_layout_says_and_comes_back(place: BlockPlace, draw: st.DataObject) -> None:
+    memory = Memory()
+    bits = draw.draw(st.lists(st.integers(0, 1), min_size=place.bits, max_size=place.bits))
+    words = draw.draw(st.lists(st.integers(0, 65535), min_size=place.words, max_size=place.words))
+    for number, bit in enumerate(bits):
+        memory.set(Device("M", place.bit + number), bit)
+    for number, word in enumerate(words):
+        memory.set(Device("D", place.word + number), word)
+    image = memory.block_image(place)
+    # Eight points a byte, the lowest in bit 0; a word's high byte first.
+    expected = [sum(bit << at for at, bit in enumerate(bits[n : n + 8])) for n in range(0, place.bits, 8)]
+    for word in words:
+        expected += [word // 256, word % 256]
+    assert list(image) == expected
+    other = Memory()
+    other.store_block(place, image)
+    assert other.block_image(place) == image
+    assert [other.get(Device("M", place.bit + n)) for n in range(place.bits)] == bits
+    assert [other.get(Device("D", place.word + n)) for n in range(place.words)] == words
+
+
+@given(PLACES)
+def test_storing_touches_nothing_beside_the_block(place: BlockPlace) -> None:
+    memory = Memory()
+    memory.store_block(place, b"\xff" * (place.bits // 8 + 2 * place.words))
+    points = [n for n in range(3072) if memory.get(Device("M", n))]
+    words = [n for n in range(8256) if memory.get(Device("D", n))]
+    assert points == list(range(place.bit, place.bit + place.bits))
+    assert words == list(range(place.word, place.word + place.words))
+
+
+@pytest.mark.parametrize(
+    ("station", "spacing", "bit", "word"),
+    [(0, 32, 1000, 0), (1, 32, 1064, 32), (3, 32, 1192, 96), (7, 32, 1448, 224), (7, 10, 1448, 70)],
+)
+def test_blocks_lie_where_the_manual_says(station: int, spacing: int, bit: int, word: int) -> None:
+    assert block_place(station, 64, 8, spacing) == BlockPlace(bit, 64, word, 8)

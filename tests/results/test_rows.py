@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bussim.errors import UsageError
+from bussim.results.load import FolderRows
+from bussim.results.names import cell, file_name, file_names, from_cell
+from bussim.results.rows import FileRows, MemoryRows, nanoseconds
+from bussim.results.tables import CsvTable, open_table
+from bussim.trace import FrameRecord, ScanRecord
+from bussim.units import TICKS_PER_SECOND
+
+from .fakes import Fake
+
+HEADER = "bus,index,start_s,duration_ms,attempts,failed,stations_in_error"
+FAKE = Fake(duration=20 * TICKS_PER_SECOND, bus="=link,1")
+
+
+def written(folder: Path, fmt: str, fake: Fake = FAKE) -> Path:
+    rows = FileRows(folder, scans=True, traced=True, fmt=fmt)
+    fake.run(traced=True, rows=rows)
+    rows.close()
+    return folder
+
+
+@given(st.integers(0, 10**16))
+def test_nanoseconds_are_the_nearest(ticks: int) -> None:
+    assert abs(Fraction(ticks * 125, 9) - nanoseconds(ticks)) < Fraction(1, 2)
+
+
+def test_csv_is_what_rfc_4180_and_a_spreadsheet_want(tmp_path: Path) -> None:
+    written(tmp_path, "csv")
+    raw = (tmp_path / "link_scans.csv").read_bytes()
+    lines = raw.decode().split("\r\n")
+    assert lines[0] == HEADER
+    assert lines[-1] == ""
+    assert raw.count(b"\n") == raw.count(b"\r\n")
+    # A comma in a name is quoted, and a name that looks like a formula is no formula.
+    assert lines[1].startswith('"\'=link,1",0,0.000000000,')
+    with (tmp_path / "link_scans.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert {len(row) for row in rows} == {7}
+    assert all(float(row["duration_ms"]) > 49 for row in rows)
+
+
+def test_a_row_says_what_the_record_said(tmp_path: Path) -> None:
+    rows = FileRows(tmp_path, scans=True, traced=False, fmt="csv")
+    rows.scan(ScanRecord("link", 3, 72_000_001, 3_600_005, 8, 2, 1, "cause"))
+    rows.close()
+    lines = (tmp_path / "link_scans.csv").read_text().splitlines()
+    assert lines == [HEADER, "link,3,1.000000014,50.000069,8,2,1"]
+    assert [path.name for path in tmp_path.iterdir()] == ["link_scans.csv"]
+
+
+def test_all_formats_and_memory_give_the_same_tables(tmp_path: Path) -> None:
+    memory = MemoryRows(scans=True, traced=True)
+    FAKE.run(traced=True, rows=memory)
+    for fmt in ("csv", "parquet"):
+        folder = tmp_path / fmt
+        folder.mkdir()
+        stored = FolderRows(written(folder, fmt))
+        pd.testing.assert_frame_equal(stored.link_scans(), memory.link_scans(), check_exact=True)
+        pd.testing.assert_frame_equal(stored.exchanges(), memory.exchanges(), check_exact=True)
+        assert stored.trace() == memory.trace()
+    scans = memory.link_scans()
+    assert list(scans.columns) == HEADER.split(",")
+    assert set(scans["bus"]) == {"=link,1"}
+    assert scans["start_s"].is_monotonic_increasing
+    exchanges = memory.exchanges()
+    assert set(exchanges["code"]) == {"00", "01"}
+    assert exchanges["turnaround_ms"].isna().equals(exchanges["outcome"] == "no reply")
+
+
+def test_tables_of_a_run_without_scans_have_their_columns(tmp_path: Path) -> None:
+    memory = MemoryRows(scans=True, traced=True)
+    assert list(memory.link_scans().columns) == HEADER.split(",")
+    for fmt in ("csv", "parquet"):
+        FileRows(tmp_path, scans=True, traced=True, fmt=fmt).close()
+        stored = FolderRows(tmp_path)
+        pd.testing.assert_frame_equal(stored.link_scans(), memory.link_scans())
+        pd.testing.assert_frame_equal(stored.exchanges(), memory.exchanges())
+        (tmp_path / f"link_scans.{fmt}").unlink()
+        (tmp_path / f"exchanges.{fmt}").unlink()
+
+
+def test_parquet_is_written_in_row_groups_and_is_the_same_every_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pyarrow import parquet
+
+    monkeypatch.setattr("bussim.results.tables._ROW_GROUP", 100)
+    contents = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        path = written(tmp_path / name, "parquet") / "link_scans.parquet"
+        contents.append(path.read_bytes())
+    assert contents[0] == contents[1]
+    file = parquet.ParquetFile(path)
+    assert file.metadata.num_row_groups == -(-file.metadata.num_rows // 100) > 1
+
+
+def test_without_pyarrow_the_message_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(UsageError, match=r"bussim\[parquet\]"):
+        open_table(tmp_path, "link_scans", {"bus": "text"}, "parquet")
+
+
+def test_a_frame_in_the_trace(tmp_path: Path) -> None:
+    rows = FileRows(tmp_path, scans=False, traced=True, fmt="csv")
+    damaged: dict[str, tuple[int, ...]] = {"press2": (4, 9)}
+    frame = FrameRecord("link", 5, 90, "press1", "poll", 1, 3, b"\x05\x31", (7,), damaged, False, True)
+    rows.frame(frame)
+    rows.close()
+    assert json.loads((tmp_path / "trace.jsonl").read_text()) == {
+        "type": "frame",
+        "tick": 5,
+        "end": 90,
+        "bus": "link",
+        "sender": "press1",
+        "kind": "poll",
+        "station": 1,
+        "counter": 3,
+        "chars": "0531",
+        "damaged_bits": [7],
+        "damaged_at": {"press2": [4, 9]},
+        "collided": False,
+        "cut": True,
+    }
+
+
+def test_what_was_not_kept_is_said(tmp_path: Path) -> None:
+    memory = MemoryRows(scans=False, traced=False)
+    for kept in (memory, FolderRows(tmp_path)):
+        for method, word in ((kept.link_scans, "rows"), (kept.exchanges, "trace"), (kept.trace, "trace")):
+            with pytest.raises(UsageError, match=word):
+                method()
+
+
+@given(st.text(max_size=20))
+def test_a_cell_is_never_a_formula_and_reads_back(text: str) -> None:
+    assert cell(text)[:1] not in {"=", "+", "-", "@", "\t", "\r"}
+    assert from_cell(cell(text)) == text
+
+
+@given(st.text(alphabet=st.characters(codec="utf-8"), max_size=8))
+def test_any_text_survives_csv(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+    path = tmp_path_factory.mktemp("csv") / "t.csv"
+    table = CsvTable(path, {"bus": "text", "number": "int"})
+    table.append((text, 1))
+    table.close()
+    with path.open(newline="", encoding="utf-8") as file:
+        (row,) = list(csv.reader(file))[1:]
+    assert [from_cell(row[0]), row[1]] == [text, "1"]
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        ("link", "link"),
+        ("three presses", "three_presses"),
+        ("a/b\\c:d*e?f", "a_b_c_d_e_f"),
+        ("..", "_"),
+        ("", "_"),
+        ("CON", "_CON"),
+        ("com7.x", "_com7.x"),
+        ("Presse Süd", "Presse_Süd"),
+        ("x" * 100, "x" * 60),
+    ],
+)
+def test_file_names(name: str, safe: str) -> None:
+    assert file_name(name) == safe
+
+
+@given(st.lists(st.text(max_size=70), unique=True, max_size=8))
+def test_file_names_are_safe_and_different_on_every_system(names: list[str]) -> None:
+    safe = file_names(names)
+    assert list(safe) == names
+    assert len({name.casefold() for name in safe.values()}) == len(names)
+    for name in safe.values():
+        assert name.strip(". ") == name != ""
+        assert not set(name) & set('<>:"/\\|?*\0\n ')

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import json
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bussim.results.timeline import (
+    MOST_CELLS,
+    MOST_SPANS,
+    Span,
+    Spans,
+    Timeline,
+    cells_from_json,
+    cells_to_json,
+    spans_from_json,
+    spans_to_json,
+)
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+SCANS = st.lists(st.tuples(st.integers(1, 60 * TICKS_PER_SECOND), st.integers(1, 10**8)), max_size=200)
+
+
+@given(SCANS)
+def test_no_scan_is_lost_whatever_the_length(steps: list[tuple[int, int]]) -> None:
+    timeline, start, scans = Timeline(), 0, []
+    for pause, duration in steps:
+        start += pause
+        timeline.add(start, duration)
+        scans.append((start, duration))
+    cells = timeline.cells
+    assert len(cells) <= MOST_CELLS
+    assert sum(cell.scans for cell in cells) == len(scans)
+    starts = [cell.start for cell in cells]
+    assert starts == sorted(starts)
+    for number, cell in enumerate(cells):
+        after = starts[number + 1] if number + 1 < len(cells) else start + 1
+        inside = [duration for begin, duration in scans if cell.start <= begin < after]
+        assert cell.scans == len(inside)
+        assert cell.total == sum(inside)
+        assert (cell.shortest, cell.longest) == (min(inside), max(inside))
+
+
+def test_ten_hours_fit() -> None:
+    timeline = Timeline()
+    for number in range(400_000):
+        timeline.add(number * 90 * TICKS_PER_MS, 90 * TICKS_PER_MS + (number == 1234))
+    assert MOST_CELLS // 2 < len(timeline.cells) <= MOST_CELLS
+    assert max(cell.longest for cell in timeline.cells) == 90 * TICKS_PER_MS + 1
+    assert cells_from_json(json.loads(json.dumps(cells_to_json(timeline.cells)))) == timeline.cells
+
+
+def test_spans_begin_and_end() -> None:
+    spans = Spans()
+    spans.on(2, 100)
+    spans.on(2, 150)  # is on already
+    spans.off(1, 160)  # was never on
+    spans.off(2, 200)
+    spans.on(1, 300)
+    assert spans.all() == {1: [Span(300, None)], 2: [Span(100, 200)]}
+    assert spans_from_json(json.loads(json.dumps(spans_to_json(spans.all())))) == spans.all()
+    spans.all_off(400)
+    assert spans.all() == {1: [Span(300, 400)], 2: [Span(100, 200)]}
+
+
+def test_too_many_spans_become_fewer_without_losing_any_time_in_error() -> None:
+    spans, tick, times = Spans(), 0, []
+    for number in range(20_000):
+        tick += 50 * TICKS_PER_MS + number % 977
+        spans.on(1 + number % 3, tick)
+        times.append((1 + number % 3, tick, tick + 7_000))
+        spans.off(1 + number % 3, tick + 7_000)
+    kept = spans.all()
+    assert sum(map(len, kept.values())) <= MOST_SPANS
+    assert spans.joined_within > 0
+    for station, start, end in times[::97]:
+        assert any(s.start <= start and s.end is not None and end <= s.end for s in kept[station])

@@ -1,0 +1,65 @@
+"""Every built-in scenario against its recorded summary.
+
+After a change that is meant to change results, record them anew with ``python -m tests.test_scenarios``
+and read the difference before committing it.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import bussim
+from bussim.scenario import builtin
+
+RECORDED = Path(__file__).parent / "recorded"
+#: The kinds of line that a user must find among the built-in scenarios.
+WANTED = {
+    "two_stations",
+    "late_power_up",
+    "eight_stations_mode0",
+    "eight_stations_mode1",
+    "eight_stations_mode2",
+    "eight_stations_mode3",
+    "eight_stations_mode4",
+    "dead_from_start",
+    "drops_out_and_rejoins",
+    "electrical_noise",
+    "drive_impulses",
+    "bursts",
+    "same_number_twice",
+    "cable_cut",
+    "slow_slave_short_timeout",
+    "wrong_parity",
+    "bad_parameter",
+}
+
+
+def summary_text(name: str) -> str:
+    summary = dict(bussim.run(name, rows=False).summary)
+    del summary["bussim"]  # the version may go on while the results stay
+    return json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+
+
+def test_nothing_is_missing() -> None:
+    assert set(builtin.names()) >= WANTED
+    assert {path.stem for path in RECORDED.glob("*.json")} == set(builtin.names())
+
+
+@pytest.mark.parametrize("name", builtin.names())
+def test_summary(name: str) -> None:
+    assert summary_text(name) == (RECORDED / f"{name}.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", builtin.names())
+def test_scenario_says_what_to_look_at(name: str) -> None:
+    comments = [line for line in builtin.read(name).splitlines() if line.startswith("#")]
+    assert any("Look at" in line for line in comments)
+
+
+if __name__ == "__main__":
+    RECORDED.mkdir(exist_ok=True)
+    for scenario in builtin.names():
+        (RECORDED / f"{scenario}.json").write_text(summary_text(scenario), encoding="utf-8")
