@@ -15,6 +15,7 @@ from bussim.line.characters import LineTiming
 from bussim.sim.disturb import Disturber
 from bussim.sim.gallery import Gallery
 from bussim.sim.kernel import DEADLINES, Kernel
+from bussim.sim.lane import Lane
 from bussim.sim.ledger import Ledger
 from bussim.sim.port import Port
 from bussim.sim.reporter import Reporter
@@ -40,8 +41,9 @@ class Bus:
         self.gallery = Gallery()
         #: Whether slaves may be told together (a test compares both ways).
         self.together = True
+        self.lane = Lane(self, kernel)
         self._gallery_timer = kernel.timer(self._watch_gallery, DEADLINES)
-        self._character = timing.characters(1)
+        self.character = timing.characters(1)
         self._air: list[Transmission] = []
         # Drivers that are on: frames, jabber, and tails of late release.
         self._drivers = 0
@@ -70,10 +72,15 @@ class Bus:
 
     # -- who listens -------------------------------------------------------------------------------
 
+    @property
+    def plain(self) -> bool:
+        """Whether nothing can touch a frame, all hear whole ones, and nobody wants a record of each."""
+        return not (self.disturber.active or self.sink.traced or self._open_ears)
+
     def audience_changed(self) -> None:
         """Some port listens otherwise than before."""
-        if self._audiences:
-            self._audiences.clear()
+        self._audiences.clear()
+        self.lane.close()
 
     def leave_gallery(self, port: Port) -> None:
         """A port is going to listen for itself."""
@@ -95,7 +102,7 @@ class Bus:
                     for port in members
                     if port is not tx.sender and port.engine is not None
                 )
-        self._audiences.clear()
+        self.audience_changed()
 
     def _watch_gallery(self, now: int) -> None:
         """The lazy watchdog of all members in one."""
@@ -111,7 +118,7 @@ class Bus:
         if self.together and not self._open_ears and not any(self._segments):
             self._dissolve()
             self.gallery.form(self.ports)
-            self._audiences.clear()
+            self.audience_changed()
             if self.gallery.members:
                 timer, deadline = self._gallery_timer, self.gallery.deadline
                 if timer.at < 0 or deadline < timer.at:
@@ -127,7 +134,7 @@ class Bus:
         self._open_ears -= 1
         self.audience_changed()
 
-    def _audience(self, sender: Port) -> Audience:
+    def audience(self, sender: Port) -> Audience:
         """Who hears a frame on a line without other drivers: whole, or character by character."""
         found = self._audiences.get(sender.seat)
         if found is None:
@@ -153,7 +160,7 @@ class Bus:
     def begin(self, port: Port, frame: Frame, now: int) -> Transmission:
         """A port's driver is switched on for a frame."""
         chars = frame.chars
-        tx = Transmission(port, frame, chars, now, now + len(chars) * self._character, port.timing)
+        tx = Transmission(port, frame, chars, now, now + len(chars) * self.character, port.timing)
         self.frames += 1
         if self.disturber.active:
             self.disturber.disturb(tx)
@@ -162,7 +169,7 @@ class Bus:
             return tx
         # The ordinary case: an undamaged frame on a quiet line.
         self._busy_since = now
-        tx.listeners, single, tx.together = self._audiences.get(port.seat) or self._audience(port)
+        tx.listeners, single, tx.together = self._audiences.get(port.seat) or self.audience(port)
         if single:
             self._spell_out(tx, single, now)
         self._air.append(tx)
@@ -206,7 +213,7 @@ class Bus:
             self._crowd(tx, now, counted=counted)
         else:
             self._busy_since = now
-            whole, single, _ = self._audience(sender)
+            whole, single, _ = self.audience(sender)
             if tx.spoilt:
                 self._spell_out(tx, [port for port, _ in whole], now)
             else:

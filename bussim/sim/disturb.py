@@ -99,6 +99,7 @@ class Disturber:
     def _refresh(self) -> None:
         self.active = bool(self._noises or self._frame_faults)
         self.replies_at_risk = bool(self._losses or self._drops)
+        self._bus.audience_changed()
 
     # -- replies -----------------------------------------------------------------------------------
 

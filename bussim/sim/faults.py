@@ -200,19 +200,23 @@ class FaultPlan:
         if isinstance(kind, model.Slow):
             extra = kind.extra
             port.extra_turnaround += extra
+            port.bus.audience_changed()
 
             def fast(now: int) -> None:
                 del now
                 port.extra_turnaround -= extra
+                port.bus.audience_changed()
 
             return fast
         if isinstance(kind, model.LateRelease):
             by = kind.by
             port.late_release += by
+            port.bus.audience_changed()
 
             def prompt(now: int) -> None:
                 del now
                 port.late_release -= by
+                port.bus.audience_changed()
 
             return prompt
         wrong = self._timings.setdefault(port.name, [])

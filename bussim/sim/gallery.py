@@ -34,11 +34,11 @@ class Gallery:
         "_longest",
         "_longest_at",
         "_outcome",
-        "_pending",
         "_pending_counter",
         "_watchdog",
         "by_station",
         "members",
+        "pending",
     )
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class Gallery:
 
     def _take(self, state: Listening) -> None:
         (
-            self._pending,
+            self.pending,
             self._pending_counter,
             self._outcome,
             self._counter,
@@ -110,7 +110,7 @@ class Gallery:
     def sync(self) -> None:
         """Bring every member's engine up to date."""
         state = Listening(
-            self._pending,
+            self.pending,
             self._pending_counter,
             self._outcome,
             self._counter,
@@ -128,6 +128,10 @@ class Gallery:
                 engine.status.current = self._current
         self._current, self._longest = None, -1
 
+    def expects(self, station: int) -> bool:
+        """Whether a first poll of this station and its reply are ordinary while no poll is pending."""
+        return bool(self.members) and station not in self._flagged
+
     def hear(self, frame: Frame, start: int, end: int) -> bool:
         """A frame that all members hear; returns whether it was an ordinary one, now heard.
 
@@ -135,23 +139,23 @@ class Gallery:
         """
         kind = frame.kind
         if kind == POLL:
-            pending, station = self._pending, frame.station
+            pending, station = self.pending, frame.station
             if pending >= 0 or (station == ~pending and frame.counter == self._pending_counter):
                 return False
             self._heard_master = end
             self._counter = self._pending_counter = frame.counter
-            self._pending = station
+            self.pending = station
             self._outcome = NOT_IN_NETWORK
             return True
         if kind != DATA or len(frame.data) != self._block_size:
             return False
         station = frame.station
         if station:
-            if station != self._pending or frame.counter != self._pending_counter or station in self._flagged:
+            if station != self.pending or frame.counter != self._pending_counter or station in self._flagged:
                 return False
-            self._pending = ~station
+            self.pending = ~station
             return True
-        if self._pending >= 0:
+        if self.pending >= 0:
             return False
         self._heard_master = end
         counter = frame.counter

@@ -29,6 +29,7 @@ class Jabber:
             return
         port.bus.cut(port, now)
         port.jabbering = True
+        port.bus.audience_changed()
         self._send(now, first=True)
 
     def _send(self, now: int, *, first: bool) -> None:
@@ -52,5 +53,6 @@ class Jabber:
         self._timer.cancel()
         self._tx = None
         port.jabbering = False
+        port.bus.audience_changed()
         port.bus.cut_transmission(tx, now)
         port.bus.join_midway(port, now)

@@ -45,6 +45,9 @@ class Timer:
         """Arm (or re-arm) it for a tick, not before now."""
         if self.at != at:
             self.at = at
+            chained = self._kernel.chained
+            if chained is not None:
+                chained.unchain()  # it was armed before this one
             self._schedule()
 
     def chain(self, at: int) -> None:

@@ -69,7 +69,9 @@ class Ledger:
             self._prune(common, tick)
         if histories.apart and len(histories.apart) > len(missed):
             for seat in [seat for seat in histories.apart if seat not in missed]:
-                histories.before[seat] = (tick, tuple(histories.apart.pop(seat)))
+                own = histories.apart.pop(seat)
+                self._prune(own, tick)
+                histories.before[seat] = (tick, tuple(own))
 
     def heard_alone(self, station: int, tick: int, image: bytes, seat: int) -> None:
         """One seat received a block that the others did not (or not as a whole frame)."""

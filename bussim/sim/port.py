@@ -36,7 +36,7 @@ class Port:
         "_deadline_timer",
         "_end_timer",
         "_kernel",
-        "_pending",
+        "_longest_turnaround",
         "_release_timer",
         "_sequence",
         "_start_timer",
@@ -50,6 +50,7 @@ class Port:
         "jabbering",
         "late_release",
         "nominal",
+        "pending",
         "plc",
         "replies_at_end",
         "reporter",
@@ -82,7 +83,8 @@ class Port:
         self.replies_at_end = plc.profile.reply is Reply.END
         self._turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
         self._kernel = kernel
-        self._pending: list[tuple[int, int, int]] = []  # (start, order, counter) of what is to be sent
+        self._longest_turnaround = plc.profile.turnaround.longest
+        self.pending: list[tuple[int, int, int]] = []  # (start, order, counter) of what is to be sent
         self._sequence = 0
         self._start_timer = kernel.timer(self._on_start, SENDING)
         self._end_timer = kernel.timer(self._on_end, HEARING)
@@ -125,7 +127,7 @@ class Port:
             self.bus.retire(self)
             engine.stop(now)
         self.engine = None
-        self._pending.clear()
+        self.pending.clear()
         self._start_timer.cancel()
         self._deadline_timer.cancel()
         self.ear.close()
@@ -205,13 +207,27 @@ class Port:
 
     # -- sending -----------------------------------------------------------------------------------
 
+    def turnaround(self) -> int:
+        """Draw the next reply's turnaround, in ticks."""
+        return self._turnarounds.draw() + self.extra_turnaround
+
+    @property
+    def prompt(self) -> bool:
+        """Whether its frames leave when its engine wants them, and its driver goes off with their end."""
+        return not (self.jabbering or self.late_release or self.replies_at_end or self.tail)
+
+    @property
+    def longest_turnaround(self) -> int:
+        """The longest turnaround that can be drawn now, in ticks."""
+        return self._longest_turnaround + self.extra_turnaround
+
     def appoint(self, at: int, counter: int) -> None:
         """A frame is to be sent from ``at`` on; a slave adds its turnaround."""
         if not self.is_master:
-            at += self._turnarounds.draw() + self.extra_turnaround
+            at += self.turnaround()
             if self.replies_at_end:
                 at = self.plc.cycle.next_end(at, self._kernel.now)
-        pending = self._pending
+        pending = self.pending
         now = self._kernel.now
         if at < now:
             at = now
@@ -227,8 +243,10 @@ class Port:
         engine = self.engine
         if self.sending is not None or engine is None:
             return  # what falls due while it sends follows at once: see _on_end
-        bus, pending = self.bus, self._pending
+        bus, pending = self.bus, self.pending
         counter = pending.pop(0)[2]
+        if self.is_master and bus.lane.exchange(self, now):
+            return
         if pending:
             self._start_timer.set(max(pending[0][0], now))
         if bus.disturber.replies_at_risk and not self.is_master and bus.reply_vanishes(self, now):
@@ -258,8 +276,8 @@ class Port:
             hints = engine.transmit_done(now)
             if hints:
                 self.handle(hints, now)
-            if self._pending:
-                self._start_timer.set(max(self._pending[0][0], now))
+            if self.pending:
+                self._start_timer.set(max(self.pending[0][0], now))
 
     def _on_release(self, now: int) -> None:
         self.tail = False

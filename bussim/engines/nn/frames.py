@@ -191,7 +191,7 @@ class FrameReader:
     the layout spoils the frame until the next clean header or the line's quiet.
     """
 
-    __slots__ = ("_buffer", "_header", "_length", "_sound", "data_size", "start")
+    __slots__ = ("_buffer", "_header", "_sound", "data_size", "length", "start")
 
     def __init__(self) -> None:
         #: Bytes of data that a data frame must carry; None while the mode is unknown.
@@ -205,17 +205,18 @@ class FrameReader:
         self._buffer = bytearray()
         self._header: int | None = None
         self._sound = True
-        self._length = 0  # characters heard since the line was quiet or a frame was complete
+        #: Characters of what is open.
+        self.length = 0  # heard since the line was quiet or a frame was complete
 
     @property
     def open(self) -> bool:
         """Whether something is unfinished: a frame, a spoilt frame or noise."""
-        return self._length > 0
+        return self.length > 0
 
     @property
     def in_frame(self) -> bool:
         """Whether an undamaged frame is in progress."""
-        return self._sound and self._length > 0
+        return self._sound and self.length > 0
 
     @property
     def header(self) -> int | None:
@@ -230,7 +231,7 @@ class FrameReader:
             before = self._ended()
             self._begin(value, start)
             return before
-        self._length += 1
+        self.length += 1
         if not self._sound:
             return None
         if self._header is None:
@@ -249,7 +250,7 @@ class FrameReader:
         self.reset()
         self._begin(frame.chars[0], start)
         self._buffer += frame.chars[1:]
-        self._length = len(frame.chars)
+        self.length = len(frame.chars)
         self._sound = False
 
     def quiet(self) -> Damage | None:
@@ -262,11 +263,11 @@ class FrameReader:
         self._buffer = bytearray((header,))
         self._header = header
         self._sound = True
-        self._length = 1
+        self.length = 1
         self.start = start
 
     def _ended(self) -> Damage | None:
-        if self._length == 0:
+        if self.length == 0:
             return None
         return Damage(self._header, self._buffer[1] if len(self._buffer) > 1 else None)
 

@@ -273,7 +273,9 @@ class Master:
         if self._station < self.config.settings.slaves:
             self._station += 1
             self._attempt = 1
-            self._to_poll(now)
+            self._deadline = None
+            self.state = _AFTER_ATTEMPT
+            self.due = now + self.config.gap
             return (TRANSMIT | EVENTS) if self._events else TRANSMIT
         # The last slave: the overhead, then the next scan with the next counter.
         self._deadline = None
@@ -285,12 +287,22 @@ class Master:
         self.due = now + self.config.overhead + self.config.gap
         return (TRANSMIT | EVENTS) if self._events else TRANSMIT
 
+    @property
+    def station(self) -> int:
+        """The slave whose exchange is under way or comes next."""
+        return self._station
+
+    @property
+    def first_attempt(self) -> bool:
+        """Whether the frame that is due is an exchange's first poll."""
+        return self.state is MasterState.POLL and self._attempt == 1
+
     # -- sending -------------------------------------------------------------------------------
 
     def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Frame:
         """The frame that is due; ``image`` is the block at the latest END (a data frame's content)."""
         del counter  # a master answers nobody
-        if self._reader.open:
+        if self._reader.length:
             self._reader.reset()
         if self.state is MasterState.POLL:
             self._poll_start = now

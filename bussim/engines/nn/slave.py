@@ -393,7 +393,7 @@ class Slave:
     def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Frame:
         """The reply to the poll with this counter; ``image`` is the block at the latest END."""
         del now
-        if self._reader.open:
+        if self._reader.length:
             self._reader.reset()
         if image is not self._encoded_image:
             if image != self._encoded_image:

@@ -1,0 +1,157 @@
+"""Every short cut of the simulation against the long way round, over random scenarios.
+
+The short cuts: slaves that hear alike are told together (the gallery); what most likely happens next
+does not pass through SimPy's queue (``Timer.chain``); frames are heard whole where nothing disturbs
+them; a PLC's memory is only brought up to date when somebody looks at it; nothing is written down
+that nobody wants. None of them may show.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+from random import Random
+from typing import Any
+
+import pytest
+
+from bussim.plc.memory import BIT_RANGES, WORD_RANGES
+from bussim.scenario import model
+from bussim.sim.bus import Audience, Bus
+from bussim.sim.kernel import Timer
+from bussim.sim.port import Port
+from bussim.trace import NoteRecord
+
+from . import chance
+from .build import Done, bus_of, run, started
+
+SEEDS = range(120)
+SECONDS = 0.5
+
+
+@cache
+def ordinary(seed: int) -> Done:
+    return run(chance.scenario(seed, SECONDS))
+
+
+def _notes(done: Done) -> list[NoteRecord]:
+    # Several stations may note something at one tick; which of them first is nobody's business.
+    return sorted(done.record.notes, key=lambda note: (note.tick, note.where))
+
+
+def _memories(done: Done) -> dict[str, Any]:
+    return {
+        name: (
+            [bytes(plc.memory._bits[letter]) for letter in BIT_RANGES],
+            [plc.memory._words[letter].tolist() for letter in WORD_RANGES],
+        )
+        for name, plc in done.simulation.plcs.items()
+    }
+
+
+def assert_same(one: Done, other: Done) -> None:
+    assert other.record.scans == one.record.scans
+    assert other.record.failures == one.record.failures
+    assert _notes(other) == _notes(one)
+    assert other.totals == one.totals
+    assert _memories(other) == _memories(one)
+
+
+def assert_same_trace(one: Done, other: Done) -> None:
+    assert_same(one, other)
+    assert other.record.frames == one.record.frames
+    assert other.record.attempts == one.record.attempts
+    assert other.record.refreshes == one.record.refreshes
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_slaves_told_together_hear_what_each_hears_alone(seed: int) -> None:
+    scenario = chance.scenario(seed, SECONDS)
+    simulation, record = started(scenario)
+    bus_of(simulation).together = False
+    simulation.run(scenario.duration)
+    assert_same_trace(ordinary(seed), Done(simulation, record, simulation.totals()))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_past_the_event_queue_things_happen_in_the_same_order(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Timer, "chain", Timer.set)
+    assert_same_trace(ordinary(seed), run(chance.scenario(seed, SECONDS)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
+    scenario = chance.scenario(seed, SECONDS)
+    simulation, record = started(scenario, traced=False)
+    luck = Random(seed)  # noqa: S311 - nothing secret
+    now = 0
+    while now < scenario.duration:
+        now = min(scenario.duration, now + luck.choice([1, 1000, 100_000, luck.randint(1, 5_000_000)]))
+        simulation.run(now)
+        if luck.random() < 0.3:
+            for plc in simulation.plcs.values():
+                plc.sync(simulation.now)
+        if luck.random() < 0.1:
+            simulation.totals()
+    other = Done(simulation, record, simulation.totals())
+    assert_same(ordinary(seed), other)
+    assert other.record.refreshes == ordinary(seed).record.refreshes
+    assert other.record.frames == other.record.attempts == []
+
+
+def _one_by_one(bus: Bus, sender: Port) -> Audience:
+    """Everybody hears character by character."""
+    hearers = [
+        port for port in bus.ports if port is not sender and port.engine and bus.connected(port, sender)
+    ]
+    return (), tuple(hearers), 0
+
+
+# A station that jabbers in the middle of a frame keeps the half that it had heard (or not) for later.
+@pytest.mark.parametrize(
+    "seed",
+    [
+        seed
+        for seed in SEEDS
+        if not any(isinstance(fault.kind, model.Jabber) for fault in chance.scenario(seed).faults)
+    ],
+)
+def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = chance.scenario(seed, SECONDS)
+    monkeypatch.setattr(Bus, "audience", _one_by_one)
+    simulation, record = started(scenario)
+    bus_of(simulation).together = False
+    simulation.run(scenario.duration)
+    one, other = ordinary(seed), Done(simulation, record, simulation.totals())
+    assert_same(one, other)
+    assert other.record.attempts == one.record.attempts
+    # Frames of two masters may end at one tick.
+    by_end = [sorted(done.record.frames, key=lambda f: (f.end, f.sender)) for done in (one, other)]
+    assert by_end[0] == by_end[1]
+    # Who heard what, and when: here each by himself.
+    heard = []
+    for done in (one, other):
+        found: Counter[tuple[int, int, int]] = Counter()
+        for _, source, tick, seats in done.record.refreshes:
+            everybody = set(range(len(done.link.seats))) - {source}
+            found.update((source, tick, seat) for seat in (everybody if seats is None else seats))
+        heard.append(found)
+    assert heard[0] == heard[1]
+
+
+def test_the_random_scenarios_leave_nothing_out() -> None:
+    runs = [ordinary(seed) for seed in SEEDS]
+    codes = Counter(code for done in runs for _, code in done.codes.elements())
+    assert set(codes) == {1, 2, 3, 4}
+    noted = Counter(note.kind for done in runs for note in done.record.notes)
+    stations = Counter(note.detail["code"] for done in runs for note in done.notes("station_error"))
+    assert set(stations) >= {1, 2, 4, 0x11, 0x14, 0x21}
+    assert {"recovered", "watchdog", "no_parameters", "healthy", "undetected", "refused"} <= set(noted)
+    kinds = {type(fault.kind) for seed in SEEDS for fault in chance.scenario(seed).faults}
+    assert kinds == set(model.FaultKind.__args__)
+    assert sum(done.link.collisions for done in runs) > 200
+    assert sum(done.link.undetected for done in runs) > 3
+    assert sum(any(frame.cut for frame in done.record.frames) for done in runs) > 10
+    assert sum(done.link.frames for done in runs) > 5000
