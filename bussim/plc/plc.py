@@ -129,8 +129,8 @@ class Plc:
         Before the first END since RUN: the memory at RUN. The same object as long as nothing changed.
         """
         image = self._image
-        if self._image_until == _NEVER and image is not None:
-            return image
+        if image is not None and now < self._image_until:
+            return image  # whichever END was the latest one
         end = self.cycle.latest_end(now)
         if image is not None and (end is None or end < self._image_until):
             return image

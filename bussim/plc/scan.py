@@ -20,22 +20,23 @@ class ScanCycle:
     """END instants of one PLC between RUN and STOP.
 
     ENDs may be asked for as far ahead as one likes, and back to the latest one before the present,
-    which only ever moves forward.
+    which only ever moves forward. Scans that nobody asks about are drawn and counted in blocks.
     """
 
     def __init__(self, generator: np.random.Generator) -> None:
         self._generator = generator
         self._mean = 1
         self._jitter = 0
-        self._ends: list[int] = []
-        self._next_block: list[int] = []
-        self._began = 0
         self._running = False
-        #: Finished scans, their total and longest duration in ticks, over all RUNs.
+        # ENDs in order: the first one's scan is counted already, the others stand in whole blocks.
+        self._ends: list[int] = []
+        self._longest_of: list[int] = []  # the longest scan of each of those blocks
+        self._past = (0, 0, 0)  # count, total and longest of the scans before
+        #: Finished scans, their total and longest duration in ticks, over all RUNs, as of the latest
+        #: :meth:`count_up_to`. From RUN to the first END is no whole scan.
         self.count = 0
         self.total = 0
         self.longest = 0
-        self._counted_to = 0  # the END up to which scans are counted
 
     def run(self, now: int, mean: int, jitter: int, phase: int | None) -> int:
         """RUN at ``now`` with scans of ``mean`` ± ``jitter`` ticks, uniform, at least one tick each.
@@ -45,40 +46,60 @@ class ScanCycle:
         self._mean, self._jitter = mean, jitter
         if phase is None:
             phase = 1 + int(self._generator.random() * self._mean)
-        self._began = self._counted_to = now
         self._running = True
         first = now + phase
         self._ends = [first]
-        self._extend()
+        self._longest_of = []
         return first
 
     def stop(self, now: int) -> None:
         """STOP: ENDs after ``now`` do not happen."""
         if self._running:
             self.count_up_to(now)
-            del self._ends[bisect_right(self._ends, now) :]
+            self._past = (self.count, self.total, self.longest)
+            place = bisect_right(self._ends, now)
+            self._ends = self._ends[place - 1 : place] if place else []
+            self._longest_of = []
             self._running = False
-
-    def _extend(self) -> None:
-        import numpy as np
-
-        if self._jitter:
-            spread = 2 * self._generator.random(_BLOCK) - 1
-            scans = np.maximum(1, np.floor(self._mean + self._jitter * spread + 0.5)).astype(np.int64)
-            self._ends += (self._ends[-1] + np.cumsum(scans)).tolist()
-        else:
-            last = self._ends[-1]
-            self._ends += range(last + self._mean, last + self._mean * (_BLOCK + 1), self._mean)
 
     def _reach(self, tick: int, now: int) -> list[int]:
         """The ENDs from the latest one before ``now`` on (at least), drawn on until they pass a tick."""
         ends = self._ends
         while self._running and ends[-1] <= tick:
+            if self._jitter:
+                self._draw(now)
+            else:
+                last, mean = ends[-1], self._mean
+                self._append(list(range(last + mean, last + mean * (_BLOCK + 1), mean)), mean)
             if len(ends) > 2 * _BLOCK and ends[_BLOCK] < now:
-                self.count_up_to(ends[_BLOCK])
+                self._leave(_BLOCK, ends[_BLOCK], self._longest_of.pop(0))
                 del ends[:_BLOCK]
-            self._extend()
         return ends
+
+    def _draw(self, now: int) -> None:
+        import numpy as np
+
+        luck = self._generator.random(_BLOCK)
+        scans = (self._mean - self._jitter + 0.5 + 2 * self._jitter * luck).astype(np.int64)
+        np.maximum(scans, 1, out=scans)
+        ends = self._ends
+        last, longest = ends[-1] + int(scans.sum()), int(scans.max())
+        if last < now:
+            # Nobody looked while these ENDs passed: all that is known goes into the counts.
+            self._leave(len(ends) - 1 + _BLOCK, last, max(longest, *self._longest_of, 0))
+            self._longest_of.clear()
+            ends[:] = [last]
+        else:
+            self._append((ends[-1] + np.cumsum(scans)).tolist(), longest)
+
+    def _append(self, block: list[int], longest: int) -> None:
+        self._ends += block
+        self._longest_of.append(longest)
+
+    def _leave(self, count: int, last: int, longest: int) -> None:
+        """The next ``count`` scans, up to the END ``last``, need not be kept any more."""
+        counted, total, record = self._past
+        self._past = (counted + count, total + last - self._ends[0], max(record, longest))
 
     def latest_end(self, tick: int) -> int | None:
         """The latest END at or before a tick; None before the first one since RUN."""
@@ -96,18 +117,14 @@ class ScanCycle:
         return ends[bisect_left(ends, tick)]
 
     def count_up_to(self, tick: int) -> None:
-        """Add the scans that ended by ``tick`` to the counts."""
+        """Bring the counts up to the scans that had ended by ``tick``, not before the present."""
         ends = self._reach(tick, tick)
-        first, last = bisect_right(ends, self._counted_to), bisect_right(ends, tick)
-        if last <= first:
-            return
-        previous = self._counted_to
-        if previous == self._began and first == 0:
-            # RUN to the first END is no whole scan.
-            previous, first = ends[0], 1
-        if last > first:
-            self.longest = max(self.longest, ends[first] - previous)
-            self.longest = max(self.longest, *map(sub, ends[first + 1 : last], ends[first : last - 1]), 0)
-            self.total += ends[last - 1] - previous
-            self.count += last - first
-        self._counted_to = ends[last - 1]
+        count, total, longest = self._past
+        last = bisect_right(ends, tick) - 1
+        if last > 0:
+            blocks, rest = divmod(last, _BLOCK)
+            at = blocks * _BLOCK
+            part = map(sub, ends[at + 1 : at + rest + 1], ends[at : at + rest])
+            longest = max(longest, *self._longest_of[:blocks], *part)
+            count, total = count + last, total + ends[last] - ends[0]
+        self.count, self.total, self.longest = count, total, longest
