@@ -37,7 +37,7 @@ from bussim.engines.nn.status import LinkStatus
 # What a listener writes down for a poll that got no good answer, by what came last.
 _SILENCE = codes.NOT_IN_NETWORK
 _ANSWERED = 0  # nothing: an earlier attempt of the same exchange was answered
-#: No poll is without an answer, and none was answered since the master's data frame.
+#: No poll is without an answer, and none was answered since the parameters arrived.
 NOBODY = -1
 
 
@@ -289,6 +289,8 @@ class Slave:
         )
         self.state = SLAVE[self.state, SlaveInput.PARAMETERS]
         self._counter = frame.counter
+        if self._pending < 0:
+            self._pending = NOBODY  # a master that starts again counts from 0 again
         return hints | self._master_heard(end)
 
     def _master_data(self, frame: Frame, start: int, end: int) -> int:
