@@ -17,6 +17,9 @@ from bussim.version import __version__
 COMMANDS = {
     "run": "Simulate a scenario and write its results.",
     "check": "Name every mistake of a scenario with its line and column.",
+    "exact": "Work out the law of the link scan time.",
+    "size": "Recommend retries and timeout.",
+    "sweep": "Run a scenario at every point of a grid.",
     "scenarios": "List, show or copy the built-in scenarios.",
     "plot": "Draw the link scan times of one run or several.",
 }

@@ -143,7 +143,7 @@ class Bus:
             members = self.gallery.members
             for port in self.ports:
                 engine = port.engine
-                if port is sender or engine is None or not self.connected(port, sender):
+                if port is sender or engine is None or port.driving or not self.connected(port, sender):
                     continue
                 if port in members:
                     continue
@@ -272,6 +272,9 @@ class Bus:
     def finish(self, port: Port, tx: Transmission, now: int) -> None:
         """A frame's last stop bit has left."""
         if tx.silent or tx.cut:
+            # Its driver was not on (or not to the end), but it was deaf as if it had been.
+            self.audience_changed()
+            self.join_midway(port, now)
             return
         self._air.remove(tx)
         if not port.tail:
@@ -373,6 +376,7 @@ class Bus:
             port.ear.hear(tx, tx.start)
         self._air.remove(tx)
         self._count_driver_off(now)
+        self.audience_changed()
         for port in self.ports:
             if port.ear.is_open:
                 port.ear.replan(now)

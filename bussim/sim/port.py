@@ -126,6 +126,7 @@ class Port:
         if engine is not None:
             self.bus.retire(self)
             engine.stop(now)
+            self.drain(now)
         self.engine = None
         self.pending.clear()
         self._start_timer.cancel()

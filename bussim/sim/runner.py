@@ -96,6 +96,8 @@ class Simulation:
         now = self.now
         for bus in self.buses.values():
             bus.close(now)
+            for port in bus.ports:
+                port.drain(now)
         for plc in self.plcs.values():
             plc.sync(now)
             plc.cycle.count_up_to(now)

@@ -16,7 +16,7 @@ from itertools import chain, count, repeat
 
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, RxChar, Transmit
 from bussim.engines.nn.events import NnEvent, StationBack, StationLost
-from bussim.engines.nn.frames import DATA, MODES, STX, Frame, LinkSettings
+from bussim.engines.nn.frames import DATA, MODES, STX, Frame, LinkSettings, decode
 from bussim.engines.nn.master import Master, MasterConfig, MasterState
 from bussim.engines.nn.slave import Slave, SlaveConfig, SlaveState
 from bussim.line.characters import NN_LINE
@@ -326,7 +326,8 @@ class Wire:
 
     def inject(self, tick: int, chars: bytes) -> None:
         """Characters from nowhere."""
-        self.at(tick, lambda: self.transmit(Tx(None, None, chars, tick, tick + CHAR * len(chars), 0)), SEND)
+        tx = Tx(None, decode(chars), chars, tick, tick + CHAR * len(chars), 0)
+        self.at(tick, lambda: self.transmit(tx), SEND)
 
     def transmit(self, tx: Tx) -> None:
         quiet = not self.air

@@ -1,0 +1,298 @@
+"""Laws of sums of independent turnarounds, the continuous part of a link scan.
+
+A turnaround is its least value plus a *spread*, from 0 to a width. Sums are named by a code that
+counts how many spreads of each kind they have; the least values belong to the lobes' shifts.
+Everything is computed from positive terms, so that a tail is as exact, relatively, as the middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import gcd
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bussim.plc.profiles import Turnaround
+from bussim.units import TICKS_PER_US
+
+Floats = NDArray[np.float64]
+Codes = NDArray[np.int64]
+
+#: Bits of a code for the count of one kind, and how many kinds fit.
+DIGIT = 12
+MAX_KINDS = 4
+_MASK = (1 << DIGIT) - 1
+
+#: Steps (ticks) of the grid on which spreads of several kinds are added up: the fine one while the
+#: widest spread has no more cells than this on it.
+_FINE, _COARSE, _FINE_CELLS = TICKS_PER_US, 10 * TICKS_PER_US, 2_000
+
+
+def spread_of(law: Turnaround) -> tuple[int, int]:
+    """Least value and width of a turnaround, in ticks."""
+    if law.values:
+        return min(law.values), max(law.values) - min(law.values)
+    return law.mean - law.jitter, 2 * law.jitter
+
+
+def irwin_hall_tail(count: int, z: ArrayLike) -> Floats:
+    """P(U1 + … + Ucount > z) for independent U, uniform over [0, 1].
+
+    By the recursion of B-splines from the upper end, whose terms are all positive: the relative
+    error stays near that of the additions for any z, also where the result is 1e-300.
+    """
+    t = count - np.asarray(z, dtype=np.float64)
+    if count == 0:
+        return (t > 0).astype(np.float64)
+    # The tail is the distribution function at t: the sum of the splines of order count+1 at t, t-1, ….
+    inside = _splines(count + 1, np.clip(t, 0.0, count)).sum(axis=0)
+    return np.asarray(np.where(t >= count, 1.0, inside), dtype=np.float64)
+
+
+#: Points a unit of the table that searches use, and the counts that it has at most.
+_TABLE_POINTS = 64
+TABLE_COUNTS = 48
+
+
+@lru_cache(maxsize=4)
+def _table(counts: int) -> Floats:
+    """Entry (m, i): P(sum of m uniforms > i / 64), for m up to ``counts``, then zeros."""
+    z = np.arange(counts * _TABLE_POINTS + 2) / _TABLE_POINTS
+    table = np.stack([irwin_hall_tail(count, z) for count in range(counts + 1)])
+    table.setflags(write=False)
+    return table
+
+
+def irwin_hall_excess(count: int, z: ArrayLike) -> Floats:
+    """E[max(0, U1 + … + Ucount - z)], the integral of the tail from z on."""
+    z = np.asarray(z, dtype=np.float64)
+    if count == 0:
+        return np.asarray(np.maximum(-z, 0.0), dtype=np.float64)
+    t = np.clip(count - z, 0.0, count)
+    splines = _splines(count + 2, t)
+    weights = np.arange(1, splines.shape[0] + 1, dtype=np.float64)
+    return np.asarray(np.tensordot(weights, splines, axes=1) + np.maximum(-z, 0.0), dtype=np.float64)
+
+
+def _splines(order: int, t: Floats) -> Floats:
+    """Cardinal B-splines of an order on [0, order] at t, t-1, …, t-order+1 (first axis)."""
+    cells = np.arange(order, dtype=np.float64).reshape((order,) + (1,) * t.ndim)
+    x = t - cells
+    splines = ((x >= 0.0) & (x < 1.0)).astype(np.float64)
+    for rank in range(2, order + 1):
+        # N_r(x) = (x N_(r-1)(x) + (r - x) N_(r-1)(x - 1)) / (r - 1)
+        upper = splines[1:] * (rank - x[:-1])
+        splines *= x
+        splines[:-1] += upper
+        splines /= rank - 1
+    return splines
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """One kind of spread: uniform over [0, width] ticks, or atoms with probabilities."""
+
+    width: float
+    mean: float
+    variance: float
+    atoms: tuple[tuple[int, float], ...]
+
+
+@lru_cache(maxsize=64)
+def _kind_of(law: Turnaround) -> _Kind:
+    least, width = spread_of(law)
+    if not law.values:
+        # Whole ticks are drawn, which makes the variance larger by a factor 1 + 2/width: neglected.
+        return _Kind(float(width), width / 2, width * width / 12, ())
+    total = sum(law.weights)
+    chances: dict[int, float] = {}
+    for value, weight in zip(law.values, law.weights, strict=True):
+        chances[value - least] = chances.get(value - least, 0.0) + weight / total
+    mean = sum(value * chance for value, chance in chances.items())
+    variance = sum((value - mean) ** 2 * chance for value, chance in chances.items())
+    return _Kind(float(width), mean, variance, tuple(sorted(chances.items())))
+
+
+def _kinds_of(laws: Iterable[Turnaround]) -> tuple[_Kind, ...]:
+    return tuple(dict.fromkeys(kind for law in laws if (kind := _kind_of(law)).width > 0))
+
+
+def count_kinds(laws: Iterable[Turnaround]) -> int:
+    """How many kinds of spread these turnarounds have, constant ones left out."""
+    return len(_kinds_of(laws))
+
+
+class TurnaroundSums:
+    """Sums of spreads of up to four kinds of turnaround; constant turnarounds have none.
+
+    A code has 12 bits for each kind's count, so that codes add as the sums do.
+    """
+
+    def __init__(self, laws: Iterable[Turnaround]) -> None:
+        self._kinds = _kinds_of(laws)
+        if len(self._kinds) > MAX_KINDS:
+            raise ValueError(f"{len(self._kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
+        self._units = {kind: 1 << (DIGIT * place) for place, kind in enumerate(self._kinds)}
+        self._grid: _Grid | None = None
+
+    def unit(self, law: Turnaround) -> int:
+        """The code of one turnaround of this law, 0 if it is constant."""
+        return self._units.get(_kind_of(law), 0)
+
+    def counts(self, codes: Codes) -> list[Codes]:
+        """How often each kind occurs."""
+        return [(codes >> (DIGIT * place)) & _MASK for place in range(len(self._kinds))]
+
+    def _linear(self, codes: Codes, factors: list[float]) -> Floats:
+        total = np.zeros(codes.shape, dtype=np.float64)
+        for count, factor in zip(self.counts(codes), factors, strict=True):
+            total += count * factor
+        return total
+
+    def widths(self, codes: Codes) -> Floats:
+        """The greatest value of each sum, in ticks; the least is 0."""
+        return self._linear(codes, [kind.width for kind in self._kinds])
+
+    def means(self, codes: Codes) -> Floats:
+        """The mean of each sum, in ticks."""
+        return self._linear(codes, [kind.mean for kind in self._kinds])
+
+    def variances(self, codes: Codes) -> Floats:
+        """The variance of each sum, in ticks²."""
+        return self._linear(codes, [kind.variance for kind in self._kinds])
+
+    @property
+    def smooth(self) -> bool:
+        """Whether no sum of at least one spread has atoms."""
+        return not any(kind.atoms for kind in self._kinds)
+
+    @property
+    def narrowest(self) -> float:
+        """The width of the narrowest spread, in ticks; 1 where there is none."""
+        return min((kind.width for kind in self._kinds), default=1.0)
+
+    @property
+    def _uniform(self) -> float:
+        """The width where all spreads are uniform of one width, else 0."""
+        if len(self._kinds) == 1 and not self._kinds[0].atoms:
+            return self._kinds[0].width
+        return 0.0
+
+    def tail(self, code: int, y: Floats) -> Floats:
+        """P(sum > y), y in ticks."""
+        if code == 0:
+            return (y < 0).astype(np.float64)
+        width = self._uniform
+        if width:
+            return irwin_hall_tail(code, y / width)
+        return self._grid_sums().tail(code, y)
+
+    def rough_tail(self, codes: Codes, y: Floats) -> Floats:
+        """P(sum > y) for arrays of codes and ticks that broadcast, to about 1e-4: for searches."""
+        width = self._uniform
+        most = int(codes.max(initial=0))
+        if width and most <= TABLE_COUNTS:
+            table = _table(next(size for size in (12, 24, TABLE_COUNTS) if most <= size))
+            place = np.clip(y * (_TABLE_POINTS / width), 0.0, table.shape[1] - 2.0)
+            index = place.astype(np.int64)
+            at = codes * table.shape[1] + index
+            flat = table.reshape(-1)
+            low = flat[at]
+            return np.asarray(np.where(y < 0, 1.0, low + (place - index) * (flat[at + 1] - low)))
+        codes, y = np.broadcast_arrays(codes, y)
+        result = np.empty(y.shape)
+        for code in np.unique(codes).tolist():
+            chosen = codes == code
+            result[chosen] = self.tail(code, y[chosen])
+        return result
+
+    def excess(self, code: int, y: Floats) -> Floats:
+        """E[max(0, sum - y)] in ticks, y in ticks."""
+        if code == 0:
+            return np.maximum(-y, 0.0)
+        width = self._uniform
+        if width:
+            return width * irwin_hall_excess(code, y / width)
+        return self._grid_sums().excess(code, y)
+
+    def _grid_sums(self) -> _Grid:
+        if self._grid is None:
+            self._grid = _Grid(self._kinds)
+        return self._grid
+
+
+class _Grid:
+    """Sums of spreads of several kinds, or of discrete ones, as masses on a grid.
+
+    Discrete spreads alone keep their own step (the greatest common divisor of their values) and are
+    exact. A uniform spread beside others is cut into cells of 1 µs (10 µs if it is wide), each a mass
+    in the middle; the tail is then read by linear interpolation, which is wrong by less than one
+    cell's step in y.
+    """
+
+    def __init__(self, kinds: tuple[_Kind, ...]) -> None:
+        self._kinds = kinds
+        self._stepwise = all(kind.atoms for kind in kinds)
+        widest = max(kind.width for kind in kinds)
+        self._step = float(_FINE if widest <= _FINE * _FINE_CELLS else _COARSE)
+        if self._stepwise:
+            step = gcd(*(value for kind in kinds for value, _ in kind.atoms))
+            if sum(kind.width for kind in kinds) <= step * _FINE_CELLS * len(kinds):
+                self._step = float(step)
+            else:
+                self._stepwise = False
+        self._singles = [self._masses(kind) for kind in kinds]
+        self._sums: dict[int, tuple[float, Floats]] = {0: (0.0, np.ones(1))}
+        self._tails: dict[int, tuple[float, Floats]] = {}
+
+    def _masses(self, kind: _Kind) -> tuple[float, Floats]:
+        """Offset (ticks) of the first mass, and the masses."""
+        step = self._step
+        if kind.atoms:
+            masses = np.zeros(int(kind.width / step) + 2)
+            for value, chance in kind.atoms:
+                cell, part = divmod(value, step)
+                masses[int(cell)] += chance * (1 - part / step)
+                masses[int(cell) + 1] += chance * part / step
+            return 0.0, np.trim_zeros(masses, "b")
+        cells = max(1, round(kind.width / step))
+        # Centred, so that the mean is right where the width is no multiple of the step.
+        return (kind.width - (cells - 1) * step) / 2, np.full(cells, 1.0 / cells)
+
+    def _sum(self, code: int) -> tuple[float, Floats]:
+        found = self._sums.get(code)
+        if found is None:
+            place = max(p for p in range(len(self._kinds)) if code >> (DIGIT * p) & _MASK)
+            offset, masses = self._sum(code - (1 << (DIGIT * place)))
+            more, single = self._singles[place]
+            found = self._sums[code] = (offset + more, np.convolve(masses, single))
+        return found
+
+    def _tail_of(self, code: int) -> tuple[float, Floats]:
+        """Offset of the first mass and P(sum > …) from before the first mass to after the last."""
+        found = self._tails.get(code)
+        if found is None:
+            offset, masses = self._sum(code)
+            tail = np.concatenate((np.cumsum(masses[::-1])[::-1], [0.0]))
+            found = self._tails[code] = (offset, tail)
+        return found
+
+    def tail(self, code: int, y: Floats) -> Floats:
+        """P(sum > y)."""
+        offset, tail = self._tail_of(code)
+        place = (y - offset) / self._step
+        if self._stepwise:
+            index = np.clip(np.floor(place + 1e-9).astype(np.int64) + 1, 0, tail.size - 1)
+            return np.asarray(tail[index], dtype=np.float64)
+        # A cell's mass is spread over the cell: half of it lies above its middle.
+        edges = np.arange(tail.size) - 0.5
+        return np.asarray(np.interp(place, edges, tail), dtype=np.float64)
+
+    def excess(self, code: int, y: Floats) -> Floats:
+        """E[max(0, sum - y)]."""
+        offset, masses = self._sum(code)
+        values = offset + self._step * np.arange(masses.size)
+        return np.asarray(np.maximum(values - y[..., None], 0.0) @ masses, dtype=np.float64)

@@ -1,0 +1,46 @@
+"""Figures in words that a technician follows, rounded so that they claim no more than they know."""
+
+from __future__ import annotations
+
+from bussim.units import TICKS_PER_MS
+
+#: Nobody's noise stays the same for longer.
+LONGEST_YEARS = 100
+
+
+def about(value: float) -> str:
+    """Two significant digits, with thousands separated: 3,100; 0.12; 1e-7 stays a power."""
+    if value == 0:
+        return "0"
+    if abs(value) < 1e-3 or abs(value) >= 1e9:
+        return f"{value:.1e}"
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:,.0f}" if abs(rounded) >= 10 else f"{rounded:g}"
+
+
+def ms(ticks: float) -> str:
+    """A time as a key or a cell: milliseconds without trailing zeros."""
+    return f"{ticks / TICKS_PER_MS:.12g}"
+
+
+def scans_over(probability: float, ticks: float) -> str:
+    """How often a scan takes longer than a deadline."""
+    if probability <= 0:
+        return f"no scan takes over {ms(ticks)} ms"
+    if probability >= 0.5:
+        return f"{100 * probability:.0f} % of all scans take over {ms(ticks)} ms"
+    return f"1 scan in {about(1 / probability)} takes over {ms(ticks)} ms"
+
+
+def years_between(per_year: float) -> str:
+    """How often a living station is reported as failed."""
+    if per_year <= 0:
+        return "no false station error at all with the noise as entered"
+    years = 1 / per_year
+    if years > LONGEST_YEARS:
+        return f"one false station error in over {LONGEST_YEARS} years if the noise stays as entered"
+    if years >= 2:
+        return f"about one false station error in {about(years)} years if the noise stays as entered"
+    if per_year < 400:
+        return f"about {about(per_year)} false station errors a year if the noise stays as entered"
+    return f"about {about(per_year / 365)} false station errors a day if the noise stays as entered"

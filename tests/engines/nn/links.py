@@ -1,0 +1,133 @@
+"""Links on the scripted wire, what can happen to them, and what their seats have noted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from bussim.engines.nn.events import ScanEnded
+from bussim.engines.nn.frames import encode_poll
+from bussim.engines.nn.slave import Slave
+from tests.engines.wire import (
+    CHAR,
+    GAP,
+    OVERHEAD,
+    POLL_TICKS,
+    TIMEOUT_UNIT,
+    TURNAROUND,
+    Seat,
+    Tx,
+    Wire,
+    master_seat,
+    slave_seat,
+)
+
+#: The scan (and counter) in which the table's disturbances happen.
+SCAN = 2
+#: Entries of one seat: station -> (count, code). A station that is not named has 0 and 0.
+Entries = dict[int, tuple[int, int]]
+HEADER, BODY = 3, 53  # a bit of the first character, one of the sixth
+
+
+DATA_TICKS = 22 * CHAR
+TIMEOUT = 5 * TIMEOUT_UNIT
+#: A slave's slot and a scan's fixed part, in mode 0.
+SLOT = GAP + POLL_TICKS + TURNAROUND + DATA_TICKS
+FIXED = GAP + DATA_TICKS + OVERHEAD
+WATCHDOG = 2 * TIMEOUT + (TURNAROUND + 7_200) + DATA_TICKS
+
+
+def link(
+    slaves: int = 3, *, whole: bool, attempts: int = 1, probe: bool = False, on_edge: bool = False
+) -> Wire:
+    """A link on which everybody is in RUN from the start."""
+    seats = [master_seat(slaves, attempts=attempts, probe=probe, on_edge=on_edge)]
+    seats += [slave_seat(station, on_edge=on_edge) for station in range(1, slaves + 1)]
+    wire = Wire(*seats, whole=whole)
+    for seat in seats:
+        wire.at(0, lambda seat=seat: seat.start(0))
+    return wire
+
+
+def lose(wire: Wire, station: int, *, attempts: Collection[int] = range(99)) -> None:
+    """This station's replies of the disturbed scan, by attempt, are lost."""
+    heard = [0]
+
+    def vanishes(_reply: int) -> bool:
+        if wire.scans != SCAN + 1:
+            return False
+        heard[0] += 1
+        return heard[0] - 1 in attempts
+
+    wire.seats[station].vanishes = vanishes
+
+
+def spoil(
+    wire: Wire,
+    kind: int,
+    station: int,
+    bits: Collection[int],
+    *,
+    at: Collection[str] | None = None,
+    attempts: Collection[int] = range(99),
+) -> None:
+    """Frames of one kind from (polls: to) a station in the disturbed scan arrive damaged.
+
+    ``at`` names who hears them so (None: everybody), ``attempts`` which of them are meant.
+    """
+    before, seen = wire.spoil, []
+
+    def hook(tx: Tx, seat: Seat) -> Collection[int]:
+        frame = tx.frame
+        if frame is None or (frame.kind, frame.station, frame.counter) != (kind, station, SCAN):
+            return before(tx, seat)
+        if tx not in seen:
+            seen.append(tx)
+        hit = seen.index(tx) in attempts and (at is None or seat.name in at)
+        return bits if hit else before(tx, seat)
+
+    wire.spoil = hook
+
+
+def in_attempt(
+    wire: Wire, station: int, after: int, chars: bytes, *, attempts: Collection[int] = range(99)
+) -> None:
+    """Characters from nowhere, so long after the end of this station's polls in the disturbed scan."""
+    poll = encode_poll(station, SCAN).chars
+    before = wire.spoil
+
+    def hook(tx: Tx, seat: Seat) -> Collection[int]:
+        if tx.chars == poll and tx.frame is not None and tx not in done:
+            if len(done) in attempts:
+                wire.inject(tx.end + after, chars)
+            done.append(tx)
+        return before(tx, seat)
+
+    done: list[Tx] = []
+    wire.spoil = hook
+
+
+def noted(seat: Seat) -> Entries:
+    status = seat.engine.status
+    return {
+        station: (count, code)
+        for station, (count, code) in enumerate(zip(status.counts, status.codes, strict=True))
+        if count or code
+    }
+
+
+def slave_of(seat: Seat) -> Slave:
+    assert isinstance(seat.engine, Slave)
+    return seat.engine
+
+
+def scans(wire: Wire) -> list[ScanEnded]:
+    return [event for event in wire.seats[0].events if isinstance(event, ScanEnded)]
+
+
+def of(seat: Seat, kind: type) -> list[object]:
+    return [event for event in seat.events if type(event) is kind]
+
+
+def silence(seat: Seat, *, on: bool) -> None:
+    """All its replies are lost, or none."""
+    seat.vanishes = lambda _reply: on

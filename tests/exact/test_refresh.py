@@ -1,0 +1,134 @@
+"""The time between refreshes against identities that any such process obeys, and scans played out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bussim.exact.laws import Solved
+from bussim.exact.link import MASTER, LinkModel
+from bussim.exact.refresh import gap_law, gap_laws, pairs
+from bussim.exact.scan import scan_law
+from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
+from tests.exact.links import FULL, PROBE, link, with_burst, with_noise
+from tests.exact.play import play
+
+
+def test_pairs() -> None:
+    model = link(3).with_dead(2)
+    assert pairs(model) == [(0, 1), (0, 3), (1, 0), (1, 3), (3, 0), (3, 1)]
+
+
+def test_without_noise_every_gap_is_a_scan() -> None:
+    solved = Solved(link(3))
+    x = np.linspace(*solved.law.support, 50)
+    for gap in gap_laws(solved).values():
+        assert gap.per_scan == 1
+        assert gap.law.tail(x) == pytest.approx(solved.law.tail(x), abs=1e-12)
+
+
+def test_the_masters_frame_is_missed_scan_by_scan() -> None:
+    # Noise in one listener alone: the master notices nothing, so scans stay plain, and the number of
+    # scans in a gap is geometric.
+    model = with_noise(link(2), "rx", 2, 1e-3)
+    solved = Solved(model)
+    gap = gap_law(solved, MASTER, 2)
+    hit = 1 - (1 - 1e-3) ** model.data_bits
+    assert gap.per_scan == pytest.approx(1 - hit, rel=1e-12)
+    unpolled = scan_law(model)
+    low = unpolled.support[0]
+    for scans in range(1, 6):
+        # Between so many scans and one more (a scan is never twice as long as another unless a poll fails).
+        beyond = float(gap.law.tail(low * (scans + 1) - 1))
+        assert beyond >= hit**scans * (1 - 1e-9)
+    assert gap.law.mean == pytest.approx(unpolled.mean / (1 - hit), rel=1e-9)
+
+
+links = st.builds(
+    lambda slaves, attempts, probe, bus, ear, own, loss, dead: _some_link(
+        slaves, attempts, PROBE if probe else FULL, bus, ear, own, loss, dead
+    ),
+    st.integers(2, 4),
+    st.integers(1, 4),
+    st.booleans(),
+    st.floats(-7, -3.5),
+    st.floats(-7, -3.5),
+    st.floats(-7, -3.5),
+    st.sampled_from([0.0, 0.02]),
+    st.booleans(),
+)
+
+
+def _some_link(
+    slaves: int, attempts: int, absent: object, bus: float, ear: float, own: float, loss: float, dead: bool
+) -> LinkModel:
+    model = link(slaves, attempts=attempts, absent=absent, ber=10**bus, loss=loss)  # type: ignore[arg-type]
+    model = with_noise(with_noise(model, "rx", slaves, 10**ear), "rx", 0, 10**own)
+    return model.with_dead(1) if dead else model
+
+
+@settings(deadline=None, max_examples=12)
+@given(links)
+def test_gaps_fill_the_time(model: LinkModel) -> None:
+    # Whatever the law: receptions a scan × mean gap = mean scan.
+    solved = Solved(model)
+    for gap in gap_laws(solved).values():
+        assert gap.law.lost < 1e-9
+        assert gap.per_scan * gap.law.mean == pytest.approx(solved.law.mean, rel=1e-8)
+        tail = gap.law.tail(np.linspace(*gap.law.support, 100))
+        assert np.all(np.diff(tail) <= 1e-14)
+
+
+@pytest.mark.parametrize("absent", [FULL, PROBE])
+def test_gaps_fill_the_time_with_bursts(absent: object) -> None:
+    model = with_burst(link(2, attempts=2, absent=absent), 2_000, 60, 0, 5e-3)  # type: ignore[arg-type]
+    solved = Solved(with_noise(model, "rx", 1, 1e-5))
+    for gap in gap_laws(solved).values():
+        assert gap.per_scan * gap.law.mean == pytest.approx(solved.law.mean, rel=1e-8)
+
+
+def test_laws_are_shared_only_where_they_are_the_same() -> None:
+    solved = Solved(link(4, ber=1e-4, attempts=1))
+    every = gap_laws(solved)
+    assert every[1, 2].law is every[1, 3].law
+    assert every[1, 2].law is not every[2, 3].law
+    x = np.linspace(*every[1, 0].law.support, 200)
+    # The parameter frame after an error of station 1 falls into its own gap, but before that of station 4.
+    assert np.max(np.abs(every[1, 0].law.tail(x) - every[4, 0].law.tail(x))) > 1e-3
+    # One for the master's frame, two for each slave's: heard by the master and by a listener.
+    assert len({id(gap.law) for gap in every.values()}) == 9
+    assert len({id(gap.law) for gap in gap_laws(solved, by_place=False).values()}) == 3
+
+
+PLAYED = {
+    "bus": link(2, ber=3e-4, attempts=2),
+    "probed": link(2, ber=2e-4, loss=0.3, attempts=2, absent=PROBE),
+    "one ear": with_noise(link(3, ber=1e-5, attempts=2), "rx", 2, 8e-4),
+    "the master's ear": with_noise(link(2, attempts=3), "rx", 0, 6e-4),
+    "a dead one before": with_noise(link(3, attempts=1, ber=1e-4), "rx", 3, 1e-3).with_dead(1),
+}
+
+
+@pytest.mark.parametrize("name", PLAYED)
+def test_gaps_played_out(name: str) -> None:
+    model, scans = PLAYED[name], 6_000
+    seen = play(model, scans, seed=sum(map(ord, name)))
+    for (source, receiver), gap in gap_laws(Solved(model)).items():
+        if name == "a dead one before" and (source, receiver) == (2, 3):
+            continue  # there the poll counts as well, which the player does not play
+        sample = seen.gaps[source, receiver]
+        assert kolmogorov(gap.law, sample[::2]) < KOLMOGOROV
+        if gap.per_scan < 1:
+            assert off_by(len(sample), scans, gap.per_scan, 2.0) < SIGMAS
+
+
+def test_an_open_poll_must_be_closed_by_hearing_the_next() -> None:
+    # Station 1 is dead: its poll stays open in station 3, which takes station 2's reply only if it
+    # heard station 2's poll; with nobody dead it would take it anyway.
+    model = with_noise(link(3), "rx", 3, 1e-3)
+    fine = 1 - 1e-3
+    assert gap_law(Solved(model), 2, 3).per_scan == pytest.approx(fine**model.data_bits, rel=1e-9)
+    dead = gap_law(Solved(model.with_dead(1)), 2, 3).per_scan
+    assert dead == pytest.approx(fine**model.data_bits * fine**model.poll_bits, rel=1e-9)

@@ -1,0 +1,250 @@
+"""The law of a scan without bursts against exact arithmetic, and against scans played out."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import product
+from math import comb, factorial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bussim.exact.laws import Solved
+from bussim.exact.link import LinkModel, frame_ticks
+from bussim.exact.scan import any_flag, fails_of, mean_exchange, odds_of, scan_law, scan_terms
+from bussim.plc.profiles import Turnaround
+from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
+from tests.exact.links import FULL, MS, PROBE, change, link, with_noise
+from tests.exact.play import play
+
+#: Link scan times in ms published for the FX series (JY992D69901 rev. E, chapter 4), by stations and mode.
+PUBLISHED = {
+    0: (18, 26, 33, 41, 49, 57, 65),
+    1: (22, 32, 42, 52, 62, 72, 82),
+    2: (34, 50, 66, 83, 99, 115, 131),
+}
+
+
+@pytest.mark.parametrize(("mode", "slaves"), list(product(PUBLISHED, range(1, 8))))
+def test_the_published_table(mode: int, slaves: int) -> None:
+    assert abs(scan_law(link(slaves, mode=mode)).mean / MS - PUBLISHED[mode][slaves - 1]) < 0.65
+
+
+def test_no_noise_is_the_turnarounds_law() -> None:
+    model = link(3)
+    law = scan_law(model)
+    assert law.weight.tolist() == [1.0]
+    fixed = model.gap + model.data + model.overhead + 3 * (model.gap + model.poll + model.data)
+    assert law.support == (fixed + 3 * 22_860, fixed + 3 * 37_260)
+    assert law.mean == fixed + 3 * 30_060
+    assert law.variance == pytest.approx(3 * 14_400**2 / 12)
+    # Of three uniforms: P(sum > 2.5) = 0.5³ / 6.
+    assert law.tail(fixed + 3 * 22_860 + 2.5 * 14_400) == pytest.approx(0.125 / 6, rel=1e-12)
+
+
+def test_a_constant_turnaround_leaves_a_point() -> None:
+    law = scan_law(link(2, turnaround=Turnaround(30_060, 0)))
+    assert law.variance == 0
+    assert law.quantile(1e-9) == law.mean == law.support[0]
+    assert law.tail(law.mean) == 0
+    assert law.tail(law.mean - 1) == 1
+
+
+@pytest.mark.parametrize(("absent", "attempts"), [(FULL, 4), (PROBE, 1)])
+def test_every_reply_lost_is_a_point(absent: object, attempts: int) -> None:
+    model = link(2, loss=1.0, absent=absent)  # type: ignore[arg-type]
+    law = scan_law(model)
+    expected = model.base + 2 * attempts * model.silent_cost + model.gap + model.parameters
+    assert law.support == (expected, expected)
+    assert law.weight.sum() == 1
+    assert [fails_of(odds, 4, model.absent).error for odds in odds_of(model)] == [1.0, 1.0]
+
+
+def test_one_slave_with_reply_loss() -> None:
+    model = link(1, loss=0.25, turnaround=Turnaround(30_060, 0))
+    law = scan_law(model)
+    answered = model.base + model.answered(model.stations[0]) + 30_060
+    loss = Fraction(1, 4)
+    for failed in range(4):
+        at = answered + failed * model.silent_cost
+        expected = loss**failed * (1 - loss)
+        assert law.tail(at - 1) - law.tail(at) == pytest.approx(float(expected), rel=1e-12)
+    last = model.base + 4 * model.silent_cost + model.parameters_cost
+    assert law.tail(last - 1) == pytest.approx(float(loss**4), rel=1e-15)
+
+
+def test_odds_in_exact_fractions() -> None:
+    p = Fraction(3, 4096)  # exact as a float
+    model = with_noise(with_noise(link(2, ber=float(p), loss=0.125), "rx", 0, float(p)), "tx", 1, float(p))
+    q = 1 - p
+    twice = 1 - (q * q + p * p)  # on the wire, and in the master's receiver or on the sender's side
+    thrice = 1 - ((1 - twice) * q + twice * p)
+    poll, bits = q**50, model.data_bits
+    kept = Fraction(7, 8)
+    for odds, rate in zip(odds_of(model), (thrice, twice), strict=True):
+        clean = 1 - rate
+        assert odds.answered == pytest.approx(float(poll * kept * clean**bits), rel=1e-13)
+        assert odds.torn == pytest.approx(float(poll * kept * clean**10 * (1 - clean ** (bits - 10))), rel=1e-13)
+        assert odds.silent == pytest.approx(
+            float((1 - poll) + poll * (1 - kept) + poll * kept * (1 - clean**10)), rel=1e-13
+        )
+
+
+# -- every outcome of every attempt, enumerated ------------------------------------------------------
+
+
+def uniform_tail(count: int, y: Fraction, width: int) -> Fraction:
+    if count == 0:
+        return Fraction(int(y < 0))
+    t = count - y / width
+    if t <= 0 or t >= count:
+        return Fraction(int(t >= count))
+    return sum(((-1) ** k * comb(count, k) * (t - k) ** count for k in range(count + 1) if t > k), Fraction(0)) / factorial(count)
+
+
+def exchanges(model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], attempts: int) -> Iterator[tuple[Fraction, int, int, bool]]:
+    """(probability, ticks, turnarounds, in error) of every course of an exchange."""
+    answered, silent, torn = chances
+    whole = model.gap + model.poll + model.data + 22_860
+    for failed in range(attempts + 1):
+        for course in product((True, False), repeat=failed):
+            weight, ticks = Fraction(1), 0
+            for is_silent in course:
+                weight *= silent if is_silent else torn
+                ticks += model.silent_cost if is_silent else whole + frame_ticks(2)
+            if failed < attempts:
+                yield weight * answered, ticks + whole, course.count(False) + 1, False
+            else:
+                yield weight, ticks, course.count(False), True
+
+
+def enumerated_tail(model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], mixture: list[tuple[Fraction, int]], x: Fraction) -> Fraction:
+    total = Fraction(0)
+    alike: dict[tuple[int, int, bool], Fraction] = defaultdict(Fraction)
+    for share, attempts in mixture:
+        for weight, *what in exchanges(model, chances, attempts):
+            alike[tuple(what)] += share * weight  # type: ignore[index]
+    single = [(weight, *what) for what, weight in alike.items() if weight]
+    for course in product(single, repeat=len(model.stations)):
+        weight = Fraction(1)
+        for part in course:
+            weight *= part[0]
+        ticks = model.base + sum(part[1] for part in course)
+        if any(part[3] for part in course):
+            ticks += model.gap + model.parameters
+        total += weight * uniform_tail(sum(part[2] for part in course), x - ticks, 14_400)
+    return total
+
+
+@pytest.mark.parametrize("absent", [FULL, PROBE])
+@pytest.mark.parametrize("ber", [2.0**-20, 2.0**-13])
+def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> None:
+    model = link(2, mode=0, attempts=3, ber=ber, absent=absent)  # type: ignore[arg-type]
+    law = scan_law(model)
+    p = Fraction(ber)
+    q = 1 - p
+    poll, bits = q**50, model.data_bits
+    chances = (poll * q**bits, 1 - poll + poll * (1 - q**10), poll * q**10 * (1 - q ** (bits - 10)))
+    fail = 1 - chances[0]
+    flagged = fail**3 / (1 - fail + fail**3) if absent is PROBE else Fraction(0)
+    mixture = [(1 - flagged, 3), (flagged, 1)]
+    seen = []
+    for level in (0.5, 1e-3, 1e-6, 1e-9, 1e-12):
+        x = law.quantile(level)
+        expected = float(enumerated_tail(model, chances, mixture, Fraction(x)))
+        assert float(law.tail(x)) == pytest.approx(expected, rel=1e-10)
+        seen.append(expected)
+    # The quantiles are where they should be, but for levels that fall between two lobes.
+    assert seen[0] == pytest.approx(0.5, rel=1e-3)
+    assert all(p <= level * 1.001 for p, level in zip(seen, (0.5, 1e-3, 1e-6, 1e-9, 1e-12), strict=True))
+
+
+# -- properties --------------------------------------------------------------------------------------
+
+links = st.builds(
+    lambda slaves, mode, attempts, timeout, probe, exponent, loss: link(
+        slaves,
+        mode=mode,
+        attempts=attempts,
+        timeout=timeout,
+        absent=PROBE if probe else FULL,
+        ber=10.0**exponent,
+        loss=loss,
+    ),
+    st.integers(1, 7),
+    st.integers(0, 4),
+    st.integers(1, 11),
+    st.sampled_from([50, 60, 100, 2250]),
+    st.booleans(),
+    st.floats(-9, -2.5),
+    st.sampled_from([0.0, 1e-6, 0.01, 0.4]),
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(links)
+def test_properties_of_any_link(model: LinkModel) -> None:
+    terms = scan_terms(model)
+    law = terms.law(model.timeout)
+    assert law.weight.sum() == pytest.approx(1, abs=1e-11)
+    assert np.all(law.weight > 0)
+    odds = odds_of(model)
+    assert all(sum(o) == pytest.approx(1, abs=1e-12) for o in odds)
+    fails = [fails_of(o, model.attempts, model.absent) for o in odds]
+    assert all(0 <= f.onset <= f.error <= 1 for f in fails)
+    assert terms.weight[terms.flagged].sum() == pytest.approx(any_flag(fails), rel=1e-9, abs=1e-29)
+    # The mean from the lobes and the mean from the exchanges' means.
+    means = [mean_exchange(model, s, o) for s, o in zip(model.stations, odds, strict=True)]
+    direct = model.base + sum(m.fixed + m.waits * model.timeout for m in means)
+    assert law.mean == pytest.approx(direct + model.parameters_cost * any_flag(fails), rel=1e-10)
+    x = np.linspace(*law.support, 300)
+    tail = law.tail(x)
+    assert np.all(np.diff(tail) <= 1e-15)
+    assert tail[-1] == 0
+    for q in (0.3, 1e-4, 1e-8):
+        at = law.quantile(q)
+        assert law.tail(at + 0.1) <= q * (1 + 1e-3)
+        assert law.tail(at - 0.1) >= q * (1 - 1e-3)
+
+
+def test_a_stationary_flag_under_probe() -> None:
+    # The chain of one station, stepped until it stands still.
+    odds = odds_of(link(1, ber=1e-3))[0]
+    on = 0.0
+    for _ in range(2_000):
+        on = on * odds.failed + (1 - on) * odds.failed**3
+    assert fails_of(odds, 3, PROBE).error == pytest.approx(on, rel=1e-12)
+    assert fails_of(odds, 3, PROBE).onset == pytest.approx((1 - on) * odds.failed**3, rel=1e-12)
+
+
+# -- scans played out --------------------------------------------------------------------------------
+
+PLAYED = {
+    "two different stations": change(change(link(2, ber=2e-4, attempts=2), 1, extra=5 * MS), 2, loss=0.1),
+    "a slow station alone": change(link(3, ber=1e-4), 2, extra=20 * MS, turnaround=Turnaround(90_000, 54_000)),
+    "one dead": link(3, ber=3e-4, attempts=2).with_dead(2),
+    "one dead, probed": link(3, ber=3e-4, attempts=3, absent=PROBE).with_dead(1),
+    "noise in the master": with_noise(link(2, attempts=2), "rx", 0, 4e-4),
+    "noise in a slave": with_noise(link(2, attempts=2), "rx", 2, 4e-3),
+    "noise of a sender": with_noise(link(2, attempts=2, absent=PROBE), "tx", 1, 8e-4),
+    "measured turnaround": link(3, ber=2e-4, turnaround=Turnaround(0, 0, (21_600, 72_000, 180_000), (5, 3, 1))),
+    "heavy": link(2, ber=1e-3, attempts=2, absent=PROBE),
+}
+
+
+@pytest.mark.parametrize("name", PLAYED)
+def test_scans_played_out(name: str) -> None:
+    model, scans = PLAYED[name], 10_000
+    seen = play(model, scans, seed=sum(map(ord, name)))
+    solved = Solved(model)
+    assert kolmogorov(solved.law, seen.scans[::3]) < KOLMOGOROV
+    for station, fails in zip(model.stations, solved.fails, strict=True):
+        if station.alive:
+            stay = odds_of(model)[station.number - 1].failed if model.absent is PROBE else 0.0
+            clumping = (1 + stay) / (1 - stay)
+            assert off_by(seen.errors.get(station.number, 0), scans, fails.error, clumping) < SIGMAS
+            assert off_by(seen.onsets.get(station.number, 0), scans, fails.onset, clumping) < SIGMAS
