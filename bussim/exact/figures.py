@@ -26,12 +26,14 @@ class Request:
 
     ``levels`` are probabilities of exceeding by the keys that the user wrote; ``deadlines`` and
     ``mission`` are ticks; ``missed_per_year`` is how often a heartbeat may be missed falsely.
+    ``refresh`` asks for the times between refreshes, which take by far the longest on a very noisy line.
     """
 
     levels: Mapping[str, float] = field(default_factory=lambda: {"1e-3": 1e-3, "1e-6": 1e-6, "1e-9": 1e-9})
     deadlines: tuple[int, ...] = ()
     mission: int = YEAR
     missed_per_year: float = 0.1
+    refresh: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +188,7 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
         detect_mean=slowest.mean if slowest else None,
         detect_longest=max((d.longest for d in found), default=None),
         detect={key: slowest.quantiles[level] for key, level in request.levels.items()} if slowest else {},
-        refresh=_refreshes(solved, request),
+        refresh=_refreshes(solved, request) if request.refresh else {},
     )
 
 

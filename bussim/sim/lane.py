@@ -67,8 +67,10 @@ class Lane:
                 took = tuple(hearer.seat for hearer in hearers if hearer is not slave)
                 missed = tuple(seat for seat in others if seat not in took)
                 reply = bus.timing.characters(data_chars(master.config.settings.mode))
-                longest = self._poll + slave.longest_turnaround + reply
-                way = _Way(slave, engine, slave.turnaround, missed, took if missed else None, longest)
+                answered = slave.longest_turnaround + reply
+                if answered <= master.config.timeout:
+                    longest = self._poll + answered
+                    way = _Way(slave, engine, slave.turnaround, missed, took if missed else None, longest)
         self._ways[station] = way
         return way
 

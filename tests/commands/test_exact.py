@@ -1,0 +1,113 @@
+"""``bussim exact`` and ``bussim size`` as a user meets them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+import bussim
+from bussim.cli import main
+from bussim.commands import exact, size
+from bussim.commands.verify import verify
+from bussim.errors import RunError, UsageError
+
+
+def invoke(command: object, *args: str) -> Result:
+    return CliRunner().invoke(command, list(args))  # type: ignore[arg-type]  # click's own commands
+
+
+def link(command: object, *args: str) -> dict[str, object]:
+    result = invoke(command, *args, "--json")
+    if result.exception is not None and not isinstance(result.exception, RunError):
+        raise result.exception
+    found = json.loads(result.stdout)
+    assert found["schema"] == 1
+    return dict(found["links"]["link"])
+
+
+def test_json_has_the_promised_keys() -> None:
+    found = link(exact.command, "electrical_noise", "--q", "1e-3,1e-6", "--deadline", "100ms")
+    assert found["valid"] is True
+    assert found["reasons"] == []
+    assert set(found["quantiles_ms"]) == {"1e-3", "1e-6"}  # type: ignore[call-overload]
+    assert set(found["p_scan_over_ms"]) == {"100"}  # type: ignore[call-overload]
+    for key in ("mean_ms", "sd_ms", "false_errors_per_year", "one_dead_ms", "two_dead_ms", "detect_ms"):
+        assert found[key] is not None
+    assert set(found["station_error_per_scan"]) == {"1", "2", "3"}  # type: ignore[call-overload]
+
+
+def test_no_noise_is_the_formula_of_a_link_scan() -> None:
+    # gap + 54 characters, then gap + poll + turnaround + 54 characters, and the overhead (mode 2).
+    character = 10 / 38.4
+    expected = 0.4175 + 54 * character + 2 * 0.4175 + 5 * character + 54 * character + 3.52
+    assert link(exact.command, "two_stations")["mean_ms"] == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["slow_slave_short_timeout", "same_number_twice", "drive_impulses"])
+def test_where_the_closed_form_does_not_hold_it_says_so(name: str) -> None:
+    found = link(exact.command, name)
+    assert found["valid"] is False
+    assert found["reasons"]
+    assert found["mean_ms"] is None
+    assert "no exact law" in invoke(exact.command, name).stdout
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (("--q", "often"), "--q has 'often'"),
+        (("--q", "2"), "allowed 1e-15"),
+        (("--deadline", "100"), "without a unit"),
+        (("--mission", "0 s"), "above 0"),
+        (("--out", "x"), "--plot"),
+    ],
+)
+def test_bad_options(args: tuple[str, ...], said: str) -> None:
+    result = invoke(exact.command, "two_stations", *args)
+    assert isinstance(result.exception, UsageError)
+    assert said in str(result.exception)
+
+
+def test_pictures(tmp_path: Path) -> None:
+    result = invoke(
+        exact.command, "electrical_noise", "--set", "duration=5 s", "--plot", "--out", str(tmp_path)
+    )
+    assert result.exception is None
+    assert {path.name for path in tmp_path.iterdir()} == {"law_link.png", "law_link.svg"}
+
+
+def test_size_recommends_and_prints_the_lines_to_paste(tmp_path: Path) -> None:
+    result = invoke(size.command, "electrical_noise", "--out", str(tmp_path))
+    assert result.exception is None
+    assert "MOV K4 D8179" in result.stdout
+    assert "attempts" in result.stdout
+    assert {path.name for path in tmp_path.iterdir()} == {"size.json", "size_link.png", "size_link.svg"}
+
+
+def test_without_noise_the_ladder_is_shown_and_retries_remain() -> None:
+    found = link(size.command, "two_stations")
+    assert found["assumed_noise"] == "ladder"
+    assert found["recommended"]["attempts"] >= 3  # type: ignore[index]
+    assert "no noise is given" in invoke(size.command, "two_stations").stdout
+
+
+def test_a_goal_that_cannot_be_met_is_refused_with_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["size", "electrical_noise", "--goal", "dead<=200ms"]) == 1
+    said = capsys.readouterr().out
+    assert "not to be met" in said
+    assert "would help" in said
+
+
+def test_a_wrong_goal_names_the_forms() -> None:
+    result = invoke(size.command, "two_stations", "--goal", "deed<=100ms")
+    assert isinstance(result.exception, UsageError)
+    assert "dead" in str(result.exception)
+
+
+def test_simulation_agrees_with_the_law() -> None:
+    verdict = verify(bussim.load("electrical_noise"), "link", 0, 50 * 72_000, None)
+    assert verdict.agrees
+    assert verdict.errors > 100  # without retries the noise is seen, so the agreement says something
