@@ -69,6 +69,11 @@ def format_time(ticks: int) -> str:
     return f"{micros.quantize(Decimal('0.00001')).normalize():f} us"
 
 
+def format_ms(ticks: int) -> str:
+    """A time in milliseconds with a microsecond's resolution, for messages: ``40.418 ms``."""
+    return f"{ticks / TICKS_PER_MS:.3f}".rstrip("0").rstrip(".") + " ms"
+
+
 def seconds(ticks: int) -> float:
     """Ticks as seconds, for tables and plots."""
     return ticks / TICKS_PER_SECOND

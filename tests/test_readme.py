@@ -27,10 +27,8 @@ PUBLISHED = {
 
 
 def link(stations: int, mode: int, profile: str) -> str:
-    plcs = [
-        f"  - {{name: p0, profile: {profile}, scan: 8 ms, nn: {{bus: link, port: COM4, station: 0, "
-        f"slaves: {stations - 1}, mode: {mode}}}}}"
-    ]
+    settings = f"bus: link, port: COM4, station: 0, slaves: {stations - 1}, mode: {mode}"
+    plcs = [f"  - {{name: p0, profile: {profile}, scan: 8 ms, nn: {{{settings}}}}}"]
     plcs += [
         f"  - {{name: p{k}, profile: {profile}, scan: 8 ms, nn: {{bus: link, port: COM4, station: {k}}}}}"
         for k in range(1, stations)

@@ -6,11 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from bussim.exact.laws import Solved
 from bussim.exact.link import LinkModel
 from bussim.exact.lobes import Law
 from bussim.exact.outages import clean_scan, dead_means, detection, longest_scan, ride_through
 from bussim.exact.refresh import GapLaw, gap_laws
+from bussim.exact.sums import Floats
 from bussim.exact.words import ms, scans_over, years_between
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, UNIT_TICKS
 
@@ -57,7 +60,9 @@ class Figures:
     ``error_per_scan`` is each living station's chance to be in error in a scan, ``error_per_year`` to
     be so at least once in a year; ``errors_per_year`` counts all scans of all living stations that
     are in error, ``onsets_per_year`` the times a flag goes on. ``maximum`` has quantiles of D8202 over
-    ``mission``, by probability of exceeding, neighbouring scans taken as independent.
+    ``mission``, by probability of exceeding, neighbouring scans taken as independent. ``detect_*`` are
+    for the station that takes longest; with everybody else silent as well a death is noticed within
+    ``worst_case``.
     """
 
     model: LinkModel
@@ -117,6 +122,7 @@ class Figures:
             "detect_ms": {
                 "mean": _ms(self.detect_mean),
                 "max": _ms(self.detect_longest),
+                "bound": _ms(self.worst_case if self.detect_mean is not None else None),
                 **{key: _ms(x) for key, x in self.detect.items()},
             },
             "refresh_gap_ms": {
@@ -137,6 +143,19 @@ class Figures:
         if self.model.alive and self.onsets_per_year is not None:
             said.append(years_between(self.onsets_per_year))
         return said
+
+
+def tail_curve(law: Law, least: float = 1e-12, points: int = 2_000) -> tuple[Floats, Floats]:
+    """Points of P(scan > x) for a plot with a logarithmic axis: x in ms, and the probabilities.
+
+    From the least scan to the one exceeded with probability ``least``; both ends of every lobe that
+    matters are among the points, so that steps stay steep.
+    """
+    low, high = law.support[0], law.quantile(least)
+    heavy = law.weight >= least
+    ends = np.concatenate((law.shift[heavy], law.upper[heavy], np.linspace(low, high, points)))
+    x = np.unique(ends[(ends >= low) & (ends <= high)])
+    return x / TICKS_PER_MS, law.tail(x)
 
 
 def _ms(ticks: float | None) -> float | None:
@@ -160,9 +179,11 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
     scans = YEAR / law.mean
     chances = {s.number: f for s, f in zip(model.stations, solved.fails, strict=True) if s.alive}
     lost = ride_through(model)
-    longest = {level: level for level in request.levels.values()}
-    found = [detection(model, law, station, tuple(longest)) for station in model.alive]
-    slowest = max(found, key=lambda d: d.mean, default=None)
+    found = [detection(model, law, station) for station in model.alive]
+    slowest = None
+    if found:
+        number = max(found, key=lambda d: d.mean).station
+        slowest = detection(model, law, model.station(number), tuple(request.levels.values()))
     return Figures(
         model,
         valid=True,

@@ -184,7 +184,7 @@ class _Row:
         """Followed by something that takes time."""
 
         def by(row: Floats, matrix: Stack) -> Floats:
-            return np.asarray((row[:, :, None] * matrix).sum(axis=1), dtype=np.float64)
+            return np.asarray(np.einsum("ts,tsu->tu", row, matrix), dtype=np.float64)
 
         return _Row(
             by(self.zero, other.zero),
@@ -211,5 +211,5 @@ def _stationary(step: Stack) -> Floats:
     law = np.maximum(np.linalg.solve(system, right)[..., 0], 0.0)
     # Subtraction left errors near 1e-16; a few steps of the chain wash them out of small weights.
     for _ in range(4):
-        law = (law[:, :, None] * step).sum(axis=1)
+        law = np.einsum("ts,tsu->tu", law, step)
     return np.asarray(law / law.sum(axis=1, keepdims=True), dtype=np.float64)

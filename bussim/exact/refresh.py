@@ -71,9 +71,7 @@ def pairs(model: LinkModel) -> list[tuple[int, int]]:
     return [(s, r) for s in sources for r in (MASTER, *hearing) if s != r]
 
 
-def gap_laws(
-    solved: Solved, floor: float = FLOOR, *, by_place: bool = True
-) -> dict[tuple[int, int], GapLaw]:
+def gap_laws(solved: Solved, floor: float = FLOOR, *, by_place: bool = True) -> dict[tuple[int, int], GapLaw]:
     """The laws of all pairs; lobes lighter than ``floor`` are dropped.
 
     Pairs that do not differ share one law. Equal stations at different places in the scan differ only

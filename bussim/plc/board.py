@@ -136,6 +136,8 @@ class LinkBoard:
         self._registers = profile.devices
         self.engine: LinkEngine | None = None
         self.place: BlockPlace | None = None
+        #: Whether it takes no part in the link because its parameters are bad.
+        self.refusing = False
         #: The refresh mode in force, None for a slave that does not know it.
         self.mode: int | None = None
 
@@ -149,6 +151,7 @@ class LinkBoard:
         memory, profile = self._memory, self._profile
         values = {address: memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
         self.engine, self.place, self.mode = None, None, None
+        self.refusing = False
         self._publish_status(LinkStatus())
         station = values[D_STATION]
         if bad_parameters(profile, values):
@@ -177,6 +180,7 @@ class LinkBoard:
         """Bad parameters: M8063 on, D8063 = 7348 (COM3) or 7448 (COM4), no link."""
         self.report_error(selected_port(self._memory), BAD_PARAMETERS)
         self.place, self.mode = None, None
+        self.refusing = True
 
     def report_error(self, port: str, code: int) -> None:
         """M8063 on and D8063 = 7xyy (:func:`serial_error`)."""

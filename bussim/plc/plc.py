@@ -63,6 +63,7 @@ class Plc:
         self._registers = {parse_device(name): value for name, value in registers.items()}
         self._sources = {parse_device(name): source for name, source in sources.items()}
         self._linked = linked
+        self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
 
@@ -81,6 +82,8 @@ class Plc:
         for device, value in self._registers.items():
             self.memory.set(device, value)
         self.board = LinkBoard(self.profile, self.memory)
+        for port, code in self._board_errors:
+            self.board.report_error(port, code)
         self.state = PlcState.STOP
 
     def run(self, now: int, *, traced: bool) -> tuple[LinkEngine | None, int]:
@@ -109,6 +112,21 @@ class Plc:
         if self.state is PlcState.RUN:
             self.stop(now)
         self.state = PlcState.OFF
+
+    def board_error(self, port: str, code: int) -> None:
+        """The exchange with a port's board fails from now on: M8063 on, D8063 = 7xyy."""
+        self._board_errors.append((port, code))
+        self.board.report_error(port, code)
+
+    def board_error_over(self, port: str, code: int) -> None:
+        """It works again: M8063 goes off unless something else keeps it on; D8063 stays."""
+        self._board_errors.remove((port, code))
+        if self._board_errors:
+            self.board.report_error(*self._board_errors[-1])
+        elif self.board.refusing:
+            self.board.refuse()
+        else:
+            self.board.error_over()
 
     def parameters(self, settings: LinkSettings, now: int) -> None:
         """A slave has learnt the master's settings: its block may lie elsewhere now."""

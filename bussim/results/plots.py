@@ -57,6 +57,9 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
             axes.set_ylim(bottom=0.6)
         if len(runs) == 1:
             heading = f"{run_labels(runs)[0]}: {histograms[0].count:,} link scans on {bus}"
+            attempts = runs[0].summary["links"][bus]["attempts"]
+            if attempts is not None:
+                heading += f", {attempts} attempts a poll"
             handles = _explain_one(links[0])
         else:
             heading = f"link scans on {bus}"

@@ -68,6 +68,8 @@ def _show_times(console: Console, link: dict[str, Any]) -> None:
         for key, what in (("collisions", "collision"), ("undetected_frames", "undetected damaged frame"))
         if link[key]
     ]
+    if link["undetected_frames"]:
+        oddities[-1] += " (rests on the assumed frame layout)"
     if oddities:
         _say(console, f"  also             {', '.join(oddities)}")
 

@@ -6,6 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from bussim.engines.nn.frames import MODES, data_chars
+from bussim.line.characters import NN_LINE
 from bussim.scenario.fields import (
     Baud,
     Format,
@@ -21,8 +23,9 @@ from bussim.scenario.fields import (
 )
 from bussim.scenario.schema import Model, given_of, only_one
 
-#: The longest frame: six characters around the 72 bytes of mode 4, two characters each, of ten bits.
-LONGEST_FRAME = 6 + 2 * 72
+#: Characters and bits of the longest frame.
+LONGEST_FRAME = max(data_chars(mode) for mode in range(len(MODES)))
+LONGEST_BITS = LONGEST_FRAME * NN_LINE.format.bits
 #: Codes of D8063 that no frame can cause (PW10, section 8; ports COM3 to COM6).
 BOARD_CODES = (*range(10, 20), *range(40, 48), 49)
 
@@ -191,8 +194,8 @@ class FlipBitsIn(StationIn):
 
     direction: Side = "tx"
     bits: Annotated[
-        list[Annotated[int, whole(0, LONGEST_FRAME * 10 - 1)]],
-        Field(min_length=1, max_length=LONGEST_FRAME * 10),
+        list[Annotated[int, whole(0, LONGEST_BITS - 1)]],
+        Field(min_length=1, max_length=LONGEST_BITS),
     ]
     frame: Annotated[str, choice("data", "poll", "parameters")] | None = None
 

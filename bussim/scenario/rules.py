@@ -102,6 +102,10 @@ def _check_link_bus(path: Path, name: str, buses: Sequence[Entry[BusIn]], report
         report.error(path, f"is {name}, which is not an N:N link; give that bus nn: true")
 
 
+#: What the link writes: mirrors of its settings, times, counts and codes, and flags.
+_STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
+
+
 def _check_registers(entry: Entry[PlcIn], plc: PlcIn, report: Report) -> None:
     path = (*entry.path, "registers")
     seen: dict[Device, str] = {}
@@ -114,6 +118,10 @@ def _check_registers(entry: Entry[PlcIn], plc: PlcIn, report: Report) -> None:
         seen[device] = name
         if not device.is_word and value not in (0, 1):
             report.error((*path, name), f"is {value}, allowed 0, 1")
+        if any(
+            device.letter == letter and first <= device.address <= last for letter, first, last in _STATUS
+        ):
+            report.warn((*path, name), "is written by the link itself: the value given here is lost")
 
 
 def _device(path: Path, name: str, report: Report) -> Device | None:

@@ -45,8 +45,8 @@ class Bus:
         self._gallery_timer = kernel.timer(self._watch_gallery, DEADLINES)
         self.character = timing.characters(1)
         self._air: list[Transmission] = []
-        # Drivers that are on: frames, jabber, and tails of late release.
-        self._drivers = 0
+        #: Drivers that are on: frames, jabber, and tails of late release.
+        self.drivers = 0
         self._busy_since = 0
         self._audiences: dict[int, Audience] = {}
         self._segments: list[int] = []
@@ -164,7 +164,7 @@ class Bus:
         self.frames += 1
         if self.disturber.active:
             self.disturber.disturb(tx)
-        if self._drivers or tx.damaged or not port.nominal:
+        if self.drivers or tx.damaged or not port.nominal:
             self._begin_otherwise(tx, now)
             return tx
         # The ordinary case: an undamaged frame on a quiet line.
@@ -173,7 +173,7 @@ class Bus:
         if single:
             self._spell_out(tx, single, now)
         self._air.append(tx)
-        self._drivers = 1
+        self.drivers = 1
         return tx
 
     def _begin_otherwise(self, tx: Transmission, now: int) -> None:
@@ -209,7 +209,7 @@ class Bus:
     def _drive(self, tx: Transmission, now: int, *, counted: bool = True) -> None:
         sender = tx.sender
         self._dissolve()
-        if self._drivers:
+        if self.drivers:
             self._crowd(tx, now, counted=counted)
         else:
             self._busy_since = now
@@ -223,7 +223,7 @@ class Bus:
             if single:
                 self._spell_out(tx, single, now)
         self._air.append(tx)
-        self._drivers += 1
+        self.drivers += 1
 
     def _spell_out(self, tx: Transmission, ports: Iterable[Port], now: int) -> None:
         """These ports hear a transmission that begins now character by character."""
@@ -278,8 +278,8 @@ class Bus:
             return
         self._air.remove(tx)
         if not port.tail:
-            self._drivers -= 1
-        if self._drivers:
+            self.drivers -= 1
+        if self.drivers:
             if not port.tail and not port.jabbering:
                 self.join_midway(port, now)
         else:
@@ -385,8 +385,8 @@ class Bus:
             self._record(tx)
 
     def _count_driver_off(self, now: int) -> None:
-        self._drivers -= 1
-        if not self._drivers:
+        self.drivers -= 1
+        if not self.drivers:
             self.busy += now - self._busy_since
 
     def driver_kept(self, now: int) -> None:
@@ -466,7 +466,7 @@ class Bus:
     def close(self, now: int) -> None:
         """The run is over (for now): count a driver that is still on."""
         self.gallery.sync()
-        if self._drivers:
+        if self.drivers:
             self.busy += now - self._busy_since
             self._busy_since = now
 

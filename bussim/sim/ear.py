@@ -102,10 +102,6 @@ class Ear:
             if piece.tx is tx and piece.until is None:
                 piece.until = until
 
-    def hears(self, tx: Transmission) -> bool:
-        """Whether a transmission reaches this port now."""
-        return any(piece.tx is tx and piece.until is None for piece in self._pieces)
-
     def replan(self, now: int) -> None:
         """The line has changed: find the next character anew, delivering what is complete by now."""
         pieces = self._pieces

@@ -92,8 +92,8 @@ class FaultPlan:
             self._switch(plc, 1)(now)
             return self._switch(plc, -1)
         if isinstance(kind, model.BoardError):
-            self._plcs[plc].board.report_error(kind.port, kind.code)
-            return lambda _: self._plcs[plc].board.error_over()
+            self._plcs[plc].board_error(kind.port, kind.code)
+            return lambda _: self._plcs[plc].board_error_over(kind.port, kind.code)
         port = self._ports.get(plc)
         if port is None:
             return None  # the rest are a link port's faults

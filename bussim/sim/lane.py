@@ -86,7 +86,7 @@ class Lane:
             return False
         slave, engine, draw, missed, took, longest = way
         gallery, kernel, disturber = bus.gallery, self._kernel, bus.disturber
-        if slave.pending or slave.sending or gallery.pending >= 0 or self._peek() <= now + longest:
+        if bus.drivers or slave.pending or gallery.pending >= 0 or self._peek() <= now + longest:
             return False
         end = now + self._poll
         frame = master.begin_transmit(now, _NO_IMAGE)

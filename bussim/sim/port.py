@@ -42,7 +42,6 @@ class Port:
         "_start_timer",
         "_turnarounds",
         "bus",
-        "character_ticks",
         "ear",
         "engine",
         "extra_turnaround",
@@ -67,7 +66,6 @@ class Port:
         self.timing = bus.timing
         #: Whether it sends and receives with the bus's own rate, format and clock.
         self.nominal = True
-        self.character_ticks = bus.timing.characters(1)
         self.ear = Ear(self, kernel, self.timing)
         #: The link's engine; None unless the PLC is in RUN with good parameters.
         self.engine: LinkEngine | None = None

@@ -30,6 +30,7 @@ from bussim.plc.board import (
 )
 from bussim.plc.plc import Plc
 from bussim.trace import AttemptRecord, NoteRecord, ScanRecord, Sink
+from bussim.units import format_ms
 
 if TYPE_CHECKING:
     from bussim.sim.port import Port
@@ -38,10 +39,14 @@ if TYPE_CHECKING:
 class Reporter:
     """Writes one bus's records. ``names`` are the first PLC with each station number.
 
-    A bus with several masters is reported as its ``primary`` one sees it: the first along the cable.
+    Answers later than ``longest_turnaround`` ticks are worth naming. A bus with several masters is
+    reported as its ``primary`` one sees it: the first along the cable.
     """
 
-    def __init__(self, bus: str, sink: Sink, names: dict[int, str], primary: str | None) -> None:
+    def __init__(
+        self, bus: str, sink: Sink, names: dict[int, str], primary: str | None, longest_turnaround: int
+    ) -> None:
+        self._longest_turnaround = longest_turnaround
         self._bus = bus
         self._sink = sink
         self._names = names
@@ -156,6 +161,9 @@ class Reporter:
                 reasons.append(f"{label}: {count} failed {attempts} before the answer, {codes}")
         if event.parameters:
             reasons.append("parameter frame")
+        station, waited = event.slowest
+        if waited > self._longest_turnaround:
+            reasons.append(f"{self.station_label(station)} answered {format_ms(waited)} after its poll")
         return "; ".join(reasons)
 
     def refused(self, now: int, plc: Plc) -> None:

@@ -52,13 +52,14 @@ class Simulation:
         self._names[spec.name] = names
         primary = next((plc.name for plc in seated if stations[plc.name] == 0 and _accepted(plc)), None)
         self._primaries[spec.name] = primary
-        reporter = Reporter(spec.name, self._sink, names, primary)
+        longest = max((plc.profile.turnaround.longest for plc in seated), default=0)
+        reporter = Reporter(spec.name, self._sink, names, primary, longest)
         bus = Bus(spec.name, spec.timing, self.kernel, self._sink, reporter)
         ports = [
             Port(self.plcs[plc.name], bus, seat, self.kernel, streams) for seat, plc in enumerate(seated)
         ]
-        longest = max((sum(port.plc.scan_under_link()) for port in ports), default=0)
-        bus.connect(ports, longest)
+        horizon = max((sum(port.plc.scan_under_link()) for port in ports), default=0)
+        bus.connect(ports, horizon)
         self.buses[spec.name] = bus
         for port in ports:
             self.ports[port.name] = port

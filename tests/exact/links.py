@@ -47,7 +47,13 @@ def link(
 
 
 def with_burst(
-    model: LinkModel, good: float, bad: float, ber_good: float, ber_bad: float, place: str = "bus", station: int | None = None
+    model: LinkModel,
+    good: float,
+    bad: float,
+    ber_good: float,
+    ber_bad: float,
+    place: str = "bus",
+    station: int | None = None,
 ) -> LinkModel:
     """The same link with a burst noise more; sojourns in ms."""
     chains = (*model.noise.chains, (good * MS, bad * MS))

@@ -80,7 +80,9 @@ class Player:
 
     def _wire(self, sender: int) -> tuple[NoiseSource, ...]:
         return tuple(
-            s for s in self.model.noise.sources if s.place == "bus" or (s.place == "tx" and s.station == sender)
+            s
+            for s in self.model.noise.sources
+            if s.place == "bus" or (s.place == "tx" and s.station == sender)
         )
 
     def _ear(self, receiver: int) -> tuple[NoiseSource, ...]:
@@ -134,7 +136,10 @@ class Player:
         wire = self._first_hit(self._wire(0), start, model.data_bits)
         self.now += model.data
         for receiver in self.receivers:
-            if receiver and min(wire, self._first_hit(self._ear(receiver), start, model.data_bits)) == model.data_bits:
+            if (
+                receiver
+                and min(wire, self._first_hit(self._ear(receiver), start, model.data_bits)) == model.data_bits
+            ):
                 self._refresh(0, receiver, self.now)
         for station in model.stations:
             number = station.number

@@ -55,7 +55,9 @@ def test_a_hit_is_exact_however_rare() -> None:
     noise = LineNoise((NoiseSource("bus", None, 0.0, 1e-15, chain=0),), ((72e7, 72e3),))
     line = Line(noise, 1875.0)
     expected = 500 * 1e-15 * line.stationary[1]
-    assert float((line.stationary @ line.fate(noise.sources, 500).hit).sum()) == pytest.approx(expected, rel=1e-9)
+    assert float((line.stationary @ line.fate(noise.sources, 500).hit).sum()) == pytest.approx(
+        expected, rel=1e-9
+    )
 
 
 @given(st.floats(0, 0.3), st.floats(0, 0.3), st.floats(0, 0.3), st.integers(11, 60))
@@ -82,7 +84,12 @@ def test_noise_twice_over_is_right_again() -> None:
 
 @settings(deadline=None, max_examples=25)
 @given(
-    st.integers(1, 4), st.integers(1, 5), st.booleans(), st.floats(-6, -3), st.sampled_from([0.0, 0.05]), st.booleans()
+    st.integers(1, 4),
+    st.integers(1, 5),
+    st.booleans(),
+    st.floats(-6, -3),
+    st.sampled_from([0.0, 0.05]),
+    st.booleans(),
 )
 def test_without_bursts_it_is_the_closed_form(
     slaves: int, attempts: int, probe: bool, exponent: float, loss: float, dead: bool
@@ -131,7 +138,9 @@ PLAYED = {
     "long bursts, probed": with_burst(link(2, attempts=3, absent=PROBE), 2_000, 300, 0, 4e-3),
     "bursts in the master": with_burst(link(3, attempts=2), 200, 30, 0, 1e-2, "rx", 0),
     "two bursts": with_burst(with_burst(link(2, attempts=2), 400, 20, 0, 1e-2), 90, 6, 0, 3e-2, "rx", 1),
-    "bursts and a dead one": with_burst(with_noise(link(3, attempts=2), "rx", 0, 1e-4), 500, 40, 0, 8e-3).with_dead(2),
+    "bursts and a dead one": with_burst(
+        with_noise(link(3, attempts=2), "rx", 0, 1e-4), 500, 40, 0, 8e-3
+    ).with_dead(2),
 }
 
 

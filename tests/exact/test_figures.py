@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
 import pytest
 
-from bussim.exact.figures import YEAR, Request, figures_of, over_mission
+from bussim.exact.figures import YEAR, Request, figures_of, over_mission, tail_curve
 from bussim.exact.laws import Solved
 from bussim.exact.refresh import gap_law
 from bussim.exact.words import about, ms, scans_over, years_between
@@ -35,7 +36,7 @@ def test_the_json_form() -> None:
         "60": pytest.approx(float(law.tail(60 * MS))),
     }
     assert list(form["station_error_per_scan"]) == ["1", "2"]  # type: ignore[call-overload]
-    assert set(form["detect_ms"]) == {"mean", "max", "1e-3", "0.01"}  # type: ignore[call-overload]
+    assert set(form["detect_ms"]) == {"mean", "max", "bound", "1e-3", "0.01"}  # type: ignore[call-overload]
     assert set(form["refresh_gap_ms"]) == {"p0->p1", "p0->p2", "p1->p0", "p1->p2", "p2->p0", "p2->p1"}  # type: ignore[call-overload]
     assert form["mission_s"] == 86_400
 
@@ -64,7 +65,7 @@ def test_the_longest_scan_of_a_mission() -> None:
 
 def test_a_heartbeats_preset() -> None:
     model = with_noise(link(2, attempts=3), "rx", 2, 1e-4)
-    figures = figures_of(model, Request(missed_per_year=1.0))
+    figures = figures_of(model, Request(missed_per_year=300.0))
     solved = Solved(model)
     gap = gap_law(solved, 0, 2)
     preset = figures.refresh["p0->p2"].heartbeat
@@ -72,11 +73,21 @@ def test_a_heartbeats_preset() -> None:
     assert preset % (10 * MS) == 0
     gaps = YEAR / solved.law.mean * gap.per_scan
     # The PLC scans of both (8 and 10 ms) are on top; 10 ms less would be missed too often.
-    assert gaps * float(gap.law.tail(preset - 18 * MS)) <= 1
-    assert gaps * float(gap.law.tail(preset - 28 * MS)) > 1
-    seldom = figures_of(model, Request(missed_per_year=1e-4)).refresh["p0->p2"].heartbeat
+    assert gaps * float(gap.law.tail(preset - 18 * MS)) <= 300
+    assert gaps * float(gap.law.tail(preset - 28 * MS)) > 300
+    seldom = figures_of(model, Request(missed_per_year=0.1)).refresh["p0->p2"].heartbeat
     assert seldom is not None
     assert seldom > preset
+
+
+def test_the_curve_of_a_plot() -> None:
+    law = Solved(link(2, ber=1e-4)).law
+    x, tail = tail_curve(law)
+    assert np.all(np.diff(x) > 0)
+    assert np.all(np.diff(tail) <= 1e-15)
+    assert tail[0] == 1
+    assert tail[-1] == pytest.approx(1e-12, rel=1e-2)
+    assert law.support[0] / MS == x[0]
 
 
 def test_no_number_where_there_is_no_law() -> None:
@@ -94,7 +105,7 @@ def test_a_link_on_which_nobody_lives() -> None:
     assert form["valid"] is True
     assert form["false_errors_per_year"] == 0
     assert form["one_dead_ms"] is None
-    assert form["detect_ms"] == {"mean": None, "max": None}
+    assert form["detect_ms"] == {"mean": None, "max": None, "bound": None}
     assert form["ride_through_ms"] == {"silence": None, "corruption": None}
     assert form["refresh_gap_ms"] == {}
 
@@ -117,5 +128,11 @@ def test_scans_in_words() -> None:
     assert scans_over(1 / 3_111, 200 * MS) == "1 scan in 3,100 takes over 200 ms"
     assert scans_over(0.0, 72_000 * 50.5) == "no scan takes over 50.5 ms"
     assert scans_over(0.731, 50 * MS) == "73 % of all scans take over 50 ms"
-    assert (about(0), about(0.1234), about(12.34), about(1.5e-7), about(3.2e12)) == ("0", "0.12", "12", "1.5e-07", "3.2e+12")
+    assert (about(0), about(0.1234), about(12.34), about(1.5e-7), about(3.2e12)) == (
+        "0",
+        "0.12",
+        "12",
+        "1.5e-07",
+        "3.2e+12",
+    )
     assert ms(72_000 * 12.25) == "12.25"

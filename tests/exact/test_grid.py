@@ -14,7 +14,7 @@ from bussim.exact.scan import fails_of, odds_of
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import MS, PROBE, change, link, with_burst, with_noise
 
-REQUEST = Request(levels={"a": 1e-3, "b": 1e-6}, deadlines=(150 * MS,))
+REQUEST = Request(levels={"a": 1e-3, "b": 1e-6}, deadlines=(150 * MS,), refresh=False)
 
 LINKS = {
     "plain": link(7, ber=1e-5),
@@ -40,13 +40,12 @@ def test_a_grid_is_its_settings(name: str) -> None:
         i, j = grid.at(attempts, timeout * MS)
         assert grid.valid[j] == figures.valid
         assert figures.mean is not None
-        close = {"rel": 1e-9}
-        assert grid.mean[i, j] == pytest.approx(figures.mean, **close)
-        assert grid.errors_per_year[i, j] == pytest.approx(figures.errors_per_year, **close)
-        assert grid.error_per_scan[i, j] == pytest.approx(max(figures.error_per_scan.values()), **close)
-        assert grid.one_dead[i, j] == pytest.approx(figures.one_dead, **close)
+        assert grid.mean[i, j] == pytest.approx(figures.mean, rel=1e-9)
+        assert grid.errors_per_year[i, j] == pytest.approx(figures.errors_per_year, rel=1e-9)
+        assert grid.error_per_scan[i, j] == pytest.approx(max(figures.error_per_scan.values()), rel=1e-9)
+        assert grid.one_dead[i, j] == pytest.approx(figures.one_dead, rel=1e-9)
         assert grid.detect_mean[i, j] == pytest.approx(figures.detect_mean, rel=1e-7)
-        assert grid.detect_longest[i, j] == pytest.approx(figures.detect_longest, **close)
+        assert grid.detect_longest[i, j] == pytest.approx(figures.detect_longest, rel=1e-9)
         assert grid.silence[i, j] == figures.silence
         assert grid.corruption[i, j] == figures.corruption
         # A grid's quantiles are good to some microseconds, and by a tail's part of 1e-4 besides.

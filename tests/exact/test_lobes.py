@@ -29,11 +29,13 @@ def test_a_tail_is_the_sum_over_its_lobes(lobes: list[tuple[int, int, float]], x
     law = law_of(lobes)
     at = np.array(x)
     alone = sum(
-        w * SUMS.tail(int(c), at - s) for s, c, w in zip(law.shift, law.code.tolist(), law.weight, strict=True)
+        w * SUMS.tail(int(c), at - s)
+        for s, c, w in zip(law.shift, law.code.tolist(), law.weight, strict=True)
     )
     assert law.tail(at) == pytest.approx(alone, rel=1e-11, abs=1e-300)
     excess = sum(
-        w * SUMS.excess(int(c), at - s) for s, c, w in zip(law.shift, law.code.tolist(), law.weight, strict=True)
+        w * SUMS.excess(int(c), at - s)
+        for s, c, w in zip(law.shift, law.code.tolist(), law.weight, strict=True)
     )
     assert law.excess(at) == pytest.approx(excess, rel=1e-7, abs=1e-6)
     assert law.tail(at.reshape(1, -1)).shape == (1, at.size)

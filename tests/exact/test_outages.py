@@ -54,7 +54,10 @@ def test_the_longest_silence_that_no_beginning_turns_into_an_error(attempts: int
     model = link(2, mode=0, attempts=attempts, turnaround=CONSTANT)
     ride = ride_through(model).silence
     scan = clean_scan(model, slowest=False)
-    begins = [*range(scan, 2 * scan, 937), *(scan + model.data + model.answered(model.stations[0]) + 30_060 - d for d in range(40))]
+    begins = [
+        *range(scan, 2 * scan, 937),
+        *(scan + model.data + model.answered(model.stations[0]) + 30_060 - d for d in range(40)),
+    ]
     if ride:
         assert all(survives(model, begin, ride) for begin in begins)
     # One character longer, and some beginning is fatal: just before a reply's end.
@@ -102,7 +105,9 @@ def test_without_noise_a_dead_station_costs_its_attempts_instead_of_its_slot() -
     slot = model.answered(model.stations[0]) + 30_060
     expected = alive - slot + 4 * model.silent_cost + model.gap + model.parameters
     assert dead_means(Solved(model), 1) == pytest.approx(expected, rel=1e-14)
-    assert dead_means(Solved(link(2, absent=PROBE)), 1) == pytest.approx(expected - 3 * model.silent_cost, rel=1e-14)
+    assert dead_means(Solved(link(2, absent=PROBE)), 1) == pytest.approx(
+        expected - 3 * model.silent_cost, rel=1e-14
+    )
 
 
 def test_detection_of_deaths_at_random_instants() -> None:

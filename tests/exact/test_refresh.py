@@ -94,9 +94,9 @@ def test_laws_are_shared_only_where_they_are_the_same() -> None:
     every = gap_laws(solved)
     assert every[1, 2].law is every[1, 3].law
     assert every[1, 2].law is not every[2, 3].law
-    x = np.linspace(*every[1, 0].law.support, 200)
+    x = solved.law.support[0] + np.arange(0, 8 * 72_000, 720.0)
     # The parameter frame after an error of station 1 falls into its own gap, but before that of station 4.
-    assert np.max(np.abs(every[1, 0].law.tail(x) - every[4, 0].law.tail(x))) > 1e-3
+    assert np.max(np.abs(every[1, 0].law.tail(x) - every[4, 0].law.tail(x))) > 1e-2
     # One for the master's frame, two for each slave's: heard by the master and by a listener.
     assert len({id(gap.law) for gap in every.values()}) == 9
     assert len({id(gap.law) for gap in gap_laws(solved, by_place=False).values()}) == 3

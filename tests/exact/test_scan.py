@@ -88,7 +88,9 @@ def test_odds_in_exact_fractions() -> None:
     for odds, rate in zip(odds_of(model), (thrice, twice), strict=True):
         clean = 1 - rate
         assert odds.answered == pytest.approx(float(poll * kept * clean**bits), rel=1e-13)
-        assert odds.torn == pytest.approx(float(poll * kept * clean**10 * (1 - clean ** (bits - 10))), rel=1e-13)
+        assert odds.torn == pytest.approx(
+            float(poll * kept * clean**10 * (1 - clean ** (bits - 10))), rel=1e-13
+        )
         assert odds.silent == pytest.approx(
             float((1 - poll) + poll * (1 - kept) + poll * kept * (1 - clean**10)), rel=1e-13
         )
@@ -103,10 +105,14 @@ def uniform_tail(count: int, y: Fraction, width: int) -> Fraction:
     t = count - y / width
     if t <= 0 or t >= count:
         return Fraction(int(t >= count))
-    return sum(((-1) ** k * comb(count, k) * (t - k) ** count for k in range(count + 1) if t > k), Fraction(0)) / factorial(count)
+    return sum(
+        ((-1) ** k * comb(count, k) * (t - k) ** count for k in range(count + 1) if t > k), Fraction(0)
+    ) / factorial(count)
 
 
-def exchanges(model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], attempts: int) -> Iterator[tuple[Fraction, int, int, bool]]:
+def exchanges(
+    model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], attempts: int
+) -> Iterator[tuple[Fraction, int, int, bool]]:
     """(probability, ticks, turnarounds, in error) of every course of an exchange."""
     answered, silent, torn = chances
     whole = model.gap + model.poll + model.data + 22_860
@@ -122,7 +128,12 @@ def exchanges(model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], at
                 yield weight, ticks, course.count(False), True
 
 
-def enumerated_tail(model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], mixture: list[tuple[Fraction, int]], x: Fraction) -> Fraction:
+def enumerated_tail(
+    model: LinkModel,
+    chances: tuple[Fraction, Fraction, Fraction],
+    mixture: list[tuple[Fraction, int]],
+    x: Fraction,
+) -> Fraction:
     total = Fraction(0)
     alike: dict[tuple[int, int, bool], Fraction] = defaultdict(Fraction)
     for share, attempts in mixture:
@@ -225,13 +236,17 @@ def test_a_stationary_flag_under_probe() -> None:
 
 PLAYED = {
     "two different stations": change(change(link(2, ber=2e-4, attempts=2), 1, extra=5 * MS), 2, loss=0.1),
-    "a slow station alone": change(link(3, ber=1e-4), 2, extra=20 * MS, turnaround=Turnaround(90_000, 54_000)),
+    "a slow station alone": change(
+        link(3, ber=1e-4), 2, extra=20 * MS, turnaround=Turnaround(90_000, 54_000)
+    ),
     "one dead": link(3, ber=3e-4, attempts=2).with_dead(2),
     "one dead, probed": link(3, ber=3e-4, attempts=3, absent=PROBE).with_dead(1),
     "noise in the master": with_noise(link(2, attempts=2), "rx", 0, 4e-4),
     "noise in a slave": with_noise(link(2, attempts=2), "rx", 2, 4e-3),
     "noise of a sender": with_noise(link(2, attempts=2, absent=PROBE), "tx", 1, 8e-4),
-    "measured turnaround": link(3, ber=2e-4, turnaround=Turnaround(0, 0, (21_600, 72_000, 180_000), (5, 3, 1))),
+    "measured turnaround": link(
+        3, ber=2e-4, turnaround=Turnaround(0, 0, (21_600, 72_000, 180_000), (5, 3, 1))
+    ),
     "heavy": link(2, ber=1e-3, attempts=2, absent=PROBE),
 }
 

@@ -22,7 +22,9 @@ def exact_tail(count: int, z: Fraction, power: int = 0) -> Fraction:
     """P(sum > z) of uniforms, or its integral for power 1, by the alternating sum."""
     t = Fraction(count) - z
     degree = count + power
-    total = sum(((-1) ** k * comb(count, k) * (t - k) ** degree for k in range(count + 1) if t > k), Fraction(0))
+    total = sum(
+        ((-1) ** k * comb(count, k) * (t - k) ** degree for k in range(count + 1) if t > k), Fraction(0)
+    )
     return total / factorial(degree)
 
 
@@ -38,7 +40,9 @@ def test_tail_and_excess_are_exact_everywhere(count: int) -> None:
 def test_the_far_tail_is_relatively_exact() -> None:
     # 1e-7 below the top of 40 uniforms: about 1e-328 / ..., far below where 1 - F is anything but 0.
     z = np.array([40 - 0.05])
-    assert irwin_hall_tail(40, z)[0] == pytest.approx(float(Fraction(40.0) - Fraction(z[0])) ** 40 / factorial(40), rel=1e-12)
+    assert irwin_hall_tail(40, z)[0] == pytest.approx(
+        float(Fraction(40.0) - Fraction(z[0])) ** 40 / factorial(40), rel=1e-12
+    )
     assert irwin_hall_tail(40, z)[0] < 1e-90
 
 
@@ -63,7 +67,9 @@ def test_moments_come_from_the_laws() -> None:
     mean = float(values @ weights)
     assert sums.unit(Turnaround(5, 0)) == 0
     assert sums.means(codes)[0] == pytest.approx(2 * 7_200 + 3 * mean)
-    assert sums.variances(codes)[0] == pytest.approx(2 * 14_400**2 / 12 + 3 * float((values - mean) ** 2 @ weights))
+    assert sums.variances(codes)[0] == pytest.approx(
+        2 * 14_400**2 / 12 + 3 * float((values - mean) ** 2 @ weights)
+    )
     assert sums.widths(codes)[0] == 2 * 14_400 + 3 * 158_400
 
 
@@ -90,9 +96,7 @@ def test_sums_of_two_widths() -> None:
     code = sums.unit(NARROW) + sums.unit(WIDE)
     y = np.linspace(0, n + w, 200)
     top = np.clip(n + w - y, 0, None)
-    area = np.where(
-        y < n, n * w - y * y / 2, np.where(y < w, n * (w - y) + n * n / 2, top * top / 2)
-    )
+    area = np.where(y < n, n * w - y * y / 2, np.where(y < w, n * (w - y) + n * n / 2, top * top / 2))
     assert sums.tail(code, y) == pytest.approx(area / (n * w), abs=2 * 72 / 14_400)
     assert float(np.trapezoid(sums.tail(code, y), y)) == pytest.approx((n + w) / 2, rel=1e-3)
     assert sums.excess(code, np.zeros(1))[0] == pytest.approx((n + w) / 2, rel=1e-9)

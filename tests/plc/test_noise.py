@@ -232,6 +232,26 @@ def test_sojourns_are_exponential_with_their_means() -> None:
         assert abs((sojourns > 3 * mean).mean() - exp(-3)) < SIGMAS * sqrt(exp(-3) / count)
 
 
+def test_frames_are_hit_by_bursts_with_the_exact_probability() -> None:
+    good, bad, bits = 3000, 1000, 4
+    law = np.array([[-1 / good, 1 / good], [1 / bad, -1 / bad]])
+    # From one bit's centre to the next: the two-state chain over 1875 ticks.
+    stationary = np.array([good, bad]) / (good + bad)
+    forget = exp(-1875 * (1 / good + 1 / bad))
+    chain = forget * np.eye(2) + (1 - forget) * np.outer(np.ones(2), stationary)
+    assert np.allclose(stationary @ law, 0)
+    missed = np.diag([1 - 0.05, 1 - 0.6])
+    unhurt = stationary @ missed
+    for _ in range(bits - 1):
+        unhurt = unhurt @ chain @ missed
+    chance = 1 - unhurt.sum()
+    # Frames so far apart that nothing connects them.
+    noise = BitNoise("n", BurstRate(good, bad, 0.05, 0.6, Streams(2).uniforms("state")), Streams(2))
+    frames = 20_000
+    hits = sum(bool(noise.inverted(number * 40_000, bits, BIT, "k")) for number in range(frames))
+    assert abs(hits - frames * chance) < SIGMAS * sqrt(frames * chance * (1 - chance))
+
+
 def test_a_burst_begins_in_the_stationary_state() -> None:
     count = 3000
     bad = sum(burst(900, 300, seed).runs(0, 1, Fraction(1))[0][1] > 0.5 for seed in range(count))

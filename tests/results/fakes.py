@@ -38,7 +38,7 @@ class Fake:
     dead: tuple[int, int] | None = (10 * TICKS_PER_SECOND, 15 * TICKS_PER_SECOND)
 
     def feed(self, sink: Sink) -> RunTotals:
-        chance = random.Random(self.seed)  # noqa: S311 (not cryptography)
+        chance = random.Random(self.seed)
         bus, now, number, failures, errors, polls = self.bus, 0, 0, 0, 0, 0
         flagged = False
         while True:

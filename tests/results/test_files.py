@@ -239,7 +239,7 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is a POSIX signal")
 @pytest.mark.parametrize("mode", ["new", "force"])
 def test_killed_at_any_moment_a_folder_is_whole_or_marked(tmp_path: Path, mode: str) -> None:
-    chance = random.Random(mode)  # noqa: S311 (moments, not secrets)
+    chance = random.Random(mode)
     for number in range(4):
         target = tmp_path / f"run{number}"
         if mode == "force":

@@ -1,7 +1,5 @@
 """Top-level keys, buses and PLCs: each mistake with its place and its message."""
 
-# ruff: noqa: E501 - a message stands on one line, as it is printed
-
 from __future__ import annotations
 
 import pytest

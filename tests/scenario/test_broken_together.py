@@ -1,7 +1,5 @@
 """Several mistakes at once, and what the command line makes of every one of them."""
 
-# ruff: noqa: E501 - a message stands on one line, as it is printed
-
 from __future__ import annotations
 
 from pathlib import Path

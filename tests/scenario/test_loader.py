@@ -1,7 +1,5 @@
 """What a good scenario becomes."""
 
-# ruff: noqa: E501 - a message or a table stands on one line
-
 from __future__ import annotations
 
 import dataclasses

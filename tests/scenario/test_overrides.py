@@ -1,7 +1,5 @@
 """``--set key.path=value``."""
 
-# ruff: noqa: E501 - a message or a table stands on one line
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A scenario that is written and read again is the same; whatever is read raises nothing but ScenarioError."""
 
-# ruff: noqa: E501 - a message or a table stands on one line
-
 from __future__ import annotations
 
 import contextlib

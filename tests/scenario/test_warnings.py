@@ -1,7 +1,5 @@
 """What is odd but possible: it is simulated, and the loader says so, with the place."""
 
-# ruff: noqa: E501 - a message stands on one line, as it is printed
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -97,7 +97,7 @@ def _kind(luck: Random, name: str) -> model.FaultKind:
 
 def scenario(seed: int, seconds: float = 0.7) -> model.Scenario:
     """A random scenario, the same for the same seed."""
-    luck = Random(seed)  # noqa: S311 - nothing secret
+    luck = Random(seed)
     stations, profile = luck.choice([2, 3, 3, 3, 4, 5]), _profile(luck)
     others: dict[int, dict[str, Any]] = {}
     for station in range(stations):
@@ -123,9 +123,7 @@ def scenario(seed: int, seconds: float = 0.7) -> model.Scenario:
     names = [f"p{k}" for k in range(stations)] + [other.name for other in more]
     noise = [_noise(luck, number, names, seconds) for number in range(luck.choice([0, 0, 1, 2]))]
     faults = [
-        model.Fault(
-            f"fault{number}", _kind(luck, luck.choice(names)), _window(luck, seconds, endless=0.2)
-        )
+        model.Fault(f"fault{number}", _kind(luck, luck.choice(names)), _window(luck, seconds, endless=0.2))
         for number in range(luck.choice([0, 1, 2, 3, 5]))
     ]
     return link(

@@ -149,9 +149,9 @@ def test_stop_and_power_off_cut_a_frame_at_that_tick(kind: type[model.Stop], ins
     cut = model.Fault("cut", kind("p1"), model.Window(tick))
     simulation, record = started(link(3, 1, retries=0, seconds=1, faults=[cut]))
     simulation.run(tick)
-    assert bus_of(simulation)._drivers == 1
+    assert bus_of(simulation).drivers == 1
     simulation.run(tick + 1)
-    assert bus_of(simulation)._drivers == 0
+    assert bus_of(simulation).drivers == 0
     simulation.run(SECOND)
     (found,) = [f for f in record.frames if f.cut]
     assert (found.sender, found.start, found.end) == ("p1", frame.start, tick)
@@ -407,9 +407,7 @@ def test_a_character_too_few_or_too_many_from_a_sender(action: str, index: int |
 @pytest.mark.parametrize("index", [2, 5, 19, 29])
 @pytest.mark.parametrize("action", ["lose", "insert"])
 @pytest.mark.parametrize("receiver", ["p0", "p2"])
-def test_a_character_too_few_or_too_many_in_one_receiver(
-    action: str, index: int, receiver: str
-) -> None:
+def test_a_character_too_few_or_too_many_in_one_receiver(action: str, index: int, receiver: str) -> None:
     probe = run(link(3, 1, seconds=0.6))
     answer = next(frame for frame in probe.of("p1") if frame.start > SECOND // 2)
     # The next frame that the receiver hears is that answer.

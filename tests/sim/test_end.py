@@ -205,7 +205,7 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
     scenario = _whole_scenario(seed)
     simulation, record = started(scenario)
     spacing = scenario.plcs[0].profile.word_spacing
-    luck = Random(seed)  # noqa: S311 - nothing secret
+    luck = Random(seed)
     looked = 0
     while simulation.now < scenario.duration:
         simulation.run(simulation.now + luck.randint(1, 80 * MS))
@@ -343,5 +343,3 @@ def test_turnarounds_are_uniform_over_mean_and_jitter() -> None:
     assert abs(sum(found) / count - TURNAROUND) < 4 * sd / sqrt(count)
     third = sum(turnaround < TURNAROUND - JITTER / 3 for turnaround in found)
     assert abs(third - count / 3) < 4 * sqrt(count * 2 / 9)
-
-

@@ -23,7 +23,7 @@ from bussim.sim.port import Port
 from bussim.trace import NoteRecord
 
 from . import chance
-from .build import Done, bus_of, run, started
+from .build import MS, TURNAROUND, Done, bus_of, data, fault, link, run, started, timeout
 
 SEEDS = range(120)
 SECONDS = 0.5
@@ -85,7 +85,7 @@ def test_past_the_event_queue_things_happen_in_the_same_order(
 def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
     scenario = chance.scenario(seed, SECONDS)
     simulation, record = started(scenario, traced=False)
-    luck = Random(seed)  # noqa: S311 - nothing secret
+    luck = Random(seed)
     now = 0
     while now < scenario.duration:
         now = min(scenario.duration, now + luck.choice([1, 1000, 100_000, luck.randint(1, 5_000_000)]))
@@ -104,7 +104,9 @@ def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
 def _one_by_one(bus: Bus, sender: Port) -> Audience:
     """Everybody hears character by character."""
     hearers = [
-        port for port in bus.ports if port is not sender and port.engine and bus.connected(port, sender)
+        port
+        for port in bus.ports
+        if port is not sender and port.engine and not port.driving and bus.connected(port, sender)
     ]
     return (), tuple(hearers), 0
 
@@ -139,6 +141,19 @@ def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pyte
             found.update((source, tick, seat) for seat in (everybody if seats is None else seats))
         heard.append(found)
     assert heard[0] == heard[1]
+
+
+# Turnaround and data frame that end with the deadline of 50 ms, to the tick.
+IN_TIME = timeout(5) - data(0) - TURNAROUND
+
+
+@pytest.mark.parametrize("extra", [1, IN_TIME - 1, IN_TIME, IN_TIME + 1, timeout(5), 55 * MS])
+@pytest.mark.parametrize("retries", [0, 2])
+def test_an_answer_counts_up_to_its_deadline_by_every_way(extra: int, retries: int) -> None:
+    scenario = link(3, 0, retries=retries, seconds=1, faults=[fault(model.Slow("p1", extra), 0.2, 0.5)])
+    traced = run(scenario)
+    assert_same(traced, run(scenario, traced=False))
+    assert ((1, 1) in traced.codes) is (extra > IN_TIME)
 
 
 def test_the_random_scenarios_leave_nothing_out() -> None:

@@ -91,8 +91,11 @@ def test_every_frame_is_at_its_tick() -> None:
     assert found == expected[: len(found)]
     assert all(len(frame.chars) == chars[frame.kind] for frame in done.record.frames)
     starts = [start for start, _, sender, kind, _ in found if (sender, kind) == ("p0", "data")]
-    assert [scan.start for scan in done.record.scans] == starts[: len(done.record.scans)]
-    assert done.durations == [b - a for a, b in pairwise(starts)]
+    # A scan is over when the next data frame begins, which may still be on the line at the end.
+    scans = done.record.scans
+    assert len(scans) - len(starts) in (-1, 0)
+    assert [scan.start for scan in scans] == starts[: len(scans)]
+    assert done.durations[: len(starts) - 1] == [b - a for a, b in pairwise(starts)]
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ class ScanEnded:
     failures: tuple[tuple[int, int], ...]  # (station, code) of each failed attempt, in order
     in_error: tuple[int, ...]  # stations whose flag was on at its end
     parameters: bool  # the interval ended with a parameter frame
+    slowest: tuple[int, int]  # (station, ticks from its poll's end to its reply) of the slowest answer
 
 
 @dataclass(frozen=True, slots=True)

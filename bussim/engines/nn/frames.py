@@ -75,12 +75,12 @@ class LinkSettings(NamedTuple):
 
     @property
     def possible(self) -> bool:
-        """Whether some family's master could have these settings (FX allows D8180 up to 255)."""
+        """Whether a master could have these settings: D8177–D8179 as in every family, any timeout."""
         return (
             1 <= self.slaves <= 7
             and self.mode < len(MODES)
             and self.retries <= 10
-            and 5 <= self.timeout <= 255
+            and 1 <= self.timeout <= 255
         )
 
 

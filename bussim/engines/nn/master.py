@@ -1,4 +1,9 @@
-"""The N:N master: one data frame, then every slave polled in turn, again and again."""
+"""The N:N master: one data frame, then every slave polled in turn, again and again.
+
+Retries, timeout and codes: PW10 board manual, sections 7.4 and 7.5; FX communication manual
+JY992D69901, chapters 4 and 12.2. The order of frames follows from the published link times; when a
+damaged reply fails its attempt, and the parameter frame, are assumed.
+"""
 
 from __future__ import annotations
 
@@ -78,6 +83,8 @@ class Master:
         "_scan_attempts",
         "_scan_start",
         "_scans",
+        "_slowest",
+        "_slowest_station",
         "_station",
         "_torn",
         "_trouble",
@@ -136,6 +143,7 @@ class Master:
         self._scans = 0
         self._scan_attempts = 0
         self._failures: list[tuple[int, int]] = []
+        self._slowest = self._slowest_station = 0
         self._with_parameters = False
         # Stations that have not answered yet or whose flag is on.
         self._trouble = set(range(1, self.config.settings.slaves + 1))
@@ -202,6 +210,9 @@ class Master:
             return self._failed(codes.WRONG_COUNTER, end, start)
         if self.traced:
             self._report(end, 0, start)
+        waited = start - self._poll_end
+        if waited > self._slowest:
+            self._slowest, self._slowest_station = waited, station
         if station in self._trouble:
             self._recovered(station, end)
         return STORED | self._next_station(end)
@@ -337,12 +348,14 @@ class Master:
                     tuple(self._failures),
                     in_error,
                     self._with_parameters,
+                    (self._slowest_station, self._slowest),
                 )
             )
             self._scans += 1
         self._scan_start = now
         self._scan_attempts = 0
         self._failures.clear()
+        self._slowest = self._slowest_station = 0
         status.running = True
 
     def transmit_done(self, now: int) -> int:

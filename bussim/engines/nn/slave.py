@@ -1,4 +1,9 @@
-"""The N:N slave: answers its polls and judges what it overhears of all others."""
+"""The N:N slave: answers its polls and judges what it overhears of all others.
+
+Registers and codes: PW10 board manual, section 7.5; FX communication manual JY992D69901, chapters 4
+and 12.2. How a listener judges (when it moves on, whose damage it is, the watchdog's length, that a
+slave without the master's mode reports 7348/7448 and stays silent until STOP) is assumed.
+"""
 
 from __future__ import annotations
 
@@ -36,6 +41,8 @@ from bussim.engines.nn.status import LinkStatus
 
 # What a listener writes down for a poll that got no good answer, by what came last.
 _SILENCE = codes.NOT_IN_NETWORK
+#: Timeouts of silence that a listener grants the master, the worst reply added (assumed).
+_WATCHDOG_TIMEOUTS = 2
 _ANSWERED = 0  # nothing: an earlier attempt of the same exchange was answered
 #: No poll is without an answer, and none was answered since the parameters arrived.
 NOBODY = -1
@@ -97,6 +104,7 @@ class Slave:
         "_pending",
         "_pending_counter",
         "_reader",
+        "_sent_counter",
         "_watching",
         "block_size",
         "config",
@@ -140,6 +148,7 @@ class Slave:
         self._counter = -1  # of the latest master frame
         self._pending = NOBODY  # station whose poll has no answer yet
         self._pending_counter = 0
+        self._sent_counter = 0  # of the reply sent latest
         self._outcome = _SILENCE
         self._watching = False
         # Something is wrong with the master (or it was not heard yet): its next frame is news.
@@ -283,7 +292,7 @@ class Slave:
         self.block_size = self._reader.data_size = MODES[settings.mode].size
         config = self.config
         self.watchdog = (
-            2 * settings.timeout * config.timeout_unit
+            _WATCHDOG_TIMEOUTS * settings.timeout * config.timeout_unit
             + config.worst_turnaround
             + data_chars(settings.mode) * config.character
         )
@@ -395,6 +404,7 @@ class Slave:
     def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Frame:
         """The reply to the poll with this counter; ``image`` is the block at the latest END."""
         del now
+        self._sent_counter = counter
         if self._reader.length:
             self._reader.reset()
         if image is not self._encoded_image:
@@ -410,7 +420,7 @@ class Slave:
         """The reply has left: its poll is answered, as far as this station knows."""
         del now
         if self.state is SlaveState.LINKED:
-            if self._pending == self.config.station:
+            if self._pending == self.config.station and self._pending_counter == self._sent_counter:
                 self._pending = ~self._pending
             self.status.running = True
         return 0

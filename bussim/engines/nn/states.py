@@ -1,7 +1,8 @@
 """The state machines of the N:N link, as tables.
 
 The engines take every change of state from these tables; the diagrams in the README are generated
-from them. Inputs are words for what the driver tells the engine.
+from them. Inputs are words for what the driver tells the engine. That settings are taken over at
+STOP→RUN, and that a slave waits for the master's: FX communication manual JY992D69901.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What a station knows of the link: the counts, codes and flags behind its special registers."""
+"""What a station knows of the link: the counts, codes and flags behind its special registers.
+
+D8201–D8218 and M8183–M8191: PW10 board manual, section 7.5.
+"""
 
 from __future__ import annotations
 

@@ -116,5 +116,5 @@ def _possible(header: str, body: str, data_pairs: int | None) -> bool:
         return data_pairs is None or len(body) == 3 + 2 * data_pairs
     if header == SOH:
         slaves, mode, retries, timeout = (int(body[at : at + 2], 16) for at in (2, 4, 6, 8))
-        return 1 <= slaves <= 7 and mode <= 4 and retries <= 10 and 5 <= timeout <= 255
+        return 1 <= slaves <= 7 and mode <= 4 and retries <= 10 and 1 <= timeout <= 255
     return True

@@ -163,7 +163,7 @@ def sealed(header: int, body: bytes) -> bytes:
         sealed(1, b"F0" + b"08010564" + b"\x03"),  # D8177 = 8
         sealed(1, b"F0" + b"02050564" + b"\x03"),  # D8178 = 5
         sealed(1, b"F0" + b"02010B64" + b"\x03"),  # D8179 = 11
-        sealed(1, b"F0" + b"02010504" + b"\x03"),  # D8180 = 4
+        sealed(1, b"F0" + b"02010500" + b"\x03"),  # D8180 = 0
         b"\x0510" + b"6\xb1",
         b"\x051061"[:-1] + b"\x31\x31",
     ],

@@ -1,0 +1,207 @@
+"""``bussim sweep``: run a scenario at every point of a grid."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from bussim.sweep.result import SweepResult
+
+#: Shorter sweeps need no progress bar (seconds).
+_PATIENCE = 2.0
+#: Most points that are printed; the table in the folder has all.
+_MOST_ROWS = 40
+#: The figures of a link that are printed, and the headings of their columns.
+_SHOWN = {
+    "scan_time_mean_ms": "mean scan\n(ms)",
+    "scan_time_max_ms": "longest scan\n(ms)",
+    "station_errors": "station\nerrors",
+    "refresh_gap_max_ms": "longest gap\n(ms)",
+}
+
+
+@click.command()
+@click.argument("scenario", metavar="SCENARIO")
+@click.option(
+    "--vary",
+    metavar="KEY.PATH=VALUES",
+    multiple=True,
+    required=True,
+    help="A key and its values: a:b:step, a:b:logN or a list a,b,c. Several make a grid.",
+)
+@click.option(
+    "--repeat", metavar="N", type=int, default=1, help="Runs at each point, each with its own seed."
+)
+@click.option("--workers", metavar="N", type=int, help="Processes of this machine (default: one a core).")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://10.0.0.5:8786.")
+@click.option("--same-luck", is_flag=True, help="The same seeds at every point (common random numbers).")
+@click.option("--duration", metavar="T", help="Simulate so long, such as 90s or 10h.")
+@click.option("--seed", metavar="N", help="Seed from which those of all runs are derived.")
+@click.option(
+    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value at every point."
+)
+@click.option(
+    "--out", metavar="DIR", help="Folder to write (default: sweeps/NAME, with a number if it is another's)."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print means and confidence intervals as JSON.")
+@click.option("--force", is_flag=True, help="Replace the folder of another sweep, or run this one again.")
+def command(
+    scenario: str,
+    *,
+    vary: tuple[str, ...],
+    repeat: int,
+    workers: int | None,
+    scheduler: str | None,
+    same_luck: bool,
+    duration: str | None,
+    seed: str | None,
+    overrides: tuple[str, ...],
+    out: str | None,
+    as_json: bool,
+    force: bool,
+) -> None:
+    r"""Run a scenario at every point of a grid.
+
+    SCENARIO is a file or the name of a built-in scenario. Stopped at any time, the same command goes
+    on where it was. Examples of what can be varied:
+
+    \b
+      --vary plcs.press1.nn.retries=0:5:1
+      --vary plcs.press1.nn.timeout=50ms:200ms:10ms
+      --vary noise.0.ber=1e-6:1e-3:log7
+      --vary plcs.press1.profile=pw10,generic
+    """
+    from bussim.results.names import file_name
+    from bussim.scenario.overrides import Override
+    from bussim.sweep.run import run_sweep
+
+    sets: list[str | Override] = list(overrides)
+    for key, value in (("duration", duration), ("seed", seed)):
+        if value is not None:
+            sets.append(Override(key, value, f"--{key} {value}"))
+    target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)
+    try:
+        with _progress_bar() as progress:
+            result = run_sweep(
+                scenario,
+                vary,
+                out=target,
+                repeat=repeat,
+                sets=sets,
+                workers=workers,
+                scheduler=scheduler,
+                same_luck=same_luck,
+                force=force,
+                numbered=out is None and not force,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        click.echo("stopped: what was run is kept, the same command goes on from there", err=True)
+        raise
+    if as_json:
+        click.echo(json.dumps(result.summary, ensure_ascii=False, allow_nan=False, indent=2))
+    else:
+        _show(result)
+
+
+def _show(result: SweepResult) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    plan = result.plan
+    runs = f"{plan.runs:,} runs at {len(plan.points):,} points"
+    if result.already_there:
+        runs += f", {result.already_there:,} of them were there already"
+    click.echo(f"{plan.title}: {runs}")
+    for bus in plan.base.buses:
+        if bus.nn and f"{bus.name}.scans" in result.figures:
+            console.print(_table(result, bus.name))
+    if len(plan.points) > _MOST_ROWS:
+        console.print(f"the first {_MOST_ROWS} points; points.csv has all")
+    if plan.repeat == 1:
+        console.print("one run a point: no confidence intervals; --repeat 5 or more gives them")
+    else:
+        console.print(f"means of {plan.repeat} runs ± half of the 95 % confidence interval")
+    click.echo(f"\nresults: {result.folder}")
+    for picture in sorted(result.folder.glob("sweep_*.png")):
+        click.echo(f"picture: {picture}")
+
+
+def _table(result: SweepResult, bus: str) -> Any:
+    from rich.table import Table
+    from rich.text import Text
+
+    plan = result.plan
+    table = Table(title=Text(f"link {bus}"), title_justify="left", box=None, pad_edge=False)
+    for name in _short([axis.key for axis in plan.axes]):
+        table.add_column(Text(name), justify="right", no_wrap=True, vertical="bottom")
+    for heading in _SHOWN.values():
+        table.add_column(heading, justify="right", no_wrap=True)
+    for number, point in enumerate(plan.points[:_MOST_ROWS]):
+        cells = [_in_words(*result.mean(f"{bus}.{name}", number)) for name in _SHOWN]
+        table.add_row(*(Text(value.text) for value in point), *cells)
+    return table
+
+
+def _short(keys: Sequence[str]) -> list[str]:
+    """The ends of keys, as long as it takes to tell them apart."""
+    parts = [key.split(".") for key in keys]
+    for length in range(1, max(map(len, parts))):
+        names = [".".join(each[-length:]) for each in parts]
+        if len(set(names)) == len(names):
+            return names
+    return list(keys)
+
+
+def _in_words(mean: float | None, low: float | None, high: float | None) -> str:
+    if mean is None:
+        return "–"
+    text = f"{mean:,.0f}" if mean == int(mean) else f"{mean:,.2f}"
+    if low is None or high is None:
+        return text
+    half = high - mean
+    return f"{text} ± {half:.0f}" if half >= 10 or half == 0 else f"{text} ± {half:.2g}"
+
+
+@contextmanager
+def _progress_bar() -> Iterator[Callable[[str, int, int], None] | None]:
+    """A progress bar with the time left on stderr, only on a terminal and only after a while."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    begun = time.monotonic()
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    tasks: dict[str, Any] = {}
+
+    def progress(what: str, done: int, total: int) -> None:
+        if what not in tasks:
+            # The runs that were there already say nothing about the speed of the others.
+            tasks[what] = bar.add_task(what, completed=done, total=total)
+        bar.update(tasks[what], completed=done)
+        if not bar.live.is_started and time.monotonic() - begun > _PATIENCE:
+            bar.start()
+
+    try:
+        yield progress
+    finally:
+        if bar.live.is_started:
+            bar.stop()

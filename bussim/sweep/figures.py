@@ -1,0 +1,118 @@
+"""The figures of a run as one flat row: the columns of ``runs.csv``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+Number = int | float
+
+#: Figures of an N:N link, in the order of the columns; each stands behind the bus's name and a dot.
+#: Those that end in ``_`` are followed by an error code or a station number.
+LINK_FIGURES = (
+    "scans",
+    "scan_time_mean_ms",
+    "scan_time_min_ms",
+    "scan_time_p50_ms",
+    "scan_time_p95_ms",
+    "scan_time_p99_ms",
+    "scan_time_p999_ms",
+    "scan_time_max_ms",
+    "scan_time_max_after_startup_ms",
+    "D8202",
+    "polls",
+    "failed_attempts",
+    "failed_attempts_",
+    "station_errors",
+    "station_errors_",
+    "bus_load",
+    "undetected_frames",
+    "collisions",
+    "refresh_gap_max_ms",
+    "healthy_at_s",
+)
+_OF_SCAN_TIMES = ("mean", "min", "p50", "p95", "p99", "p999", "max")
+#: Counts of events, which may be too rare to occur in any repeat.
+_EVENTS = re.compile(
+    r"(.*\.)?(failed_attempts|station_errors|undetected_frames|collisions|timeouts)(_[0-9A-F]+)?"
+)
+_NUMBERED = re.compile(r"(failed_attempts_|station_errors_)([0-9A-F]+)")
+
+
+def is_event_count(name: str) -> bool:
+    """Whether a figure (with or without its bus) counts events."""
+    return _EVENTS.fullmatch(name) is not None
+
+
+def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[str, Number | None]:
+    """The figures of a run, of its summary; ``masters`` names the PLC with station number 0 by bus.
+
+    Times are in ms, ``healthy_at_s`` in s. A quantile that too few scans tell is None.
+    ``refresh_gap_max_ms`` is the longest time that any station waited for the block of any other
+    one, also if it still waited when the run ended.
+    """
+    found: dict[str, Number | None] = {}
+    for bus, link in summary["links"].items():
+        registers = summary["plcs"].get(masters.get(bus), {}).get("registers", {})
+        for name, value in _link(link, registers).items():
+            found[f"{bus}.{name}"] = value
+    for kind in ("ports", "devices"):
+        for name, figures in summary[kind].items():
+            _flatten(name, figures, found)
+    return found
+
+
+def _link(link: Mapping[str, Any], registers: Mapping[str, int]) -> dict[str, Number | None]:
+    times = link["scan_time_ms"]
+    failed: dict[str, int] = {}
+    for codes in link["failed_attempts"].values():
+        for code, count in codes.items():
+            failed[code] = failed.get(code, 0) + count
+    gaps = [
+        gap
+        for pair in link["refresh_gap_ms"].values()
+        for gap in (pair["max"], pair["open"])
+        if gap is not None
+    ]
+    return {
+        "scans": link["scans"],
+        **{f"scan_time_{name}_ms": times[name] for name in _OF_SCAN_TIMES},
+        "scan_time_max_after_startup_ms": times["after_startup"]["max"],
+        "D8202": registers.get("D8202"),
+        "polls": link["polls"],
+        "failed_attempts": sum(failed.values()),
+        **{f"failed_attempts_{code}": count for code, count in failed.items()},
+        "station_errors": sum(link["station_errors"].values()),
+        **{f"station_errors_{station}": count for station, count in link["station_errors"].items()},
+        "bus_load": link["bus_load"],
+        "undetected_frames": link["undetected_frames"],
+        "collisions": link["collisions"],
+        "refresh_gap_max_ms": max(gaps, default=None),
+        "healthy_at_s": link["healthy_at_s"],
+    }
+
+
+def _flatten(prefix: str, data: Any, found: dict[str, Number | None]) -> None:
+    """Every number of nested mappings, under its keys joined by dots."""
+    if isinstance(data, Mapping):
+        for key, value in data.items():
+            _flatten(f"{prefix}.{key}", value, found)
+    elif data is None or (isinstance(data, int | float) and not isinstance(data, bool)):
+        found[prefix] = data
+
+
+def in_order(names: Iterable[str], buses: Sequence[str]) -> list[str]:
+    """Names of figures in the order of the columns, the links in the order of ``buses``."""
+    ranks = {name: rank for rank, name in enumerate(LINK_FIGURES)}
+    places = {bus: place for place, bus in enumerate(buses)}
+
+    def rank(name: str) -> tuple[int, int, int, str]:
+        bus, _, figure = name.partition(".")
+        numbered = _NUMBERED.fullmatch(figure)
+        stem, number = (numbered[1], int(numbered[2], 16)) if numbered else (figure, 0)
+        if bus not in places or stem not in ranks:
+            return (len(places), 0, 0, name)
+        return (places[bus], ranks[stem], number, "")
+
+    return sorted(names, key=rank)

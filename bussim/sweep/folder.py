@@ -1,0 +1,261 @@
+"""The folder of a sweep: made beside its place, gone on with after any interruption, moved when whole."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from itertools import count
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Literal, Self
+
+from bussim.errors import RunError, UsageError
+from bussim.results.files import SUFFIX, _one_at_a_time, _try_lock
+from bussim.sweep.identity import MANIFEST, differences, manifest_text, read_manifest
+from bussim.sweep.journal import Journal
+
+#: The file that marks a folder as incomplete. Not that of a run, which a run may remove.
+MARKER = "INCOMPLETE-SWEEP"
+JOURNAL = "journal.jsonl"
+_OLD = ".old" + SUFFIX
+
+_MARKER_TEXT = """\
+This folder is incomplete: bussim sweep is still writing it, or was stopped before it had finished.
+The same command goes on where it was stopped. The folder may also be deleted.
+"""
+
+#: What is there before a sweep begins: nothing, some of its runs, or all of it.
+State = Literal["new", "begun", "whole"]
+
+
+class SweepFolder:
+    """Finds and fills the folder of a sweep.
+
+    ::
+
+        with SweepFolder(wanted, manifest, force=False, numbered=False) as folder:
+            if folder.state != "whole":
+                folder.begin()
+                folder.journal.append(...)  # for every run that is not in folder.journal.done
+                folder.finish(write_results)
+
+    All work is done in ``<target>.incomplete``. A process that is killed at any instant leaves
+    either that folder, with every finished run, or the whole one; :attr:`state` tells the next
+    process what it finds. Nothing is written before :meth:`begin`.
+
+    ``manifest`` is what the sweep is, see :mod:`bussim.sweep.identity`. With ``force`` another
+    sweep's folder is replaced, and a whole one of this sweep made again. With ``numbered`` a target
+    that is something else becomes ``<target>-2``, and so on.
+
+    Raises UsageError if the target is something else (and says what differs) or is being written
+    by another process.
+    """
+
+    def __init__(
+        self, wanted: Path, manifest: Mapping[str, Any], *, force: bool = False, numbered: bool = False
+    ) -> None:
+        self._manifest = manifest
+        self._force = force
+        self._lock: IO[str] | None = None
+        self._journal: Journal | None = None
+        if wanted.name in ("", ".."):
+            raise UsageError(f"{wanted} is not a folder that can be made; give it a name, as in sweeps/press")
+        if wanted.is_symlink():
+            wanted = wanted.resolve()
+        self.target = wanted
+        try:
+            self.state = self._numbered() if numbered else self._look(wanted)
+        except OSError as error:
+            raise UsageError(f"{wanted}: cannot be written: {_reason(error)}") from error
+
+    @property
+    def journal(self) -> Journal:
+        """The finished runs. Only after :meth:`begin`."""
+        if self._journal is None:
+            raise AssertionError("the folder was not begun")
+        return self._journal
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._journal is not None:
+            with contextlib.suppress(OSError):  # what went wrong before counts
+                self._journal.close()
+        if self._lock is not None:
+            self._lock.close()
+        if isinstance(error, OSError):
+            raise RunError(f"{self.target}: writing failed: {_reason(error)}") from error
+
+    def begin(self) -> None:
+        """Take the folder for this process, and make it if it is not there.
+
+        Raises UsageError if another process was quicker, or if it cannot be written.
+        """
+        part = _part(self.target)
+        try:
+            self.target.parent.mkdir(parents=True, exist_ok=True)
+            with _one_at_a_time(self.target.parent):
+                self.state = self._look(self.target)
+                if self.state == "whole":
+                    raise UsageError(f"{self.target} was finished by another process just now")
+                if self.state == "new":
+                    if part.exists():
+                        _remove(part)
+                    part.mkdir()
+                self._lock = (part / MARKER).open("a", encoding="utf-8", newline="\n")
+                if not _try_lock(self._lock):
+                    raise _in_use(part)
+                self._lock.truncate(0)
+                self._lock.write(_MARKER_TEXT)
+                self._lock.flush()
+            if self.state == "new":
+                _write_whole(part / MANIFEST, manifest_text(self._manifest))
+            self._journal = Journal(part / JOURNAL)
+        except OSError as error:
+            raise UsageError(f"{self.target}: cannot be written: {_reason(error)}") from error
+
+    def finish(self, write: Callable[[Path], None]) -> None:
+        """Let ``write`` write the results into the folder, and move it to its place."""
+        part, old = _part(self.target), self.target.with_name(self.target.name + _OLD)
+        self.journal.close()
+        for entry in part.iterdir():  # of an earlier process that was killed here
+            if entry.name not in (MANIFEST, JOURNAL, MARKER):
+                entry.unlink()
+        write(part)
+        if self.target.exists():
+            if any(self.target.iterdir()) and read_manifest(self.target) is None:
+                raise UsageError(f"{self.target} appeared meanwhile, and is not the folder of a sweep")
+            if old.exists():
+                _remove(old)
+            self.target.replace(old)
+        if sys.platform == "win32" and self._lock is not None:
+            self._lock.close()  # an open file keeps its folder from being renamed there
+        part.replace(self.target)
+        self._tidy()
+        self.state = "whole"
+
+    def _tidy(self) -> None:
+        """What is left to do when everything is in its place; the marker goes last."""
+        old = self.target.with_name(self.target.name + _OLD)
+        (self.target / JOURNAL).unlink(missing_ok=True)
+        if old.exists():
+            _remove(old)
+        (self.target / MARKER).unlink(missing_ok=True)
+
+    def _numbered(self) -> State:
+        wanted = self.target
+        for number in count(1):
+            self.target = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
+            part = _part(self.target)
+            # What another sweep has taken is passed over; the same one in use is worth an error.
+            if any(
+                folder.exists() and not self._is_this(folder) and not _is_empty_start(folder)
+                for folder in (self.target, part)
+            ):
+                continue
+            return self._look(self.target)
+        raise AssertionError
+
+    def _is_this(self, folder: Path) -> bool:
+        known = read_manifest(folder)
+        return known is not None and not differences(self._manifest, known)
+
+    def _look(self, target: Path) -> State:
+        part = _part(target)
+        if target.exists():
+            same = self._judge(target, target)
+            if (target / MARKER).exists() and same:
+                # Killed when it was in its place but for the last steps.
+                _check_free(target)
+                self._tidy()
+                return "whole"
+            if same and not self._force:
+                return "whole"
+        if part.exists():
+            same = self._judge(part, target)
+            _check_free(part)
+            return "begun" if same else "new"
+        return "new"
+
+    def _judge(self, folder: Path, target: Path) -> bool:
+        """Whether a folder is this sweep's. Raises UsageError if it is not and may not be replaced."""
+        if not folder.is_dir():
+            raise UsageError(f"{folder} exists and is a file; choose another name")
+        known = read_manifest(folder)
+        if known is None:
+            if _is_empty_start(folder):
+                return False
+            raise UsageError(
+                f"{folder} exists and is not the folder of a sweep (it has no {MANIFEST}), so that it is "
+                "not replaced even by force; choose another name with --out"
+            )
+        different = differences(self._manifest, known)
+        if different and not self._force:
+            unfinished = "" if folder == target else f" (unfinished, in {folder})"
+            raise UsageError(
+                f"{target} is the folder of another sweep{unfinished}: {'; '.join(different)}; choose "
+                "another name with --out, or replace it with --force"
+            )
+        return not different
+
+
+def _part(target: Path) -> Path:
+    return target.with_name(target.name + SUFFIX)
+
+
+def _is_empty_start(folder: Path) -> bool:
+    """Whether there is nothing in a folder but, perhaps, the marker of a sweep that began."""
+    return folder.is_dir() and all(entry.name in (MARKER, _temporary(MANIFEST)) for entry in folder.iterdir())
+
+
+def _check_free(folder: Path) -> None:
+    """Raise UsageError if a process has the folder."""
+    try:
+        with (folder / MARKER).open("r+", encoding="utf-8") as marker:
+            free = _try_lock(marker)
+    except FileNotFoundError:
+        free = True
+    if not free:
+        raise _in_use(folder)
+
+
+def _in_use(folder: Path) -> UsageError:
+    return UsageError(
+        f"{folder} is being written by another process; wait for it, or choose another name with --out"
+    )
+
+
+def _remove(folder: Path) -> None:
+    """Remove a sweep's folder; what says whose it is goes last."""
+    last = (MARKER, MANIFEST)
+    for entry in folder.iterdir():
+        if entry.name not in last:
+            shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+    for name in last:
+        (folder / name).unlink(missing_ok=True)
+    folder.rmdir()
+
+
+def _temporary(name: str) -> str:
+    return f"{name}.part"
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Write a file that is there either whole or not at all."""
+    part = path.with_name(_temporary(path.name))
+    with part.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(text)
+    part.replace(path)
+
+
+def _reason(error: OSError) -> str:
+    where = f" ({error.filename})" if error.filename else ""
+    return f"{error.strerror or error}{where}"

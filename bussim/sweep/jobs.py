@@ -1,0 +1,74 @@
+"""One run of a sweep as a task for any process on any machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+from bussim.scenario.model import Scenario
+from bussim.scenario.overrides import Override
+from bussim.sweep.figures import Number, figures_of
+from bussim.sweep.template import Template
+from bussim.version import __version__
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A run: the scenario's ``text`` and ``name``, what is set in it, and the seed (None: its own).
+
+    It carries all that it needs, so that the process that runs it needs no file. ``version`` is
+    that of the bussim which asks for it.
+    """
+
+    run: int
+    text: str
+    name: str
+    overrides: tuple[Override, ...]
+    seed: int | None
+    version: str = __version__
+
+
+class Outcome(NamedTuple):
+    """What became of a job: its figures, or why it failed."""
+
+    run: int
+    figures: dict[str, Number | None] | None
+    error: str = ""
+
+
+def run_job(job: Job) -> Outcome:
+    """Simulate. An exception becomes part of the outcome, so that it is not taken for a lost worker."""
+    from bussim import api
+
+    if job.version != __version__:
+        error = f"the worker has bussim {__version__}, the sweep is made by {job.version}; install the same"
+        return Outcome(job.run, None, error)
+    try:
+        scenario = _scenario(job.text, job.name, job.overrides)
+        if job.seed is not None:
+            scenario = replace(scenario, seed=job.seed)
+        summary = api.run(scenario, rows=False).summary
+        return Outcome(job.run, figures_of(summary, masters_of(scenario)))
+    except Exception as error:
+        return Outcome(job.run, None, f"{type(error).__name__}: {error}")
+
+
+def masters_of(scenario: Scenario) -> dict[str, str]:
+    """By bus, the first PLC with station number 0."""
+    found: dict[str, str] = {}
+    for plc in scenario.plcs:
+        if plc.seat is not None and plc.registers.get("D8176", 0) == 0:
+            found.setdefault(plc.seat.bus, plc.name)
+    return found
+
+
+# The repeats of a point follow each other, and mostly meet the same process.
+@lru_cache(maxsize=8)
+def _scenario(text: str, name: str, overrides: tuple[Override, ...]) -> Scenario:
+    return _template(text, name).examine(overrides).get()
+
+
+@lru_cache(maxsize=2)
+def _template(text: str, name: str) -> Template:
+    return Template(text, name)

@@ -1,0 +1,171 @@
+"""What a sweep is to run: the points, their runs and seeds, all of it checked before anything runs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from bussim.errors import Problem, ScenarioError, UsageError
+from bussim.scenario import builtin, loader
+from bussim.scenario.overrides import Override
+from bussim.scenario.wording import shorten
+from bussim.sweep.identity import SCHEMA
+from bussim.sweep.jobs import Job
+from bussim.sweep.seeds import run_seed
+from bussim.sweep.template import Template
+from bussim.sweep.vary import Axis, Point, grid, parse_axes
+from bussim.version import __version__
+
+#: Most messages about bad points, and most points named in one of them.
+_MOST_MESSAGES = 100
+_MOST_POINTS = 20
+
+
+class Plan:
+    """A scenario, what varies in it, and how often each point is run.
+
+    ``source`` is a file or a built-in scenario, ``sets`` what is set in it at every point. The
+    scenario must be good by itself; :meth:`check` tells whether every point is.
+
+    Runs have numbers from 0: all repeats of the first point, then those of the second. Repeats are
+    counted from 1. Where ``seed`` itself is varied, runs have these seeds and cannot be repeated.
+
+    Raises ScenarioError for mistakes in the scenario, UsageError for those in ``vary`` (texts
+    ``key.path=…``), ``sets`` and ``repeat``.
+    """
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str],
+        vary: Iterable[str],
+        *,
+        sets: Sequence[str | Override] = (),
+        repeat: int = 1,
+        same_luck: bool = False,
+    ) -> None:
+        self.sets = tuple(Override.parse(each) if isinstance(each, str) else each for each in sets)
+        self.axes = parse_axes(vary, [override.key for override in self.sets])
+        self.points = grid(self.axes, repeat)
+        self.repeat = repeat
+        self.same_luck = same_luck
+        self._own_seeds = any(axis.key == "seed" for axis in self.axes)
+        if self._own_seeds and repeat > 1:
+            raise UsageError(
+                "--vary seed and --repeat exclude each other: with --repeat every run has a seed of its own"
+            )
+        self.base = loader.load(source, self.sets)
+        path, self.name = builtin.locate(os.fspath(source))
+        self._text = path.read_text(encoding="utf-8-sig")
+        self._template = Template(self._text, self.name)
+        self._check_keys()
+
+    @property
+    def runs(self) -> int:
+        """How many runs there are."""
+        return len(self.points) * self.repeat
+
+    @property
+    def title(self) -> str:
+        """The scenario's name."""
+        return self.base.name
+
+    def place(self, run: int) -> tuple[int, int]:
+        """The point (from 0) and the repeat (from 1) of a run."""
+        point, repeat = divmod(run, self.repeat)
+        return point, repeat + 1
+
+    def seed(self, run: int) -> int | None:
+        """The seed of a run, None where the point itself says it."""
+        if self._own_seeds:
+            return None
+        point, repeat = self.place(run)
+        return run_seed(self.base.seed, self.axes, self.points[point], repeat, same_luck=self.same_luck)
+
+    def job(self, run: int) -> Job:
+        """The task of a run."""
+        point, _ = self.place(run)
+        return Job(run, self._text, self.name, self._overrides(self.points[point]), self.seed(run))
+
+    def in_words(self, run: int) -> str:
+        """A run, for messages."""
+        point, repeat = self.place(run)
+        return f"{_at(self.axes, self.points[point])}, repeat {repeat}"
+
+    def manifest(self) -> dict[str, Any]:
+        """What makes this sweep this one: the content of ``sweep.json``."""
+        return {
+            "schema": SCHEMA,
+            "bussim": __version__,
+            "scenario": self.title,
+            "vary": [
+                {"key": axis.key, "column": axis.column, "values": [value.text for value in axis.values]}
+                for axis in self.axes
+            ],
+            "repeat": self.repeat,
+            "same_luck": self.same_luck,
+            "points": len(self.points),
+            "runs": self.runs,
+            "source": self._template.data(self.sets),
+        }
+
+    def check(self, progress: Callable[[int, int], None] | None = None) -> None:
+        """Examine the scenario of every point. Raises ScenarioError that names all bad points."""
+        found: dict[Problem, list[Point]] = {}
+        for number, point in enumerate(self.points, 1):
+            for problem in self._template.examine(self._overrides(point)).errors:
+                found.setdefault(problem, []).append(point)
+            if progress is not None:
+                progress(number, len(self.points))
+        if found:
+            raise ScenarioError(self._explained(found))
+
+    def _check_keys(self) -> None:
+        """Every key must lead somewhere. Raises UsageError that names all that do not."""
+        wrong = []
+        for axis in self.axes:
+            try:
+                self._template.examine([*self.sets, axis.override(axis.values[0], as_given=True)])
+            except UsageError as error:
+                wrong.append(str(error))
+        if wrong:
+            raise UsageError("\n".join(wrong))
+
+    def _overrides(self, point: Point) -> tuple[Override, ...]:
+        return self.sets + tuple(axis.override(value) for axis, value in zip(self.axes, point, strict=True))
+
+    def _explained(self, found: dict[Problem, list[Point]]) -> list[Problem]:
+        """The problems, with the points at which they occur where their own text does not say it."""
+        explained = []
+        for problem, points in found.items():
+            if self._said(problem, points):
+                explained.append(problem)
+                continue
+            if len(points) == len(self.points):
+                where = "at every point"
+            else:
+                where = " / ".join(_at(self.axes, point) for point in points[:_MOST_POINTS])
+                more = len(points) - _MOST_POINTS
+                where = f"at {where}" + (f" and {more:,} more points" if more > 0 else "")
+            explained.append(
+                Problem(problem.file, problem.line, problem.column, f"{problem.message} ({where})")
+            )
+        if len(explained) > _MOST_MESSAGES:
+            more = len(explained) - _MOST_MESSAGES
+            explained = sorted(explained)[:_MOST_MESSAGES]
+            explained.append(Problem("…", 0, 0, f"and {more:,} more mistakes"))
+        return explained
+
+    def _said(self, problem: Problem, points: list[Point]) -> bool:
+        """Whether a problem occurs at exactly the points with the value that its label names."""
+        for place, axis in enumerate(self.axes):
+            for value in axis.values:
+                if axis.override(value).label == problem.file:
+                    return len(points) * len(axis.values) == len(self.points) and all(
+                        point[place] == value for point in points
+                    )
+        return False
+
+
+def _at(axes: Sequence[Axis], point: Point) -> str:
+    return ", ".join(f"{axis.key}={shorten(value.text)}" for axis, value in zip(axes, point, strict=True))

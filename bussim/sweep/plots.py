@@ -1,0 +1,216 @@
+"""Pictures of a sweep: lines with error bands over one key, heat maps over two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, log10, nan
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from bussim.results.names import file_names
+from bussim.results.style import GREY, PALETTE, Picture, finish_picture, new_picture, shorten, style
+from bussim.sweep.plan import Plan
+from bussim.sweep.tables import HIGH, LOW, Table
+from bussim.sweep.vary import Axis
+from bussim.units import seconds
+from bussim.version import __version__
+
+#: The figures of a link that are drawn, and what their panels are called.
+PANELS = {
+    "scan_time_mean_ms": "mean link scan time (ms)",
+    "scan_time_max_ms": "longest link scan of a run (ms)",
+    "station_errors": "station errors in a run",
+    "refresh_gap_max_ms": "longest refresh gap of a run (ms)",
+}
+#: Values over so many decades get a logarithmic axis or colour.
+_DECADES = 2
+_MOST_TICKS = 12
+#: Heat maps with at most so many columns have the number written in each cell.
+_MOST_WRITTEN = 10
+_MOST_SHAPES = 1000
+_LONGEST_TICK, _LONGEST_NUMBER = 14, 6
+_MAP = "viridis"
+
+
+def draw(plan: Plan, points: Table, folder: Path) -> list[Path]:
+    """Draw every N:N link of a sweep over one key or two, as ``sweep_<bus>.png`` and ``.svg``.
+
+    ``points`` is the table of :func:`bussim.sweep.tables.points_table`. A sweep over more keys has
+    no picture. Returns the paths.
+    """
+    if len(plan.axes) > 2:
+        return []
+    buses = [bus.name for bus in plan.base.buses if f"{bus.name}.scans" in points]
+    paths: list[Path] = []
+    for bus, stem in file_names(buses).items():
+        shape = heat_maps if len(plan.axes) == 2 else lines
+        paths += shape(plan, points, bus).save_both(folder / f"sweep_{stem}")
+    return paths
+
+
+def lines(plan: Plan, points: Table, bus: str) -> Picture:
+    """The means of a link's figures over the values of one key, with 95 % confidence intervals."""
+    axis = plan.axes[0]
+    places, logarithmic = _places(axis)
+    with style():
+        picture = _new(plan)
+        for panel, figure in _panels(picture, points, bus):
+            column = f"{bus}.{figure}"
+            mean, low, high = (_numbers(points[column + ending]) for ending in ("", LOW, HIGH))
+            line = "-" if axis.unit is not None else ""  # nothing lies between two texts
+            panel.plot(
+                places, mean, color=PALETTE[0], marker="o", markersize=3.5, linestyle=line, clip_on=False
+            )
+            # The lines show what a band cannot: a point whose neighbours have no interval.
+            panel.vlines(places, low, high, color=PALETTE[0], linewidth=1)
+            if line:
+                panel.fill_between(places, low, high, color=PALETTE[0], alpha=0.25, linewidth=0)
+            if logarithmic:
+                panel.set_xscale("log")
+            elif places == list(range(len(places))):
+                _label_positions(panel, axis, "x")
+                panel.set_xlim(-0.5, len(places) - 0.5)
+            if min((value for value in (*mean, *low) if isfinite(value)), default=0) >= 0:
+                panel.set_ylim(bottom=max(0, panel.get_ylim()[0]))
+            panel.set_xlabel(_axis_label(axis))
+        finish_picture(picture, _heading(plan, bus), _line_key(plan, band=axis.unit is not None))
+    return picture
+
+
+def heat_maps(plan: Plan, points: Table, bus: str) -> Picture:
+    """The means of a link's figures over two keys: the first to the right, the second upwards."""
+    across, up = plan.axes
+    with style():
+        picture = _new(plan)
+        for panel, figure in _panels(picture, points, bus):
+            means = _numbers(points[f"{bus}.{figure}"])
+            height = len(up.values)
+            # The last key changes fastest in the table.
+            rows = [means[row::height] for row in range(height)]
+            colours = _colours(means)
+            panel.grid(visible=False)
+            panel.set_facecolor("#e4e4e4")  # of cells without a number
+            many = len(means) > _MOST_SHAPES  # an SVG of thousands of squares is slow to show
+            mesh = panel.pcolormesh(rows, cmap=_MAP, norm=colours, rasterized=many)
+            picture.colorbar(mesh, ax=panel)
+            if len(across.values) <= _MOST_WRITTEN and height <= 2 * _MOST_WRITTEN:
+                _write_numbers(panel, rows, colours)
+            _label_positions(panel, across, "x", 0.5)
+            _label_positions(panel, up, "y", 0.5)
+            panel.set_xlabel(_axis_label(across))
+            panel.set_ylabel(_axis_label(up))
+        finish_picture(picture, _heading(plan, bus), _map_key(plan))
+    return picture
+
+
+def _new(plan: Plan) -> Picture:
+    base = plan.base
+    about = (
+        f"{base.name}, seed {base.seed}{' at every point' if plan.same_luck else ''}, "
+        f"{seconds(base.duration):g} s, {plan.runs:,} runs, bussim {__version__}"
+    )
+    return new_picture(10.5, 8, about)
+
+
+def _panels(picture: Picture, points: Table, bus: str) -> list[tuple[Axes, str]]:
+    """A panel with its title for each figure."""
+    grid = picture.subplots(2, 2).flatten()
+    for panel, title in zip(grid, PANELS.values(), strict=True):
+        panel.set_title(title)
+    shown = []
+    for panel, figure in zip(grid, PANELS, strict=True):
+        if any(value is not None for value in points.get(f"{bus}.{figure}", [])):
+            shown.append((panel, figure))
+        else:
+            panel.set_axis_off()
+            panel.text(0.5, 0.5, "not known at any point", ha="center", color=GREY, transform=panel.transAxes)
+    return shown
+
+
+def _numbers(column: Sequence[object]) -> list[float]:
+    return [float(value) if isinstance(value, int | float) else nan for value in column]
+
+
+def _places(axis: Axis) -> tuple[list[float], bool]:
+    """Where the values of an axis lie on it, and whether it is logarithmic.
+
+    Texts, and numbers over many decades with a 0 among them, lie side by side.
+    """
+    numbers = [value.number for value in axis.values if value.number is not None]
+    side_by_side: list[float] = list(range(len(axis.values)))
+    if axis.unit is None:
+        return side_by_side, False
+    sizes = [abs(number) for number in numbers if number]
+    if not sizes or log10(max(sizes)) - log10(min(sizes)) < _DECADES:
+        return [float(number) for number in numbers], False
+    if min(numbers) <= 0:
+        return side_by_side, False
+    return [float(number) for number in numbers], True
+
+
+def _label_positions(panel: Axes, axis: Axis, side: str, offset: float = 0.0) -> None:
+    """The values of an axis as labels of positions 0, 1, 2…, as many as there is room for."""
+    step = -(-len(axis.values) // _MOST_TICKS)
+    chosen = range(0, len(axis.values), step)
+    texts = [_tick(axis, place) for place in chosen]
+    ticks = [place + offset for place in chosen]
+    if side == "y":
+        panel.set_yticks(ticks, texts)
+        return
+    crowded = sum(map(len, texts)) > 44
+    panel.set_xticks(ticks, texts, rotation=35 if crowded else 0, ha="right" if crowded else "center")
+
+
+def _tick(axis: Axis, place: int) -> str:
+    value = axis.values[place]
+    if value.number is not None and (axis.unit or len(value.text) > _LONGEST_NUMBER):
+        return f"{value.number:.3g}" if abs(value.number) < 1000 else f"{value.number:g}"
+    return shorten(value.text, _LONGEST_TICK)
+
+
+def _axis_label(axis: Axis) -> str:
+    return shorten(axis.key, 50) + (f" ({axis.unit})" if axis.unit else "")
+
+
+def _colours(values: Sequence[float]) -> Normalize:
+    known = [value for value in values if isfinite(value)]
+    low, high = min(known), max(known)
+    if low > 0 and log10(high) - log10(low) >= _DECADES:
+        return LogNorm(low, high)
+    # matplotlib widens a range without a width by itself, but to a negative one.
+    return Normalize(low, high if high > low else low + 1)
+
+
+def _write_numbers(panel: Axes, rows: Sequence[Sequence[float]], colours: Normalize) -> None:
+    size = 8 if max(len(rows), len(rows[0])) <= 6 else 6.5
+    for y, row in enumerate(rows):
+        for x, value in enumerate(row):
+            known = isfinite(value)
+            dark = known and float(colours(value)) < 0.6
+            text, colour = f"{value:.4g}" if known else "–", "white" if dark else "black"
+            panel.text(x + 0.5, y + 0.5, text, ha="center", va="center", size=size, color=colour)
+
+
+def _heading(plan: Plan, bus: str) -> str:
+    return f"{plan.title}: {bus} over {' and '.join(axis.key for axis in plan.axes)}"
+
+
+def _line_key(plan: Plan, *, band: bool) -> list[Line2D | Patch]:
+    if plan.repeat == 1:
+        return [Line2D([], [], color=PALETTE[0], marker="o", label="one run a point, spread unknown")]
+    label = "95 % confidence interval of the mean"
+    return [
+        Line2D([], [], color=PALETTE[0], marker="o", label=f"mean of {plan.repeat} runs"),
+        Patch(color=PALETTE[0], alpha=0.25, label=label)
+        if band
+        else Line2D([], [], color=PALETTE[0], linewidth=1, label=label),
+    ]
+
+
+def _map_key(plan: Plan) -> list[Line2D]:
+    label = "one run a point" if plan.repeat == 1 else f"means of {plan.repeat} runs a point"
+    return [Line2D([], [], linestyle="", label=label)]

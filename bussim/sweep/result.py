@@ -1,0 +1,99 @@
+"""What a sweep gave, for Python and for the command line."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bussim.sweep.identity import SCHEMA
+from bussim.sweep.plan import Plan
+from bussim.sweep.tables import HIGH, LOW, POINTS, RUNS, Table, axis_cell, read_csv
+from bussim.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class SweepResult:
+    """A whole sweep in its folder.
+
+    ``already_there`` is how many of its runs were not made now but before.
+    """
+
+    def __init__(self, plan: Plan, folder: Path, *, already_there: int) -> None:
+        self.plan = plan
+        self.folder = folder
+        self.already_there = already_there
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """One row a run: run, point, the varied keys, repeat, seed, and its figures."""
+        return _frame(read_csv(self.folder / RUNS))
+
+    @cached_property
+    def points(self) -> pd.DataFrame:
+        """One row a point: point, the varied keys, runs, and X, X_low, X_high for each figure X.
+
+        The mean over its runs and the limits of the 95 % confidence interval.
+        """
+        return _frame(self._points)
+
+    @cached_property
+    def _points(self) -> Table:
+        return read_csv(self.folder / POINTS)
+
+    @property
+    def figures(self) -> list[str]:
+        """The names of all figures, such as ``link.scan_time_mean_ms``."""
+        return [name.removesuffix(LOW) for name in self._points if name.endswith(LOW)]
+
+    def mean(self, figure: str, point: int) -> tuple[Any, Any, Any]:
+        """Mean, low and high of a figure at a point (from 0), None where they are not known."""
+        low, high = (self._points[figure + ending][point] for ending in (LOW, HIGH))
+        return self._points[figure][point], low, high
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Everything about the points as plain data, what ``bussim sweep --json`` prints."""
+        plan = self.plan
+        return {
+            "schema": SCHEMA,
+            "bussim": __version__,
+            "scenario": plan.title,
+            "folder": str(self.folder),
+            "vary": [
+                {"key": axis.key, "column": axis.column, "values": [axis_cell(axis, v) for v in axis.values]}
+                for axis in plan.axes
+            ],
+            "repeat": plan.repeat,
+            "same_luck": plan.same_luck,
+            "runs": plan.runs,
+            "points": [
+                {
+                    "at": {a.key: axis_cell(a, v) for a, v in zip(plan.axes, at, strict=True)},
+                    "figures": {
+                        name: dict(zip(("mean", "low", "high"), self.mean(name, number), strict=True))
+                        for name in self.figures
+                    },
+                }
+                for number, at in enumerate(plan.points)
+            ],
+        }
+
+    def __repr__(self) -> str:
+        keys = ", ".join(axis.key for axis in self.plan.axes)
+        size = f"{len(self.plan.points)} points, {self.plan.runs} runs"
+        return f"<SweepResult of {self.plan.title!r} over {keys}: {size} in {self.folder}>"
+
+
+def _frame(table: Table) -> pd.DataFrame:
+    import pandas as pd
+
+    # A column without a single number is one of numbers all the same.
+    return pd.DataFrame(
+        {
+            name: pd.Series(values, dtype="float64" if set(map(type, values)) == {type(None)} else None)
+            for name, values in table.items()
+        }
+    )

@@ -1,0 +1,146 @@
+"""The tables of a sweep: one row a run, and one row a point with means and confidence intervals."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from bussim.errors import UsageError
+from bussim.results.names import cell, from_cell
+from bussim.results.tables import import_pyarrow
+from bussim.sweep.figures import Number, in_order, is_event_count
+from bussim.sweep.intervals import mean_of
+from bussim.sweep.plan import Plan
+from bussim.sweep.vary import Axis, Value
+
+RUNS, POINTS, RUNS_PARQUET = "runs.csv", "points.csv", "runs.parquet"
+
+Cell = Number | str | None
+#: Columns by name, all of the same length.
+Table = dict[str, list[Cell]]
+
+#: What is added to a figure's name for the limits of its confidence interval.
+LOW, HIGH = "_low", "_high"
+
+
+def runs_table(plan: Plan, entries: Iterable[tuple[int, Mapping[str, Number | None]]]) -> Table:
+    """One row a run, in the order of their numbers, whatever the order of ``entries``.
+
+    Columns: run, point and repeat (all from 1), the varied keys (times with their unit behind the
+    name), seed, and the figures of :func:`bussim.sweep.figures.figures_of`. A figure that a run
+    does not have is None; so are quantiles that it has too few scans for.
+    """
+    figures: Table = {}
+    for run, row in entries:
+        for name, value in row.items():
+            if name not in figures:
+                figures[name] = [None] * plan.runs
+            figures[name][run] = value
+    for name, column in figures.items():
+        link, code, _ = name.partition(".failed_attempts_")
+        if code:  # one that did not occur in a run is not in its summary
+            total = figures[f"{link}.failed_attempts"]
+            column[:] = [0 if v is None and t is not None else v for v, t in zip(column, total, strict=True)]
+    axes = [axis.column for axis in plan.axes]
+    table: Table = {name: [] for name in ("run", "point", *axes, "repeat", "seed")}
+    for run in range(plan.runs):
+        point, repeat = plan.place(run)
+        numbers = {"run": run + 1, "point": point + 1, "repeat": repeat, "seed": plan.seed(run)}
+        for name, cell_ in {**numbers, **_at(plan, point)}.items():
+            table[name].append(cell_)
+    buses = [bus.name for bus in plan.base.buses]
+    return table | {name: figures[name] for name in in_order(figures, buses)}
+
+
+def points_table(plan: Plan, runs: Table) -> Table:
+    """One row a point: point, the varied keys, runs, and for each figure mean, low and high.
+
+    ``X`` is the mean of the figure X over the point's runs, ``X_low`` and ``X_high`` are the limits
+    of its 95 % confidence interval, see :func:`bussim.sweep.intervals.mean_of`.
+    """
+    count = len(plan.points)
+    table: Table = {"point": list(range(1, count + 1))}
+    for axis in plan.axes:
+        table[axis.column] = [_at(plan, point)[axis.column] for point in range(count)]
+    table["runs"] = [plan.repeat] * count
+    for name in figure_names(runs, plan):
+        column = runs[name]
+        events = is_event_count(name)
+        means = []
+        for point in range(count):
+            values = column[point * plan.repeat : (point + 1) * plan.repeat]
+            means.append(mean_of([v for v in values if not isinstance(v, str)], events=events))
+        table[name] = [each.mean for each in means]
+        table[name + LOW] = [each.low for each in means]
+        table[name + HIGH] = [each.high for each in means]
+    return table
+
+
+def figure_names(runs: Table, plan: Plan) -> list[str]:
+    """The columns of the runs' table that are figures."""
+    others = {"run", "point", "repeat", "seed", *(axis.column for axis in plan.axes)}
+    return [name for name in runs if name not in others]
+
+
+def axis_cell(axis: Axis, value: Value) -> Cell:
+    """A value of an axis in tables: its number where the axis has numbers or times, else its text."""
+    return value.number if axis.unit is not None else value.text
+
+
+def _at(plan: Plan, point: int) -> dict[str, Cell]:
+    pairs = zip(plan.axes, plan.points[point], strict=True)
+    return {axis.column: axis_cell(axis, value) for axis, value in pairs}
+
+
+def write_csv(path: Path, table: Table) -> None:
+    """Write a table as CSV after RFC 4180: a header, a comma, a decimal point, CR LF."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([cell(name) for name in table])
+        for row in zip(*table.values(), strict=True):
+            writer.writerow([cell(value) if isinstance(value, str) else value for value in row])
+
+
+def read_csv(path: Path) -> Table:
+    """The table of :func:`write_csv`. Raises UsageError if it is not there or damaged."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = csv.reader(file)
+            table: Table = {from_cell(name): [] for name in next(rows)}
+            columns = list(table.values())
+            for row in rows:
+                for column, text in zip(columns, row, strict=True):
+                    column.append(_parsed(text))
+    except (OSError, ValueError, StopIteration) as error:
+        raise UsageError(f"{path} cannot be read; the sweep must be run again ({error})") from error
+    return table
+
+
+def _parsed(text: str) -> Cell:
+    if not text:
+        return None
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return from_cell(text)
+
+
+def write_parquet(path: Path, table: Table) -> bool:
+    """Write a table as Parquet, unless pyarrow is not installed: then False, and no file."""
+    try:
+        pyarrow, parquet = import_pyarrow()
+    except UsageError:
+        return False
+    arrays = {name: pyarrow.array(values, type=_type(values, pyarrow)) for name, values in table.items()}
+    parquet.write_table(pyarrow.table(arrays), path)
+    return True
+
+
+def _type(values: list[Cell], pyarrow: object) -> object:
+    kinds = {type(value) for value in values if value is not None}
+    if str in kinds:
+        return pyarrow.string()  # type: ignore[attr-defined] # pyarrow has no types
+    return pyarrow.int64() if kinds == {int} else pyarrow.float64()  # type: ignore[attr-defined] # the same

@@ -1,0 +1,53 @@
+"""A scenario file read once, from which scenarios with different values are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from bussim.errors import UsageError
+from bussim.scenario import yaml
+from bussim.scenario.loader import Examined, _judge
+from bussim.scenario.overrides import Override, apply_overrides
+from bussim.scenario.places import Places
+
+
+class Template:
+    """The text of a scenario, with ``name`` for messages.
+
+    Reading YAML takes most of the time of loading; a sweep does it once a process.
+    """
+
+    def __init__(self, text: str, name: str) -> None:
+        self._data, self._places, self._problems = yaml.read(text, name)
+
+    def data(self, overrides: Iterable[Override]) -> Any:
+        """The plain data with values set, unchecked. Raises UsageError as :meth:`examine`."""
+        return apply_overrides(_copied(self._data), self._copy_of_places(), overrides)
+
+    def examine(self, overrides: Iterable[Override]) -> Examined:
+        """The scenario with values set, or every mistake in it.
+
+        Raises UsageError for an override whose path leads nowhere, or that another one replaces.
+        """
+        given = list(overrides)
+        places = self._copy_of_places()
+        examined = _judge(_copied(self._data), places, list(self._problems), given)
+        left = set(places.labels.values())
+        lost = [override for override in given if override.label not in left]
+        if lost:
+            raise UsageError(f"{lost[0].label}: another option sets the same value")
+        return examined
+
+    def _copy_of_places(self) -> Places:
+        known = self._places
+        return Places(known.file, dict(known.keys), dict(known.values), {}, known.data)
+
+
+def _copied(data: Any) -> Any:
+    """The same values in new dicts and lists (numbers keep the text that they had in the file)."""
+    if isinstance(data, dict):
+        return {key: _copied(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_copied(value) for value in data]
+    return data

@@ -1,0 +1,79 @@
+"""Goals as a user writes them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bussim.exact.goals import FORMS, Goals
+from tests.exact.links import MS
+
+
+@pytest.mark.parametrize(
+    ("text", "goals"),
+    [
+        ("errors<=1/y", Goals(errors=1.0)),
+        ("errors <= 0.5 / y", Goals(errors=0.5)),
+        ("errors<=2/d", Goals(errors=730.0)),
+        ("errors<=3", Goals(errors=3.0)),
+        ("errors<=1 per year", Goals(errors=1.0)),
+        ("scan<=200ms@1e-6", Goals(scan=(200 * MS, 1e-6))),
+        ("scan <= 0.2 s @ 0.001", Goals(scan=(200 * MS, 1e-3))),
+        ("dead<=400 ms", Goals(dead=400 * MS)),
+        ("ride>=100ms", Goals(ride=100 * MS)),
+        ("heartbeat=500ms", Goals(heartbeat=(500 * MS, 0.1))),
+        ("heartbeat=500ms@2/y", Goals(heartbeat=(500 * MS, 2.0))),
+    ],
+)
+def test_what_is_understood(text: str, goals: Goals) -> None:
+    assert Goals().with_text(text) == goals
+
+
+def test_every_form_in_the_help_is_understood_and_told_again() -> None:
+    goals = Goals()
+    for form in FORMS.values():
+        goals = goals.with_text(form)
+    assert list(goals.texts()) == list(FORMS)
+    assert goals.texts()["ride"] == "an outage of 100 ms without a station error"
+    assert goals.texts()["heartbeat"] == "a heartbeat of 500 ms missed at most 0.1 times a year"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "not a goal; write one of errors<=1/y"),
+        ("fast", "not a goal"),
+        (
+            "erors<=1/y",
+            "whose goal 'erors' is none of errors, scan, dead, ride, heartbeat; did you mean errors<=1/y",
+        ),
+        ("latency<=1ms", "whose goal 'latency' is none of"),
+        ("errors>=1/y", "write errors<=…, such as errors<=1/y"),
+        ("ride<=100ms", "write ride>=…"),
+        ("heartbeat<=1s", "write heartbeat=…"),
+        ("scan<=200ms", "without a probability; write scan<=200ms@1e-6"),
+        ("scan<=200ms@2", "whose probability must lie between 0 and 1"),
+        ("scan<=200ms@often", "'often' is not a number"),
+        ("scan<=200@1e-6", "a time without a unit"),
+        ("dead<=400ms@1e-6", "@ belongs to scan and heartbeat only"),
+        ("dead<=-1ms", "must lie between 0 and 1 y"),
+        ("dead<=0ms", "must lie between 0 and 1 y"),
+        ("errors<=0/y", "must be above 0"),
+        ("errors<=1e/y", "'1e' is not a number"),
+        ("errors<=one/y", "is not a rate"),
+        ("heartbeat=1s@x/y", "is not a rate"),
+    ],
+)
+def test_what_is_not(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=r"^is ") as caught:
+        Goals().with_text(text)
+    assert message in str(caught.value)
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_a_goal_or_a_message(text: str) -> None:
+    try:
+        Goals().with_text(text)
+    except ValueError as error:
+        assert str(error).startswith("is ")

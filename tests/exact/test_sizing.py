@@ -1,0 +1,289 @@
+"""Recommendations: the traps, the front, what cannot be met and what would help."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bussim.exact.figures import Request, figures_of
+from bussim.exact.goals import Goals
+from bussim.exact.judging import attempts_of, judge, least, missed_per_year, rows_of, timeout_floor
+from bussim.exact.ladder import LEVELS, OUTAGES, ladder_of, with_failing
+from bussim.exact.laws import Solved
+from bussim.exact.link import LinkModel
+from bussim.exact.remedies import with_less_noise, with_mode
+from bussim.exact.sizing import Choice, size
+from bussim.plc.profiles import AbsentStation, Attempts
+from tests.exact.links import MS, PROBE, change, link, with_burst
+
+PLUS_1, EXACTLY = Attempts.RETRIES_PLUS_1, Attempts.RETRIES
+
+
+def figures(model: LinkModel, choice: Choice) -> object:
+    return figures_of(model.with_setting(choice.attempts, choice.timeout), Request(refresh=False))
+
+
+def test_the_recommended_setting_meets_the_goals_and_nothing_less_does() -> None:
+    model = link(7, ber=1e-5)
+    goals = Goals(errors=1.0, ride=60 * MS)
+    sizing = size(model, goals)
+    best = sizing.recommended
+    assert best is not None
+    met = []
+    for retries in range(11):
+        for d8180 in range(5, 40):
+            found = figures_of(model.with_setting(retries + 1, d8180 * 10 * MS), Request({}, refresh=False))
+            assert found.errors_per_year is not None
+            assert found.silence is not None
+            if found.errors_per_year <= 1 and found.silence >= 60 * MS:
+                assert found.one_dead is not None
+                met.append((found.one_dead, retries, d8180))
+    assert (best.retries, best.d8180) == min(met)[1:]
+    assert best.dead == pytest.approx(min(met)[0])
+    exact = figures_of(model.with_setting(best.attempts, best.timeout))
+    assert best.errors == pytest.approx(exact.errors_per_year)
+    assert best.detect == pytest.approx(exact.detect_mean)
+    assert best.mean == pytest.approx(exact.mean)
+
+
+# -- no noise given ----------------------------------------------------------------------------------
+
+
+def test_a_perfect_line_does_not_mean_no_retries() -> None:
+    sizing = size(link(7))
+    best, ladder = sizing.recommended, sizing.ladder
+    assert best is not None
+    assert ladder is not None
+    assert best.retries >= 3
+    assert best.ride >= 100 * MS
+    assert best.errors <= 1  # under the bad level
+    rung = ladder.rungs[best.retries]
+    assert rung.errors["bad"] == pytest.approx(best.errors)
+    assert 100 * MS in rung.survived
+    # One retry less does not survive both.
+    less = ladder.rungs[best.retries - 1]
+    assert less.errors["bad"] > 1 or 100 * MS not in less.survived
+    assert sizing.to_json()["assumed_noise"] == "ladder"
+
+
+def test_the_ladder() -> None:
+    model = link(3)
+    ladder = ladder_of(model, PLUS_1, 50 * MS)
+    assert [rung.retries for rung in ladder.rungs] == list(range(11))
+    assert [rung.attempts for rung in ladder.rungs] == list(range(1, 12))
+    for rung in ladder.rungs:
+        assert rung.errors["quiet"] < rung.errors["typical"] < rung.errors["bad"]
+        assert rung.survived == tuple(outage for outage in OUTAGES if outage <= rung.ride)
+    two = ladder.rungs[1]
+    noisy = with_failing(model, LEVELS["bad"]).with_setting(2, 50 * MS)
+    assert two.errors["bad"] == pytest.approx(figures_of(noisy).errors_per_year)
+    assert two.dead == pytest.approx(figures_of(model.with_setting(2, 50 * MS)).one_dead)
+    exactly = ladder_of(model, EXACTLY, 50 * MS)
+    assert [rung.attempts for rung in exactly.rungs] == [1, *range(1, 11)]
+    assert exactly.rungs[1].errors == exactly.rungs[0].errors
+
+
+def test_a_perfect_line_with_a_goal_that_conflicts() -> None:
+    sizing = size(link(7), Goals(dead=250 * MS))
+    assert sizing.recommended is None
+    assert sizing.ladder is not None
+    (unmet,) = sizing.unmet
+    assert set(unmet.goals) == {"errors", "dead"}
+    assert "not together" in unmet.text
+    assert "the best is 380 ms (attempts 5, D8180 5)" in unmet.text
+    assert sizing.mov_lines() == []
+
+
+# -- the timeout's floor -----------------------------------------------------------------------------
+
+
+def test_the_timeout_leaves_room_for_a_plc_scan() -> None:
+    model = change(link(2, mode=4, ber=1e-6), 2, scan=31 * MS, extra=4 * MS)
+    longest = 39.0625 + 0.5175 + 4
+    assert timeout_floor(model) == 90 * MS
+    assert longest + 31 + 10 <= 90 < longest + 31 + 20
+    sizing = size(model)
+    assert sizing.recommended is not None
+    assert sizing.recommended.timeout >= 90 * MS
+    assert all(choice.timeout >= 90 * MS for choice in sizing.front)
+
+
+def test_no_timeout_is_long_enough() -> None:
+    sizing = size(change(link(2, ber=1e-6), 1, scan=2_300 * MS))
+    assert not sizing.valid
+    assert sizing.reasons == ("the longest reply needs a timeout of at least 2330 ms, D8180 allows 2250 ms",)
+    assert sizing.to_json()["recommended"] is None
+
+
+# -- the assumptions ---------------------------------------------------------------------------------
+
+
+def test_robust_holds_under_every_reading() -> None:
+    model = link(7, ber=2e-5)
+    goals = Goals(ride=100 * MS)
+    sizing = size(model, goals)
+    assert sizing.recommended is not None
+    assert sizing.robust is not None
+    assert set(sizing.robust.choices) == {(r, a) for r in Attempts for a in AbsentStation}
+    for (reading, absent), choice in sizing.robust.choices.items():
+        assert choice.attempts == attempts_of(reading, sizing.robust.retries)
+        exact = figures_of(
+            replace(model, absent=absent).with_setting(choice.attempts, sizing.robust.timeout),
+            Request(refresh=False),
+        )
+        assert exact.errors_per_year == pytest.approx(choice.errors)
+        assert choice.errors <= 1
+        assert choice.ride >= 100 * MS
+    # Read as exactly D8179, one more retry is needed for as many attempts.
+    assert sizing.robust.retries == sizing.recommended.retries + 1
+    assert sizing.apart().startswith(
+        f"D8179 {sizing.robust.retries} instead of {sizing.recommended.retries} and D8180"
+    )
+
+
+def test_the_other_reading_has_its_own_recommendation() -> None:
+    model = replace(link(7, ber=1e-5, attempts=3), retries=3)  # attempts: retries
+    sizing = size(model)
+    plus_1 = size(link(7, ber=1e-5))
+    assert sizing.recommended is not None
+    assert plus_1.recommended is not None
+    assert sizing.recommended.attempts == plus_1.recommended.attempts
+    assert sizing.recommended.retries == plus_1.recommended.retries + 1
+    assert sizing.mov_lines() == [
+        "MOV K5 D8179  ; retries: 5 attempts per poll (D8179 read as retries)",
+        "MOV K5 D8180  ; timeout: 50 ms",
+    ]
+
+
+# -- the front ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", [link(4, ber=3e-5), with_burst(link(3, ber=1e-6), 10_000, 40, 0, 5e-3)])
+def test_no_setting_beats_one_of_the_front(model: LinkModel) -> None:
+    sizing = size(model)
+    assert sizing.judged is not None
+    grid = sizing.judged.grid
+    assert [choice.dead for choice in sizing.front] == sorted(choice.dead for choice in sizing.front)
+    for choice in sizing.front:
+        beaten = (
+            (grid.one_dead < choice.dead * (1 - 1e-12))
+            & (grid.detect_mean < choice.detect)
+            & (grid.errors_per_year < choice.errors / 1.25)
+        )
+        assert not beaten.any()
+    assert len(sizing.front) >= 5
+
+
+# -- heartbeat ---------------------------------------------------------------------------------------
+
+
+def test_a_heartbeat_that_must_not_be_missed() -> None:
+    model = link(2, ber=1e-5)
+    strict = Goals(heartbeat=(300 * MS, 0.1))
+    sizing = size(model, strict)
+    assert sizing.recommended is not None
+    chosen = model.with_setting(sizing.recommended.attempts, sizing.recommended.timeout)
+    assert missed_per_year(Solved(chosen), 300 * MS) <= 0.1
+    impossible = size(model, Goals(heartbeat=(120 * MS, 0.1)))
+    assert impossible.recommended is None
+    assert impossible.unmet[0].goals == ("heartbeat",)
+    assert "the best is" in impossible.unmet[0].text
+
+
+def test_heartbeats_with_bursts_are_looked_at_for_some_timeouts() -> None:
+    model = with_burst(link(1, ber=1e-6), 60_000, 20, 0, 5e-3)
+    goals = Goals(heartbeat=(900 * MS, 1.0), errors=200.0)
+    judged = judge(model, goals)
+    found = least([(judged, rows_of(judged, PLUS_1))])
+    assert found is not None
+    i, j = found
+    assert judged.missed[i, j] <= 1.0
+    assert judged.looked_at[0].sum() <= 8
+
+
+# -- what cannot be met ------------------------------------------------------------------------------
+
+
+def test_a_goal_that_fails_alone_is_named_with_its_best() -> None:
+    sizing = size(link(7, ber=1e-5), Goals(scan=(150 * MS, 1e-6)))
+    assert sizing.recommended is None
+    assert sizing.robust is None
+    (unmet,) = sizing.unmet
+    assert unmet.goals == ("scan",)
+    assert unmet.text.startswith(
+        "a scan over 150 ms with probability at most 1e-06: no setting does; the best is"
+    )
+    assert sizing.robust_unmet
+    for help_ in unmet.helps:
+        assert "then D8179" in help_
+    assert any("stations on the link instead of 8" in help_ for help_ in unmet.helps)
+
+
+def test_what_helps_does_help() -> None:
+    goals = Goals(dead=300 * MS)
+    model = link(7, ber=1e-5)
+    sizing = size(model, goals)
+    assert sizing.recommended is None
+    (unmet,) = sizing.unmet
+    fewer = next(h for h in unmet.helps if "stations on the link" in h)
+    count = int(fewer.split()[0])
+    assert size(replace(model, stations=model.stations[: count - 1]), goals).recommended is not None
+    assert size(replace(model, stations=model.stations[:count]), goals).recommended is None
+    mode = next(h for h in unmet.helps if "refresh mode" in h)
+    assert mode.startswith("refresh mode 1 instead of 2")
+    assert size(with_mode(model, 1), goals).recommended is not None
+    ride = size(model, Goals(ride=400 * MS, dead=400 * MS))
+    assert any(h.startswith("outages of at most 160 ms instead of 400 ms") for h in ride.unmet[0].helps)
+
+
+def test_less_noise_and_smaller_modes() -> None:
+    model = with_burst(link(3, ber=1e-4, loss=0.1), 10, 5, 1e-5, 1e-2)
+    less = with_less_noise(model, 10)
+    assert [s.good for s in less.noise.sources] == [pytest.approx(1e-5), pytest.approx(1e-6)]
+    assert less.noise.sources[1].bad == pytest.approx(1e-3)
+    assert less.stations[0].loss == pytest.approx(0.01)
+    assert with_mode(link(3, mode=2), 0) == replace(link(3, mode=0))
+
+
+# -- what cannot be sized ----------------------------------------------------------------------------
+
+
+def test_links_that_cannot_be_sized() -> None:
+    odd = replace(link(2), obstacles=("a jabbering station collides with every frame",))
+    assert size(odd).reasons == odd.obstacles
+    assert size(link(2).with_dead(1, 2)).reasons == ("no slave answers: there is nothing to size",)
+
+
+def test_the_json_form_and_the_neighbours() -> None:
+    sizing = size(link(7, ber=1e-5))
+    form = sizing.to_json()
+    assert json.loads(json.dumps(form)) == form
+    assert form["recommended"] == {**form["recommended"], "D8179": 4, "D8180": 5, "attempts": 5}  # type: ignore[dict-item]
+    assert isinstance(form["pareto"], list)
+    assert form["pareto"][0]["D8179"] == 0
+    assert form["unmet"] == []
+    assert sizing.neighbours() == [(4, 50 * MS), (3, 50 * MS), (5, 50 * MS)]
+    other = sizing.choice(3, 100 * MS)
+    assert other is not None
+    assert other.attempts == 4
+    assert sizing.choice(3, 99 * MS) is None
+
+
+def test_the_probed_policy_does_not_hide_the_first_long_scan() -> None:
+    # A probed station costs one attempt a scan, so more retries cost nothing there: the fewest that
+    # meet the goals are still taken, since each makes a death noticed later.
+    sizing = size(link(7, ber=1e-5, absent=PROBE))
+    full = size(link(7, ber=1e-5))
+    assert sizing.recommended is not None
+    assert full.recommended is not None
+    assert sizing.recommended.retries == full.recommended.retries
+    assert sizing.recommended.dead < full.recommended.dead
+
+
+def test_judging_keeps_to_the_floor() -> None:
+    judged = judge(link(2, mode=3, ber=1e-6), Goals())
+    assert judged.grid.timeouts[0] == timeout_floor(link(2, mode=3)) == 50 * MS
+    assert np.all(judged.candidates <= (judged.grid.errors_per_year <= 1))

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import pytest
+
+from bussim import api
+from bussim.sweep.figures import LINK_FIGURES, figures_of, in_order, is_event_count
+from bussim.sweep.jobs import masters_of
+
+
+def test_the_figures_of_a_run_are_those_of_its_summary() -> None:
+    scenario = api.load("press_line", ["duration=8s", "noise=[{bus: link, ber: 5e-4}]"])
+    summary = api.run(scenario, rows=False).summary
+    link = summary["links"]["link"]
+    found = figures_of(summary, masters_of(scenario))
+    assert found["link.scans"] == link["scans"] > 50
+    assert found["link.scan_time_mean_ms"] == link["scan_time_ms"]["mean"]
+    assert found["link.scan_time_p999_ms"] is link["scan_time_ms"]["p999"] is None
+    assert found["link.scan_time_max_after_startup_ms"] == link["scan_time_ms"]["after_startup"]["max"]
+    by_code: dict[str, int] = {}
+    for codes in link["failed_attempts"].values():
+        for code, count in codes.items():
+            by_code[code] = by_code.get(code, 0) + count
+    assert len(by_code) > 1
+    assert {f"link.failed_attempts_{code}": count for code, count in by_code.items()}.items() <= found.items()
+    assert found["link.failed_attempts"] == sum(by_code.values())
+    assert found["link.station_errors_1"] == link["station_errors"]["1"]
+    assert found["link.station_errors"] == sum(link["station_errors"].values())
+    master = masters_of(scenario)["link"]
+    assert found["link.D8202"] == summary["plcs"][master]["registers"]["D8202"] > 0
+    gaps = link["refresh_gap_ms"].values()
+    assert found["link.refresh_gap_max_ms"] == max(max(gap["max"], gap["open"]) for gap in gaps)
+
+
+def test_a_station_that_is_never_heard_again_has_the_longest_gap() -> None:
+    scenario = api.load("two_stations", ["duration=5s", "faults=[{at: 2 s, power_off: feeder}]"])
+    found = figures_of(api.run(scenario, rows=False).summary, {})
+    gap = found["link.refresh_gap_max_ms"]
+    assert gap is not None
+    assert gap == pytest.approx(3000, abs=100)
+    assert found["link.D8202"] is None  # without a known master
+
+
+def test_ports_and_devices_give_their_numbers() -> None:
+    summary = {
+        "links": {},
+        "plcs": {},
+        "ports": {"press1.COM3": {"ok": 299, "response_ms": {"p50": 58.1, "max": None}, "on": True}},
+        "devices": {"feeder1": {"requests": 300, "exceptions": {}, "model": "stepper"}},
+    }
+    assert figures_of(summary, {}) == {
+        "press1.COM3.ok": 299,
+        "press1.COM3.response_ms.p50": 58.1,
+        "press1.COM3.response_ms.max": None,
+        "feeder1.requests": 300,
+    }
+
+
+def test_columns_have_one_order() -> None:
+    names = [
+        "b.scans", "b.failed_attempts", "b.failed_attempts_01", "b.failed_attempts_0A", "b.station_errors_1",
+        "b.station_errors_10", "b.bus_load", "a.scans", "a.station_errors_2", "a.COM3.ok", "z.scans",
+    ]  # fmt: skip
+    numbers = ["b.station_errors_1", "b.station_errors_2", "b.station_errors_10"]
+    assert in_order(reversed(names), ["b", "a"]) == names
+    assert in_order(reversed(numbers), ["b"]) == numbers
+    assert in_order([f"x.{name}" for name in sorted(LINK_FIGURES)], ["x"]) == [f"x.{n}" for n in LINK_FIGURES]
+
+
+def test_what_counts_events() -> None:
+    for name in ("link.failed_attempts", "l.failed_attempts_0A", "l.station_errors_3", "l.collisions"):
+        assert is_event_count(name)
+    for name in ("link.scans", "link.bus_load", "link.scan_time_max_ms", "collisions.scans"):
+        assert not is_event_count(name)

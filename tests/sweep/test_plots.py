@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+
+from bussim.results.style import Picture
+from bussim.sweep.plan import Plan
+from bussim.sweep.plots import PANELS, draw, heat_maps, lines
+from bussim.sweep.tables import Table, points_table, runs_table
+from tests.results.test_plots import assert_legible, has
+
+from .samples import BER, RETRIES, TIMEOUT, noisy
+
+
+def results(plan: Plan, *, rare: bool = False) -> Table:
+    """Figures with a known law: the mean scan time is 40 + 2·(number of the point), give or take 1 ms."""
+    luck = random.Random(1)
+
+    def figures(run: int) -> dict[str, Any]:
+        point, _ = plan.place(run)
+        return {
+            "link.scans": 100,
+            "link.scan_time_mean_ms": 40 + 2 * point + luck.uniform(-1, 1),
+            "link.scan_time_max_ms": None if point == 1 else 90 + point**2,
+            "link.station_errors": 0 if rare else point,
+            "link.refresh_gap_max_ms": None if rare else 200 + luck.uniform(-50, 50),
+        }
+
+    return points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
+
+
+def panels(picture: Picture) -> dict[str, Axes]:
+    return {axes.get_title("left"): axes for axes in picture.axes if axes.get_title("left")}
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    return noisy(tmp_path)
+
+
+def test_a_heat_map_has_each_mean_at_its_place(scenario: Path) -> None:
+    plan = Plan(scenario, [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"], repeat=3)
+    points = results(plan)
+    picture = heat_maps(plan, points, "link")
+    axes = panels(picture)
+    assert set(axes) == set(PANELS.values())
+    mean = axes[PANELS["scan_time_mean_ms"]]
+    mesh = next(artist for artist in mean.collections if isinstance(artist, QuadMesh))
+    cells = mesh.get_array()
+    assert cells is not None
+    assert cells.shape == (3, 4)
+    for x in range(4):
+        for y in range(3):
+            assert cells[y][x] == points["link.scan_time_mean_ms"][3 * x + y]
+    assert [text.get_text() for text in mean.get_xticklabels()] == ["0", "1", "2", "3"]
+    assert [text.get_text() for text in mean.get_yticklabels()] == ["50", "60", "70"]
+    assert (mean.get_xlabel(), mean.get_ylabel()) == (RETRIES, f"{TIMEOUT} (ms)")
+    assert has(picture, "means of 3 runs a point")
+    assert has(picture, "36 runs")
+    assert has(picture, "–")  # the point whose longest scan is not known
+    assert_legible(picture)
+
+
+def test_a_large_heat_map_is_legible(scenario: Path) -> None:
+    plan = Plan(scenario, [f"{TIMEOUT}=50ms:1000ms:10ms", f"{BER}=1e-6:1e-3:log31"])
+    points = results(plan, rare=True)
+    picture = heat_maps(plan, points, "link")
+    assert_legible(picture)
+    assert has(picture, "not known at any point")
+    longest = panels(picture)[PANELS["scan_time_max_ms"]]
+    mesh = next(artist for artist in longest.collections if isinstance(artist, QuadMesh))
+    assert type(mesh.norm).__name__ == "LogNorm"
+
+
+def test_a_line_with_its_band(scenario: Path) -> None:
+    plan = Plan(scenario, [f"{RETRIES}=0:5:1"], repeat=4)
+    points = results(plan)
+    picture = lines(plan, points, "link")
+    mean = panels(picture)[PANELS["scan_time_mean_ms"]]
+    assert list(mean.lines[0].get_xdata()) == [0, 1, 2, 3, 4, 5]
+    assert list(mean.lines[0].get_ydata()) == points["link.scan_time_mean_ms"]
+    low, high = mean.collections[0].get_paths()[3].vertices[:, 1]
+    assert (low, high) == (points["link.scan_time_mean_ms_low"][3], points["link.scan_time_mean_ms_high"][3])
+    assert has(picture, "mean of 4 runs")
+    assert has(picture, "95 % confidence interval of the mean")
+    assert_legible(picture)
+
+
+def test_the_axis_of_a_line_fits_its_values(scenario: Path) -> None:
+    def axes_of(vary: str) -> Axes:
+        plan = Plan(scenario, [vary])
+        picture = lines(plan, results(plan), "link")
+        return panels(picture)[PANELS["scan_time_mean_ms"]]
+
+    assert axes_of(f"{BER}=1e-6:1e-3:log7").get_xscale() == "log"
+    assert axes_of(f"{TIMEOUT}=50ms:2s:10ms").get_xscale() == "linear"
+    with_zero = axes_of(f"{BER}=0,1e-6,1e-5,1e-3")
+    assert [text.get_text() for text in with_zero.get_xticklabels()] == ["0", "1e-6", "1e-5", "1e-3"]
+    texts = axes_of("plcs.press.profile=pw10,{base: pw10}")
+    assert [text.get_text() for text in texts.get_xticklabels()] == ["pw10", "{base: pw10}"]
+    assert texts.lines[0].get_linestyle() == "None"  # nothing lies between two texts
+
+
+def test_a_picture_of_each_kind_for_one_key_or_two(scenario: Path, tmp_path: Path) -> None:
+    plan = Plan(scenario, [f"{RETRIES}=0,1"])
+    paths = draw(plan, results(plan), tmp_path)
+    assert [path.name for path in paths] == ["sweep_link.png", "sweep_link.svg"]
+    assert paths[0].read_bytes().startswith(b"\x89PNG")
+    assert b"<svg" in paths[1].read_bytes()
+    three = Plan(scenario, [f"{RETRIES}=0,1", f"{BER}=0,1", "seed=1,2"])
+    assert draw(three, results(three), tmp_path) == []

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+
+import pytest
+
+from bussim.errors import UsageError
+from bussim.sweep.intervals import mean_of
+from bussim.sweep.plan import Plan
+from bussim.sweep.tables import (
+    Table,
+    figure_names,
+    points_table,
+    read_csv,
+    runs_table,
+    write_csv,
+    write_parquet,
+)
+
+from .samples import RETRIES, TIMEOUT, noisy
+
+#: Scan counts and error counts of four runs: two points, two repeats.
+ENTRIES = [
+    (3, {"link.scans": 13, "link.failed_attempts": 2, "link.failed_attempts_04": 2, "link.mean_ms": 1.5}),
+    (0, {"link.scans": 10, "link.failed_attempts": 0, "link.mean_ms": 0.1}),
+    (2, {"link.scans": 12, "link.failed_attempts": 5, "link.failed_attempts_01": 5, "link.mean_ms": None}),
+    (1, {"link.scans": 11, "link.failed_attempts": 0, "link.mean_ms": 0.2}),
+]
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Plan:
+    return Plan(noisy(tmp_path), [f"{TIMEOUT}=50ms,0.1s"], repeat=2)
+
+
+@pytest.fixture
+def runs(plan: Plan) -> Table:
+    return runs_table(plan, ENTRIES)  # type: ignore[arg-type] # mypy infers object
+
+
+def test_one_row_a_run_whatever_the_order_of_the_outcomes(plan: Plan, runs: Table) -> None:
+    assert runs == {
+        "run": [1, 2, 3, 4],
+        "point": [1, 1, 2, 2],
+        f"{TIMEOUT}_ms": [50, 50, 100, 100],
+        "repeat": [1, 2, 1, 2],
+        "seed": [plan.seed(run) for run in range(4)],
+        "link.scans": [10, 11, 12, 13],
+        "link.failed_attempts": [0, 0, 5, 2],
+        "link.failed_attempts_01": [0, 0, 5, 0],  # what did not occur counts 0
+        "link.failed_attempts_04": [0, 0, 0, 2],
+        "link.mean_ms": [0.1, 0.2, None, 1.5],
+    }
+    assert list(runs) == list(runs_table(plan, ENTRIES[::-1]))  # type: ignore[arg-type] # the same
+
+
+def test_one_row_a_point(plan: Plan, runs: Table) -> None:
+    points = points_table(plan, runs)
+    assert points["point"] == [1, 2]
+    assert points["runs"] == [2, 2]
+    assert figure_names(runs, plan) == [name for name in runs if name.startswith("link.")]
+    expected = mean_of([12, 13])
+    assert points["link.scans"] == [10.5, 12.5]
+    assert (points["link.scans_low"][1], points["link.scans_high"][1]) == (expected.low, expected.high)
+    # A count that was 0 in every repeat has no interval, a figure that one repeat lacks no mean.
+    assert (points["link.failed_attempts"][0], points["link.failed_attempts_high"][0]) == (0.0, None)
+    assert points["link.mean_ms"] == [0.15, None]
+
+
+def test_a_table_is_the_same_when_it_is_read_again(tmp_path: Path) -> None:
+    table: Table = {
+        "k": ["pw10", "=cmd()", "a,b"],
+        "n": [1, None, 3],
+        "big": [2**48 - 1, 0, 1],
+        "x": [0.1, 1 / 3, 1e-300],
+    }
+    write_csv(tmp_path / "t.csv", table)
+    raw = (tmp_path / "t.csv").read_bytes()
+    assert raw.count(b"\r\n") == 4
+    assert b"'=cmd()" in raw  # no formula in a spreadsheet
+    assert read_csv(tmp_path / "t.csv") == table
+    with (tmp_path / "t.csv").open(newline="") as file:
+        assert [len(row) for row in csv.reader(file)] == [4] * 4
+    for damaged in (b"", raw[:-9]):
+        (tmp_path / "t.csv").write_bytes(damaged)
+        with pytest.raises(UsageError, match=r"t.csv cannot be read"):
+            read_csv(tmp_path / "t.csv")
+
+
+def test_parquet_says_the_same_as_csv(tmp_path: Path, runs: Table) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    assert write_parquet(tmp_path / "t.parquet", runs)
+    table = parquet.read_table(tmp_path / "t.parquet")
+    assert table.to_pydict() == runs
+    types = {field.name: str(field.type) for field in table.schema}
+    assert (types["seed"], types["link.mean_ms"]) == ("int64", "double")
+
+
+def test_without_pyarrow_there_is_only_csv(
+    tmp_path: Path, runs: Table, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert not write_parquet(tmp_path / "t.parquet", runs)
+    assert list(tmp_path.glob("*.parquet")) == []
+
+
+def test_columns_of_texts(tmp_path: Path) -> None:
+    plan = Plan(noisy(tmp_path), ["plcs.press.profile=pw10,{base: pw10}", f"{RETRIES}=1"])
+    table = runs_table(plan, [(run, {"link.scans": run}) for run in range(2)])
+    assert table["plcs.press.profile"] == ["pw10", "{base: pw10}"]
+    assert table[RETRIES] == [1, 1]
+
+
+def test_a_varied_seed_is_one_column(tmp_path: Path) -> None:
+    plan = Plan(noisy(tmp_path), ["seed=5,9"])
+    table = runs_table(plan, [(run, {"link.scans": run}) for run in range(2)])
+    assert list(table) == ["run", "point", "seed", "repeat", "link.scans"]
+    assert table["seed"] == [5, 9]
