@@ -68,7 +68,7 @@ def command(
     as_json: bool,
     force: bool,
 ) -> None:
-    r"""Run a scenario at every point of a grid.
+    """Run a scenario at every point of a grid.
 
     SCENARIO is a file or the name of a built-in scenario. Stopped at any time, the same command goes
     on where it was. Examples of what can be varied:
@@ -77,8 +77,8 @@ def command(
       --vary plcs.press1.nn.retries=0:5:1
       --vary plcs.press1.nn.timeout=50ms:200ms:10ms
       --vary noise.0.ber=1e-6:1e-3:log7
-      --vary plcs.press1.profile=pw10,generic
-    """
+      --vary plcs.press2.scan.mean=5ms,10ms,20ms
+    """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
     from bussim.results.names import file_name
     from bussim.scenario.overrides import Override
     from bussim.sweep.run import run_sweep

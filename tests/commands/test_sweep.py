@@ -17,6 +17,7 @@ from bussim.cli import main
 from bussim.commands import sweep
 from bussim.results.names import from_cell
 from bussim.sweep import plots, run
+from bussim.sweep.plan import Plan
 from tests.sweep.samples import BER, RETRIES, TIMEOUT, HereExecutor, noisy
 
 
@@ -201,3 +202,11 @@ def test_keys_are_shown_as_short_as_they_can_be() -> None:
     assert sweep._short(["noise.0.ber", "noise.1.ber"]) == ["0.ber", "1.ber"]
     assert sweep._short(["seed", "plcs.a.seed"]) == ["seed", "a.seed"]
     assert sweep._short(["seed"]) == ["seed"]
+
+
+def test_help_has_an_example_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", "--help"]) == 0
+    examples = re.findall(r"^ +--vary (\S+)$", capsys.readouterr().out, re.MULTILINE)
+    assert len(examples) == 4
+    for example in examples:
+        Plan("press_line", [example], sets=["noise=[{bus: link, ber: 0}]"]).check()
