@@ -114,7 +114,7 @@ def _show(console: Console, bus: str, sizing: Sizing, verdicts: list[Verdict]) -
     for goal in sizing.goals.texts().values():
         console.print(Text(f"  goal: {goal}"))
     console.print(
-        Text(f"  least timeout considered: {ms(sizing.floor)} ms (longest reply, PLC scan, one tick)")
+        Text(f"  a timeout must be at least {ms(sizing.floor)} ms (longest reply, PLC scan, one tick)")
     )
     if sizing.ladder is not None:
         _show_ladder(console, sizing)
@@ -136,7 +136,7 @@ def _show(console: Console, bus: str, sizing: Sizing, verdicts: list[Verdict]) -
         Text(
             f"    {about(best.errors)} false station errors a year; link scan mean {_ms(best.mean)} ms, "
             f"with a dead station {_ms(best.dead)} ms; a dead station is noticed after "
-            f"{_ms(best.detect)} ms on average, {_ms(best.detect_longest)} ms at worst; an outage of "
+            f"{_ms(best.detect)} ms on average, {_ms(best.detect_longest)} ms at worst; silence of "
             f"{_ms(best.ride)} ms passes unnoticed"
         )
     )
@@ -173,11 +173,11 @@ def _show_ladder(console: Console, sizing: Sizing) -> None:
     console.print(
         Text(
             f"  no noise is given; assumed chances that an attempt fails: {levels} "
-            f"(timeout {ms(ladder.timeout)} ms)"
+            f"(timeout {ms(ladder.timeout)} ms); an outage is silence, what noise corrupts may cost more"
         )
     )
     table = Table(box=None, pad_edge=False, padding=(0, 2))
-    headings = ("D8179", "attempts", "one dead", "rides through", "survives")
+    headings = ("D8179", "attempts", "one dead", "passes silence", "survives")
     for heading in (*headings, *(f"errors/y, {name}" for name in LEVELS)):
         table.add_column(Text(heading), justify="right")
     for rung in ladder.rungs:
