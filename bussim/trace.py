@@ -52,6 +52,81 @@ class FrameRecord(NamedTuple):
     damaged_at: dict[str, tuple[int, ...]]  # bits inverted in one receiver only, by station name
     collided: bool
     cut: bool
+    protocol: str = "nn"  # "nn", "modbus-rtu", "modbus-ascii" or "free"
+    baud: int = 38400  # the sender's rate, format and clock error
+    format: str = "7E1"
+    ppm: float = 0.0
+
+
+class TransactionRecord(NamedTuple):
+    """One attempt of a Modbus master: a request and what became of it."""
+
+    bus: str
+    master: str  # node: "press1.COM3", or a device's name
+    poll: str  # name of the poll; "" where a program drove it
+    attempt: int  # 1 = first of its turn
+    station: int
+    function: int
+    address: int
+    quantity: int
+    sent: int | None  # first edge of the request; None: never sent
+    asked: int | None  # last stop bit of the request
+    answer_start: int | None  # first edge of what decided it, if something was heard
+    answer_end: int | None  # last stop bit of that
+    end: int  # when the port decided it
+    taken: int  # when the master took it over: at a PLC's END
+    outcome: str  # "ok", "exception", or the port error in words ("no response in time", "CRC or LRC", …)
+    error: int | None  # yy of D8063 = 7xyy; None where it is ok
+    exception: int  # exception code, 0 for none
+    served: int | None  # when the slave took its values, where the answer is truly that to this request
+    mismatched: bool  # the answer belongs to another request (RTU carries no transaction number)
+    chars: int  # characters of the request and the answer
+
+
+class PollRecord(NamedTuple):
+    """One turn of a poll, all its attempts included."""
+
+    bus: str
+    master: str
+    poll: str
+    start: int  # when its first attempt was driven
+    end: int  # when its last attempt was taken over
+    attempts: int
+    error: int | None  # of the last attempt
+    late: int  # ticks from the moment it was due to ``start``
+
+
+class CycleRecord(NamedTuple):
+    """A poll list has gone round: every poll had its turn."""
+
+    bus: str
+    master: str
+    number: int  # counts from 0
+    start: int
+    duration: int
+
+
+class FreeRecord(NamedTuple):
+    """Bytes of the free protocol that a port has sent or received."""
+
+    bus: str
+    node: str
+    poll: str  # name of the instruction in ``polls:``; "" for a device or a program
+    direction: str  # "sent" or "received"
+    start: int | None  # first edge; None where nothing came
+    end: int
+    data: bytes
+    ended: str  # of a reception: "all bytes are there", "end character" or "timeout"; "" where sent
+    damaged: int  # characters with parity or framing errors
+
+
+class DeviceValueRecord(NamedTuple):
+    """A watched device of a PLC has a new value (only devices that the scenario observes)."""
+
+    tick: int  # the END (or, of an input, the sampling) at which it changed
+    plc: str
+    device: str
+    value: int
 
 
 class NoteRecord(NamedTuple):
@@ -84,6 +159,24 @@ class Sink(Protocol):
 
     def note(self, record: NoteRecord) -> None:
         """Something else happened."""
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """A Modbus master has taken over the outcome of an attempt."""
+
+    def poll_turn(self, record: PollRecord) -> None:
+        """A turn of a poll is over."""
+
+    def cycle(self, record: CycleRecord) -> None:
+        """A poll list has gone round."""
+
+    def free(self, record: FreeRecord) -> None:
+        """Bytes of the free protocol were sent or received."""
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """An observed device has changed."""
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        """ENDs of a PLC, in order (only if :attr:`traced`; later than they happen, in blocks)."""
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """The block of a source arrived, complete and valid, at ``tick``.
@@ -121,6 +214,53 @@ class LinkTotals:
 
 
 @dataclass(frozen=True, slots=True)
+class BusTotals:
+    """A bus that is no N:N link, at the end of a run."""
+
+    bus: str
+    baud: int
+    format: str
+    nodes: tuple[str, ...]
+    busy: int  # ticks during which some driver was on
+    frames: int
+    collisions: int
+    undetected: int
+
+
+@dataclass(frozen=True, slots=True)
+class PortTotals:
+    """A PLC's port beside its link, at the end of a run."""
+
+    node: str  # "press1.COM3"
+    plc: str
+    port: str
+    bus: str
+    protocol: str | None  # as in a scenario; None where its parameters name none
+    station: int | None  # own number, of a slave
+    errors: dict[int, int]  # yy of D8063 → how often
+    requests: int  # slave: requests for it, well-formed or not
+    answered: int
+    exceptions: dict[int, int]  # slave: exception code → answers with it
+    rejected: dict[str, int]  # slave: reason → frames ignored
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceTotals:
+    """A device at the end of a run. ``requests``…``rejected`` as of :class:`PortTotals`."""
+
+    name: str
+    model: str
+    bus: str
+    station: int | None
+    requests: int
+    answered: int
+    broadcasts: int
+    exceptions: dict[int, int]
+    rejected: dict[str, int]
+    state: dict[str, int]  # what is worth telling of the model itself, such as the stepper's position
+
+
+@dataclass(frozen=True, slots=True)
 class PlcTotals:
     """One PLC at the end of a run."""
 
@@ -139,3 +279,6 @@ class RunTotals:
     links: tuple[LinkTotals, ...]
     plcs: tuple[PlcTotals, ...]
     warnings: tuple[str, ...] = field(default=())
+    buses: tuple[BusTotals, ...] = ()
+    ports: tuple[PortTotals, ...] = ()
+    devices: tuple[DeviceTotals, ...] = ()

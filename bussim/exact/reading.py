@@ -172,7 +172,7 @@ class _LinkReader:
             if kind.bus == self.bus and not self._passing(f"fault {fault.name} (cable_cut)", fault.window):
                 self._cut(kind)
             return
-        member = self._named(kind.plc)
+        member = self._named(kind.node)
         if member is None or member.refused:
             return
         what = f"fault {fault.name} on {member.plc.name}"

@@ -8,7 +8,19 @@ from typing import Protocol
 from bussim.results.record import LinkRecord, ScanTimes
 from bussim.results.refresh import RefreshMeter
 from bussim.results.timeline import Spans, Timeline
-from bussim.trace import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, RunTotals, ScanRecord
+from bussim.trace import (
+    AttemptRecord,
+    CycleRecord,
+    DeviceValueRecord,
+    FrameRecord,
+    FreeRecord,
+    LinkTotals,
+    NoteRecord,
+    PollRecord,
+    RunTotals,
+    ScanRecord,
+    TransactionRecord,
+)
 
 #: Notes that are kept besides the faults.
 MOST_NOTES = 1000
@@ -142,6 +154,24 @@ class Collector:
             self.left_out[kind] = self.left_out.get(kind, 0) + 1
         if self._rows is not None:
             self._rows.note(record)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Count a transaction."""
+
+    def poll_turn(self, record: PollRecord) -> None:
+        """Count a turn of a poll."""
+
+    def cycle(self, record: CycleRecord) -> None:
+        """Count a cycle of a poll list."""
+
+    def free(self, record: FreeRecord) -> None:
+        """Count bytes of the free protocol."""
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """Hand a device's new value on."""
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        """Hand ENDs on."""
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """Count a refresh."""

@@ -146,7 +146,7 @@ def _fault_spans(notes: Iterable[NoteRecord], places: set[str]) -> list[tuple[st
     spans: list[tuple[str, Span]] = []
     acting: dict[str, int] = {}
     for note in notes:
-        place = note.detail.get("plc", note.detail.get("bus"))
+        place = note.detail.get("node", note.detail.get("bus"))
         if note.kind not in ("fault", "fault_over") or (place is not None and place not in places):
             continue
         if note.kind == "fault":

@@ -10,7 +10,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
 
+from bussim.devices.stepper.axis import Switch
+from bussim.devices.stepper.profile import STEPPER_PROFILE, StepperProfile
+from bussim.devices.user import Entry
+from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
+from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
 from bussim.plc.sources import Source
 
@@ -58,6 +64,106 @@ class Plc:
     sources: dict[str, Source] = field(default_factory=dict)
     phase: int | None = None
     power_on: int = 0
+    ports: tuple[PortSpec, ...] = ()
+    polls: tuple[PollSpec | FreeSpec, ...] = ()
+
+    def port_node(self, port: str) -> str:
+        """The name of one of its ports as a node of a bus: ``press1.COM3``; the link's port: ``press1``."""
+        return self.name if self.seat is not None and self.seat.port == port else f"{self.name}.{port}"
+
+
+@dataclass(frozen=True, slots=True)
+class LxSettings:
+    """A PLC as Modbus slave of which nothing else is simulated. It answers at END.
+
+    ``registers`` are its devices at power-on by name.
+    """
+
+    scan: Scan
+    registers: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class V80Settings:
+    """``items`` are the values at power-on, by address space and address (from 0)."""
+
+    items: dict[tuple[Space, int], int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class StepperSettings:
+    """``registers`` are parameters by their names in the register table, as saved before power-on."""
+
+    profile: StepperProfile = STEPPER_PROFILE
+    switches: tuple[Switch, ...] = ()
+    registers: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class MapSettings:
+    """A register map that the scenario defines."""
+
+    entries: tuple[Entry, ...]
+    functions: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class HmiSettings:
+    """A Modbus master without a PLC's scan: an HMI or a PC. Times in ticks."""
+
+    polls: tuple[PollSpec, ...]
+    timeout: int
+    interval: int
+    turnaround: int  # after a broadcast
+
+
+@dataclass(frozen=True, slots=True)
+class Saying:
+    """What a free-protocol device sends.
+
+    On its own: first at ``at``, then every ``every`` ticks (None: once), ``times`` times (None: for
+    ever), each time up to ``jitter`` later. Where ``reply_to`` is not empty: ``delay`` ticks after
+    these bytes have been heard.
+    """
+
+    data: bytes
+    at: int = 0
+    every: int | None = None
+    times: int | None = None
+    jitter: int = 0
+    reply_to: bytes = b""
+    delay: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSettings:
+    """A device that speaks a protocol of its own: a barcode reader, a scale, a display."""
+
+    sayings: tuple[Saying, ...]
+
+
+DeviceSettings = LxSettings | V80Settings | StepperSettings | MapSettings | HmiSettings | FreeSettings
+
+
+@dataclass(frozen=True, slots=True)
+class BusDevice:
+    """One entry of ``devices:``: something on a bus that is no PLC of the scenario.
+
+    ``station`` is None for what has none (``hmi``, ``free``). ``delay`` is the least time from a
+    request's end to its reply's first edge, ``jitter`` what is added to it at most, uniform.
+    ``timing`` are its own rate and format, normally the bus's.
+    """
+
+    name: str
+    model: str  # "lx", "v80", "stepper", "map", "hmi" or "free"
+    bus: str
+    station: int | None
+    mode: Mode
+    timing: LineTiming
+    delay: int
+    jitter: int
+    settings: DeviceSettings
+    power_on: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +188,10 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What a noise acts on: a whole bus, or one direction of one station on it."""
+    """What a noise acts on: a whole bus, or one direction of one station on it.
+
+    ``station`` is the name of a node: a PLC (its link port), ``press1.COM3``, or a device.
+    """
 
     bus: str
     station: str | None = None
@@ -139,28 +248,29 @@ class Noise:
     window: Window = Window()
 
 
-# Faults. Those that damage single frames act ``count`` times; the others last for their window.
+# Faults. Those that damage single frames act ``count`` times; the others last for their window. A node is
+# a PLC (its link port), a port such as ``press1.COM3``, or a device.
 
 
 @dataclass(frozen=True, slots=True)
 class PowerOff:
     """The PLC has no supply: silent, deaf, its memory back at power-on values afterwards."""
 
-    plc: str
+    node: str
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
     """The PLC is in STOP: silent and deaf, counts nothing; RUN again when it is over."""
 
-    plc: str
+    node: str
 
 
 @dataclass(frozen=True, slots=True)
 class DropReply:
     """The next ``count`` replies of a station (or all of them while it lasts) are never sent."""
 
-    plc: str
+    node: str
     count: int | None
 
 
@@ -168,7 +278,7 @@ class DropReply:
 class Slow:
     """A slave answers ``extra`` ticks later than its turnaround."""
 
-    plc: str
+    node: str
     extra: int
 
 
@@ -176,7 +286,7 @@ class Slow:
 class Jabber:
     """A station's port sends random characters back to back, whatever its engine wants."""
 
-    plc: str
+    node: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +301,7 @@ class CableCut:
 class WrongFormat:
     """A station's port sends and receives with another character format or rate."""
 
-    plc: str
+    node: str
     timing: LineTiming
 
 
@@ -199,7 +309,7 @@ class WrongFormat:
 class ClockPpm:
     """A station's bit clock is off by ``ppm`` parts per million (positive: fast)."""
 
-    plc: str
+    node: str
     ppm: Fraction
 
 
@@ -207,7 +317,7 @@ class ClockPpm:
 class LateRelease:
     """A station's driver stays on, idle level, for ``by`` ticks after each of its frames."""
 
-    plc: str
+    node: str
     by: int
 
 
@@ -218,7 +328,7 @@ class LoseChar:
     ``index`` counts the frame's characters from 0; None: a random one.
     """
 
-    plc: str
+    node: str
     direction: Direction
     count: int | None
     index: int | None = None
@@ -231,7 +341,7 @@ class InsertChar:
     It stands before the character ``index`` (None: a random place) and has ``value`` (None: random).
     """
 
-    plc: str
+    node: str
     direction: Direction
     count: int | None
     index: int | None = None
@@ -246,7 +356,7 @@ class FlipBits:
     "poll", "parameters"; None: any) are touched and counted.
     """
 
-    plc: str
+    node: str
     direction: Direction
     bits: tuple[int, ...]
     count: int | None
@@ -260,7 +370,7 @@ class BoardError:
     M8063 is set and D8063 becomes 7xyy (PW10, section 8); ``code`` is yy, ``port`` COM3…COM6.
     """
 
-    plc: str
+    node: str
     port: str
     code: int
 
@@ -304,6 +414,7 @@ class Scenario:
     seed: int
     buses: tuple[Bus, ...]
     plcs: tuple[Plc, ...]
+    devices: tuple[BusDevice, ...] = ()
     noise: tuple[Noise, ...] = ()
     faults: tuple[Fault, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -57,7 +57,7 @@ class FaultPlan:
 
     def _note(self, tick: int, kind: str, fault: model.Fault, text: str) -> None:
         detail: dict[str, int | str] = {}
-        for key in ("plc", "bus", "count"):
+        for key in ("node", "bus", "count"):
             value = getattr(fault.kind, key, None)
             if value is not None:
                 detail[key] = value
@@ -84,7 +84,7 @@ class FaultPlan:
         kind = fault.kind
         if isinstance(kind, model.CableCut):
             return self._cut_cable(kind, now)
-        plc = kind.plc
+        plc = kind.node
         if isinstance(kind, model.PowerOff):
             self._supply(plc, 1)(now)
             return self._supply(plc, -1)

@@ -178,8 +178,8 @@ def test_faults_of_another_bus_are_left_out_and_counted_ones_are_instants() -> N
     run = quiet(duration=10 * TICKS_PER_SECOND).run()
     notes = (
         NoteRecord(100, "fault", "f1", "elsewhere", {"bus": "other"}),
-        NoteRecord(4 * TICKS_PER_SECOND, "fault", "f2", "3 replies dropped", {"plc": "press2", "count": 3}),
-        NoteRecord(5 * TICKS_PER_SECOND, "fault", "f3", "press1 off", {"plc": "press1"}),
+        NoteRecord(4 * TICKS_PER_SECOND, "fault", "f2", "3 replies dropped", {"node": "press2", "count": 3}),
+        NoteRecord(5 * TICKS_PER_SECOND, "fault", "f3", "press1 off", {"node": "press1"}),
     )
     picture = scan_times_over_run(RunRecord(run.summary, run.duration, run.links, notes), "link")
     events = picture.axes[1]

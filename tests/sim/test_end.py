@@ -193,7 +193,7 @@ def _whole_scenario(seed: int) -> model.Scenario:
         faults=tuple(
             f
             for f in scenario.faults
-            if not isinstance(f.kind, harmless) and getattr(f.kind, "plc", "") != "twin"
+            if not isinstance(f.kind, harmless) and getattr(f.kind, "node", "") != "twin"
         ),
         noise=tuple(n for n in scenario.noise if n.target.station != "twin"),
     )

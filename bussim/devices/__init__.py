@@ -1,0 +1,1 @@
+"""Devices on a bus: Modbus register maps with the behaviour behind them."""

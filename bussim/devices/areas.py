@@ -1,0 +1,154 @@
+"""Register maps made of address ranges: what all device models share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from bussim.engines.modbus.codes import ExceptionCode
+from bussim.engines.modbus.pdu import FUNCTIONS, STANDARD_LIMITS, Limits
+from bussim.engines.modbus.server import Space
+
+ADDRESSES = 0x10000
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """Addresses ``start`` … ``start + count - 1`` of a space, under one name.
+
+    ``width`` addresses make one item (2: a 32-bit value); an access that splits an item is refused.
+    """
+
+    space: Space
+    start: int
+    count: int
+    name: str
+    writable: bool = True
+    width: int = 1
+
+    @property
+    def end(self) -> int:
+        """The first address behind it."""
+        return self.start + self.count
+
+
+class Part(NamedTuple):
+    """What a request touches of one area: ``size`` addresses from ``offset`` on."""
+
+    area: Area
+    offset: int
+    size: int
+
+
+class AreaMap(ABC):
+    """A :class:`~bussim.engines.modbus.server.RegisterMap` over areas.
+
+    Raises ValueError for areas that overlap, leave 0…65535 or do not hold whole items. Addresses of
+    no area, writes to what is not writable and split items are refused with exception 02. A write is
+    judged whole before anything is stored.
+    """
+
+    def __init__(
+        self,
+        areas: Iterable[Area],
+        functions: frozenset[int] = FUNCTIONS,
+        limits: Limits = STANDARD_LIMITS,
+    ) -> None:
+        self.areas = tuple(sorted(areas, key=lambda area: (area.space.value, area.start)))
+        self._functions = functions
+        self._limits = limits
+        self._by_space = {space: [a for a in self.areas if a.space is space] for space in Space}
+        self._starts = {space: [a.start for a in areas] for space, areas in self._by_space.items()}
+        for areas in self._by_space.values():
+            _check(areas)
+
+    @property
+    def functions(self) -> frozenset[int]:
+        """The function codes that it serves."""
+        return self._functions
+
+    @property
+    def limits(self) -> Limits:
+        """How many coils or registers one request may name."""
+        return self._limits
+
+    def parts(self, space: Space, address: int, count: int) -> list[Part] | None:
+        """The areas that ``count`` (≥ 1) addresses lie in, in order.
+
+        None if some lie in no area or split an item.
+        """
+        areas = self._by_space[space]
+        place = bisect_right(self._starts[space], address) - 1
+        found: list[Part] = []
+        at, end = address, address + count
+        while at < end:
+            if not 0 <= place < len(areas) or not areas[place].start <= at < areas[place].end:
+                return None
+            area = areas[place]
+            taken = min(end, area.end) - at
+            offset = at - area.start
+            if offset % area.width or taken % area.width:
+                return None
+            found.append(Part(area, offset, taken))
+            at += taken
+            place += 1
+        return found
+
+    def read(self, space: Space, address: int, count: int, now: int) -> Sequence[int] | ExceptionCode:
+        """See the protocol."""
+        parts = self.parts(space, address, count)
+        if parts is None:
+            return ExceptionCode.ILLEGAL_ADDRESS
+        values: list[int] = []
+        for part in parts:
+            fetched = self._fetch(part, now)
+            if isinstance(fetched, ExceptionCode):
+                return fetched
+            values += fetched
+        return values
+
+    def write(self, space: Space, address: int, values: Sequence[int], now: int) -> ExceptionCode | None:
+        """See the protocol."""
+        parts = self.parts(space, address, len(values))
+        if parts is None or not all(part.area.writable for part in parts):
+            return ExceptionCode.ILLEGAL_ADDRESS
+        split: list[tuple[Part, Sequence[int]]] = []
+        at = 0
+        for part in parts:
+            split.append((part, values[at : at + part.size]))
+            at += part.size
+        for part, own in split:
+            refused = self._refuse(part, own, now)
+            if refused is not None:
+                return refused
+        for part, own in split:
+            self._store(part, own, now)
+        return None
+
+    def _refuse(self, part: Part, values: Sequence[int], now: int) -> ExceptionCode | None:
+        """Why these values cannot be stored there; None if they can."""
+        del part, values, now
+        return None
+
+    @abstractmethod
+    def _fetch(self, part: Part, now: int) -> Sequence[int] | ExceptionCode:
+        """The values of a part, one an address."""
+
+    @abstractmethod
+    def _store(self, part: Part, values: Sequence[int], now: int) -> None:
+        """Store values, one an address."""
+
+
+def _check(areas: Sequence[Area]) -> None:
+    end, before = 0, ""
+    for area in areas:
+        if area.count < 1 or area.start < 0 or area.end > ADDRESSES:
+            raise ValueError(f"{area.name}: addresses {area.start}…{area.end - 1}, allowed 0…65535")
+        if area.count % area.width:
+            raise ValueError(f"{area.name}: {area.count} addresses do not hold items of {area.width}")
+        if area.start < end:
+            raise ValueError(f"{area.name} overlaps {before} at address {area.start}")
+        end, before = area.end, area.name

@@ -1,0 +1,1 @@
+"""The stepper motor controller of the manuals: registers, coils, motion and programs."""

@@ -1,0 +1,56 @@
+"""A V80 or PPC controller as Modbus slave (V80/PPC Modbus protocol, version 1.2)."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+
+from bussim.devices.areas import Area, AreaMap, Part
+from bussim.engines.modbus.codes import ExceptionCode
+from bussim.engines.modbus.pdu import FUNCTIONS, Limits
+from bussim.engines.modbus.server import Space
+
+#: 1024 coils in one read (manual, section 2.1; the same for inputs, assumed), 125 registers (section 2.2).
+V80_LIMITS = Limits(read_coils=1024, read_inputs=1024)
+#: Items of each space: what four-digit reference numbers reach (assumed; the manual gives no sizes).
+V80_ITEMS = 9999
+
+
+class V80(AreaMap):
+    """Coils 0xxxx, inputs 1xxxx, input registers 3xxxx and holding registers 4xxxx, all 0 at first.
+
+    Reference numbers count from 1, addresses from 0: coil 00127 is address 126. Inputs and input
+    registers cannot be written by Modbus; :meth:`set` does. All eight functions are served; another
+    value than FF00 or 0000 in function 05 leaves the coil alone (exception 03), and reads to station
+    0 are ignored.
+    """
+
+    def __init__(self, items: int = V80_ITEMS) -> None:
+        writable = (Space.COILS, Space.HOLDING)
+        super().__init__(
+            [Area(space, 0, items, space.value, space in writable) for space in Space], FUNCTIONS, V80_LIMITS
+        )
+        self._bits = {space: bytearray(items) for space in Space if space.is_bit}
+        self._words = {space: array("H", bytes(2 * items)) for space in Space if not space.is_bit}
+
+    def get(self, space: Space, address: int) -> int:
+        """One item: 0/1 or 0…65535. Raises IndexError for an address that it lacks."""
+        return self._bits[space][address] if space.is_bit else self._words[space][address]
+
+    def set(self, space: Space, address: int, value: int) -> None:
+        """Set one item from inside (its program): a bit (any value but 0 is 1) or the low 16 bits."""
+        if space.is_bit:
+            self._bits[space][address] = 1 if value else 0
+        else:
+            self._words[space][address] = value & 0xFFFF
+
+    def _fetch(self, part: Part, now: int) -> Sequence[int] | ExceptionCode:
+        del now
+        space, first = part.area.space, part.offset
+        items: Sequence[int] = self._bits[space] if space.is_bit else self._words[space]
+        return items[first : first + part.size]
+
+    def _store(self, part: Part, values: Sequence[int], now: int) -> None:
+        del now
+        for address, value in enumerate(values, part.offset):
+            self.set(part.area.space, address, value)

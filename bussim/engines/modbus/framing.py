@@ -1,0 +1,83 @@
+"""How one port frames: the mode and its silences in ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from bussim.engines.contract import RxChar
+from bussim.engines.modbus.adu import Adu, Damage, Mode, adu_chars, encode_adu
+from bussim.engines.modbus.ascii import AsciiReader
+from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule, silences
+from bussim.engines.modbus.rtu import RtuReader
+from bussim.line.characters import LineTiming
+from bussim.units import TICKS_PER_SECOND, round_half_up
+
+
+class Reader(Protocol):
+    """What both readers offer; see them."""
+
+    immediate: bool
+    heard: tuple[int, int]
+
+    @property
+    def open(self) -> bool:
+        """Whether something is unfinished."""
+
+    @property
+    def lone(self) -> bool:
+        """Whether what is open is one whole frame and nothing else."""
+
+    @property
+    def reason(self) -> object:
+        """What went wrong so far with what is open."""
+
+    def reset(self) -> None:
+        """Forget what is open."""
+
+    def character(self, char: RxChar, start: int, end: int) -> Adu | Damage | None:
+        """Take one character."""
+
+    def whole(self, adu: Adu, start: int, end: int) -> Adu | Damage | None:
+        """Take a whole undamaged frame."""
+
+    def silence(self) -> Adu | Damage | None:
+        """The line has been quiet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """Mode and silences of one port, in ticks.
+
+    ``quiet`` ends an RTU frame, and abandons an unfinished ASCII one. More than ``inner`` inside an
+    RTU frame damages it; ASCII has no use for it.
+    """
+
+    mode: Mode
+    quiet: int
+    inner: int
+
+    @classmethod
+    def rtu(cls, timing: LineTiming, rule: GapRule = STANDARD_GAPS) -> Framing:
+        """RTU at a rate and format. Raises ValueError unless the format has 8 data bits."""
+        if timing.format.data_bits != 8:
+            raise ValueError(f"RTU needs 8 data bits, {timing.format} has {timing.format.data_bits}")
+        inner, end = silences(timing, rule)
+        return cls(Mode.RTU, round_half_up(end), round_half_up(inner))
+
+    @classmethod
+    def ascii(cls, gap: int = TICKS_PER_SECOND) -> Framing:
+        """ASCII; ``gap`` is the longest time between two characters of a frame (standard: 1 s)."""
+        return cls(Mode.ASCII, gap, gap)
+
+    def encode(self, station: int, pdu: bytes) -> Adu:
+        """The frame that carries a PDU."""
+        return encode_adu(self.mode, station, pdu)
+
+    def chars(self, pdu_size: int) -> int:
+        """Characters of the frame that carries a PDU of so many bytes."""
+        return adu_chars(self.mode, pdu_size)
+
+    def reader(self) -> Reader:
+        """A new reader for what this port hears."""
+        return AsciiReader(self.quiet) if self.mode is Mode.ASCII else RtuReader(self.quiet, self.inner)

@@ -1,0 +1,1 @@
+"""The serial ports of a PLC beside its N:N link: CPAVL's parameters, RS2, and what drives it."""

@@ -1,0 +1,68 @@
+"""What a scenario says of a PLC's ports and of what is exchanged on them, as frozen values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bussim.plc.memory import Device
+
+
+@dataclass(frozen=True, slots=True)
+class PortSpec:
+    """A port that CPAVL has set up (PW10 board manual, section 6).
+
+    ``words`` is the first of its 20 parameter words (S), ``bits`` the first of its 20 bits (D). What
+    the words hold at STOP→RUN decides what the port does; a scenario's friendly keys are only
+    another way to write these words into the PLC's registers.
+    """
+
+    name: str  # "COM2"…"COM6"
+    bus: str
+    words: Device
+    bits: Device
+
+
+@dataclass(frozen=True, slots=True)
+class PollSpec:
+    """A Modbus transaction that recurs: one RS2 instruction of a PLC, or one poll of an HMI.
+
+    ``device`` is the first device that is read into or written from (D for registers; D, M, S, Y for
+    coils; None for an HMI, which keeps what it read to itself). ``values``, for a write, are what is
+    written: moved to ``device`` first where there is one. It is due at ``at`` and then every
+    ``every`` ticks (0: as soon as the others had their turn), ``times`` times (None: for ever).
+    A failed attempt is repeated up to ``retries`` times.
+    """
+
+    name: str  # unique among the polls of its master
+    port: str  # "COM3"; "" for an HMI
+    station: int
+    function: int
+    address: int
+    count: int
+    device: Device | None = None
+    values: tuple[int, ...] = ()
+    every: int = 0
+    at: int = 0
+    times: int | None = None
+    retries: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSpec:
+    """A free-protocol RS2 instruction: ``send_count`` bytes from ``send``, ``count`` bytes into ``device``.
+
+    ``data``, where not empty, is put into the send registers before each turn. Due as a
+    :class:`PollSpec` is; one that only receives (``send_count`` 0) stays driven, and its "reception
+    complete" is reset after every taken reception.
+    """
+
+    name: str
+    port: str
+    send: Device | None = None
+    send_count: int = 0
+    data: bytes = b""
+    device: Device | None = None
+    count: int = 0
+    every: int = 0
+    at: int = 0
+    times: int | None = None
