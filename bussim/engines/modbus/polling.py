@@ -21,7 +21,7 @@ class PollingMaster:
 
     __slots__ = ("_events", "_next", "list", "master", "wants_image")
 
-    def __init__(self, config: MasterConfig, polls: PollList) -> None:
+    def __init__(self, config: MasterConfig, polls: PollList[Poll]) -> None:
         for number, poll in enumerate(polls.polls):
             error = refusal(poll.station, poll.request, config.limits)
             if error is not None:
