@@ -79,7 +79,7 @@ class Simulation:
             LinkPort(self.plcs[plc.name], bus, seat, self.kernel, self._streams)
             for seat, plc in enumerate(seated)
         ]
-        horizon = max((sum(port.plc.scan_under_link()) for port in ports), default=0)
+        horizon = max((port.plc.longest_scan() for port in ports), default=0)
         bus.connect(ports, horizon)
         self.links[spec.name] = bus
         for port in ports:

@@ -54,7 +54,7 @@ class PlcUnit:
                 self._clock.stop()
             plc.stop(now)
             for port in self.ports:
-                port.tell(now)
+                port.tell()
         if plc.state is not PlcState.OFF and not powered:
             plc.power_off(now)
             if self.link is not None:

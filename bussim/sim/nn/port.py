@@ -30,6 +30,7 @@ class LinkPort(Node):
     __slots__ = (
         "_longest_turnaround",
         "_turnarounds",
+        "_waits",
         "bus",
         "engine",
         "is_master",
@@ -49,6 +50,10 @@ class LinkPort(Node):
         self.replies_at_end = plc.profile.reply is Reply.END
         self._turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
         self._longest_turnaround = plc.profile.turnaround.longest
+        # Replies that wait for an END: when each was ready, and its counter.
+        self._waits: list[tuple[int, int]] = []
+        if self.replies_at_end:
+            plc.cycle.on_change = self._ends_moved
 
     def quiet(self, timing: LineTiming) -> int:
         """Two characters (assumed; see the link's frames)."""
@@ -78,6 +83,11 @@ class LinkPort(Node):
         self.bus.audience_changed()
         self.handle(engine.start(first_end if self.is_master else now), now)
         self.bus.join_midway(self, now)
+
+    def halt(self, now: int) -> None:
+        """STOP or power-off."""
+        super().halt(now)
+        self._waits.clear()
 
     # -- the engine's wishes -----------------------------------------------------------------------
 
@@ -115,6 +125,7 @@ class LinkPort(Node):
         if not self.is_master:
             at += self.turnaround()
             if self.replies_at_end:
+                self._waits.append((at, counter))
                 at = self.plc.cycle.next_end(at, self._kernel.now)
         super().appoint(at, counter)
 
@@ -124,6 +135,8 @@ class LinkPort(Node):
             return  # what falls due while it sends follows at once: see _on_end
         bus, pending = self.bus, self.pending
         counter = pending.pop(0)[2]
+        if self._waits:
+            self._waits.remove(next(wait for wait in self._waits if wait[1] == counter))
         if self.is_master and bus.lane.exchange(self, now):
             return
         if pending:
@@ -132,3 +145,16 @@ class LinkPort(Node):
             return
         image = self.plc.image_at(now) if engine.wants_image else _IDLE
         self._begin(engine.begin_transmit(now, image, counter), now)
+
+    def _ends_moved(self, end: int) -> None:
+        """The PLC's scans after ``end`` take another time: replies that wait for END are appointed anew."""
+        waits, now = self._waits, self._kernel.now
+        if not waits:
+            return
+        next_end = self.plc.cycle.next_end
+        self.pending[:] = sorted(
+            (max(next_end(max(ready, end), now), now), order, counter)
+            for order, (ready, counter) in enumerate(waits)
+        )
+        self._sequence = len(waits)
+        self._start_timer.set(self.pending[0][0])

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from bussim.engines.contract import SERVE
-from bussim.engines.free.events import Received, Sent
+from bussim.engines.free.events import Sent
 from bussim.engines.modbus.events import CycleEnded, PollEnded, TransactionEnded
 from bussim.engines.modbus.slave import Slave
+from bussim.plc.ports.events import TurnEnded
 from bussim.plc.scan import ScanCycle
 from bussim.plc.streams import Streams
 from bussim.scenario import model
@@ -101,11 +102,12 @@ class DeviceNode(SerialNode):
         elif isinstance(item, PollEnded):
             name = self._poll_name(item.index)
             self._tell_attempts(name)
-            reporter.turn(self, name, item, item.tick)
+            turn = TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late)
+            reporter.turn(self, turn)
         elif isinstance(item, CycleEnded):
             reporter.cycle(self, item)
-        elif isinstance(item, (Sent, Received)):
-            reporter.free_event(self, item, "")
+        elif isinstance(item, Sent):
+            reporter.sent(self, item, "")
 
     def _poll_name(self, index: int) -> str:
         settings = self.spec.settings

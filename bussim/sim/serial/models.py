@@ -14,11 +14,12 @@ from bussim.devices.user import UserMap
 from bussim.devices.v80 import V80
 from bussim.engines.modbus.master import MasterConfig
 from bussim.engines.modbus.polling import PollingMaster
+from bussim.engines.modbus.polls import PollList
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.line.characters import LineTiming
 from bussim.plc.memory import Memory, parse_device
-from bussim.plc.ports.polls import poll_list
+from bussim.plc.ports.requests import poll_of
 from bussim.plc.streams import Streams
 from bussim.scenario import model
 from bussim.sim.serial.reporter import SerialReporter
@@ -159,7 +160,8 @@ class _Hmi(Behaviour):
         assert isinstance(settings, model.HmiSettings)  # noqa: S101 - narrows the type; see _MODELS
         framing = DEVICE_PROFILES["map"].framing(spec.mode, spec.timing)
         config = MasterConfig(framing, settings.timeout, settings.interval, settings.turnaround)
-        return PollingMaster(config, poll_list(settings.polls, now)), spec.timing
+        polls = PollList([poll_of(poll) for poll in settings.polls], now)
+        return PollingMaster(config, polls), spec.timing
 
 
 class _Free(Behaviour):

@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from bussim.engines.contract import SERVE
-from bussim.engines.modbus.events import FrameRejected, RequestServed, StationRefused
+from bussim.engines.modbus.events import CycleEnded, FrameRejected, RequestServed, StationRefused
 from bussim.plc.plc import Plc, PlcState
 from bussim.plc.ports.board import PortBoard
 from bussim.plc.ports.events import (
-    CycleDone,
-    FreeDone,
-    PortFailed,
+    FreeReceived,
+    FreeSent,
+    PortErrorRaised,
     TransactionTaken,
-    TurnDone,
+    TurnEnded,
 )
 from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus
@@ -42,11 +42,11 @@ class PlcPort(SerialNode):
 
     def run(self, now: int) -> None:
         """The PLC is in RUN and its parameters were taken over."""
-        engine = self.board.engine
-        if engine is not None:
-            self.speak(engine, self.board.settings.timing, now)
+        engine, settings = self.board.engine, self.board.settings
+        if engine is not None and settings is not None:
+            self.speak(engine, settings.timing, now)
             self.handle(engine.start(now), now)
-        self.tell(now)
+        self.tell()
 
     def handle(self, hints: int, now: int) -> None:
         """Look at what the engine asks for; a request waits for END."""
@@ -64,23 +64,25 @@ class PlcPort(SerialNode):
         if isinstance(item, (RequestServed, FrameRejected, StationRefused)) and self.kind == "response":
             self.reporter.slave_event(self, item)
         self.board.event(item, now)
-        self.tell(now)
+        self.tell()
         self.look(now)
 
-    def tell(self, now: int) -> None:
+    def tell(self) -> None:
         """Report what the board has to say."""
         reporter = self.reporter
         while (event := self.board.poll()) is not None:
             if isinstance(event, TransactionTaken):
-                reporter.transaction(self, event.ended, event.poll, event.attempt, event.tick)
-            elif isinstance(event, TurnDone):
-                reporter.turn(self, event.poll, event.turn, event.turn.tick)
-            elif isinstance(event, CycleDone):
-                reporter.cycle(self, event.cycle)
-            elif isinstance(event, FreeDone):
-                reporter.free_event(self, event.event, event.poll)
-            elif isinstance(event, PortFailed):
-                reporter.port_error(self, now, event.code)
+                reporter.transaction(self, event.ended, event.poll, event.attempt, event.taken)
+            elif isinstance(event, TurnEnded):
+                reporter.turn(self, event)
+            elif isinstance(event, CycleEnded):
+                reporter.cycle(self, event)
+            elif isinstance(event, FreeSent):
+                reporter.sent(self, event.sent, event.poll)
+            elif isinstance(event, FreeReceived):
+                reporter.received(self, event.received, event.poll, event.damaged)
+            elif isinstance(event, PortErrorRaised):
+                reporter.port_error(self, event)
 
 
 class EndClock:
@@ -109,5 +111,5 @@ class EndClock:
         hints = self._plc.end(now)
         for name, port in self._ports.items():
             port.handle(hints.get(name, 0), now)
-            port.tell(now)
+            port.tell()
         self.look(now)

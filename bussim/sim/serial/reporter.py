@@ -6,16 +6,16 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from bussim.engines.free.events import CharacterDamaged, Received, Sent
+from bussim.engines.free.events import Received, Sent
 from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.events import (
     CycleEnded,
     FrameRejected,
-    PollEnded,
     RequestServed,
     StationRefused,
     TransactionEnded,
 )
+from bussim.plc.ports.events import PortErrorRaised, TurnEnded
 from bussim.trace import CycleRecord, FreeRecord, NoteRecord, PollRecord, Sink, TransactionRecord
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ class SerialReporter:
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
         self._slaves: dict[str, SlaveCounts] = {}
-        self._damaged: Counter[str] = Counter()
         #: Port errors of PLCs by node and code.
         self.errors: dict[str, Counter[int]] = {}
         #: Things worth telling the user after the run, each once.
@@ -130,11 +129,13 @@ class SerialReporter:
             text = f"took an answer to an earlier request for that to station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 
-    def turn(self, node: SerialNode, poll: str, turn: PollEnded, end: int) -> None:
-        """A poll's turn is over, and its last answer taken over at ``end``."""
+    def turn(self, node: SerialNode, turn: TurnEnded) -> None:
+        """A poll's turn is over, and its last answer taken over."""
         code = None if turn.error is None else int(turn.error)
         self._sink.poll_turn(
-            PollRecord(node.bus.name, node.name, poll, turn.start, end, turn.attempts, code, turn.late)
+            PollRecord(
+                node.bus.name, node.name, turn.poll, turn.start, turn.end, turn.attempts, code, turn.late
+            )
         )
 
     def cycle(self, node: SerialNode, cycle: CycleEnded) -> None:
@@ -142,26 +143,30 @@ class SerialReporter:
         begun = cycle.tick - cycle.duration
         self._sink.cycle(CycleRecord(node.bus.name, node.name, cycle.number, begun, cycle.duration))
 
-    def port_error(self, node: SerialNode, tick: int, code: int) -> None:
+    def port_error(self, node: SerialNode, event: PortErrorRaised) -> None:
         """A PLC's port has set M8063 and D8063 = 7xyy."""
         errors = self.errors.setdefault(node.name, Counter())
+        code = int(event.error)
         errors[code] += 1
-        if errors[code] == 1:
-            meaning = MEANINGS.get(code, "exchange with the board")
-            self.note(tick, "port_error", node.name, f"first port error {code:02d}, {meaning}", code=code)
+        if event.text:
+            text = f"refuses its parameters ({event.text}): M8063 on, D8063 = {event.code}, and it is silent"
+            self.note(event.tick, "refused", node.name, text, D8063=event.code)
+            self.warn(f"{node.name} {text}")
+        elif errors[code] == 1:
+            text = f"first error {event.code}: {MEANINGS[code]}"
+            self.note(event.tick, "port_error", node.name, text, code=code)
 
     # -- free protocol -----------------------------------------------------------------------------
 
-    def free_event(self, node: SerialNode, event: Sent | Received | CharacterDamaged, poll: str) -> None:
-        """A port under the free protocol reported something."""
-        if isinstance(event, CharacterDamaged):
-            self._damaged[node.name] += 1
-            return
-        bus, name = node.bus.name, node.name
-        if isinstance(event, Sent):
-            self._sink.free(FreeRecord(bus, name, poll, "sent", event.start, event.end, event.chars, "", 0))
-        else:
-            damaged, ended = self._damaged.pop(name, 0), event.ended.value
-            self._sink.free(
-                FreeRecord(bus, name, poll, "received", event.start, event.tick, event.data, ended, damaged)
-            )
+    def sent(self, node: SerialNode, sent: Sent, poll: str) -> None:
+        """A node has sent bytes of a protocol of its own."""
+        self._sink.free(
+            FreeRecord(node.bus.name, node.name, poll, "sent", sent.start, sent.end, sent.chars, "", 0)
+        )
+
+    def received(self, node: SerialNode, received: Received, poll: str, damaged: int) -> None:
+        """A PLC's port has received bytes."""
+        start, end, data, ended = received.start, received.tick, received.data, received.ended.value
+        self._sink.free(
+            FreeRecord(node.bus.name, node.name, poll, "received", start, end, data, ended, damaged)
+        )
