@@ -28,6 +28,8 @@ FIRST_LONG_COUNTER = 200
 _NAME = re.compile(r"([XYMSTCD])([0-9]{1,5})")
 _OCTAL = "XY"
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
+#: The eight bits of every byte, lowest first.
+_BITS_OF = tuple(bytes(value >> number & 1 for number in range(8)) for value in range(256))
 
 
 class Device(NamedTuple):
@@ -129,11 +131,11 @@ class Memory:
     def store_block(self, place: BlockPlace, image: bytes) -> None:
         """Write a received block."""
         size = place.bits // 8
-        packed = int.from_bytes(image[:size], "little")
-        self._bits["M"][place.bit : place.bit + place.bits] = bytes(
-            packed >> number & 1 for number in range(place.bits)
+        self._bits["M"][place.bit : place.bit + place.bits] = b"".join(
+            map(_BITS_OF.__getitem__, image[:size])
         )
-        words = self._words["D"]
-        for number in range(place.words):
-            at = size + 2 * number
-            words[place.word + number] = image[at] << 8 | image[at + 1]
+        words = array("H")
+        words.frombytes(image[size:])
+        if sys.byteorder == "little":
+            words.byteswap()
+        self._words["D"][place.word : place.word + place.words] = words

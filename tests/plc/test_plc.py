@@ -137,7 +137,7 @@ def test_what_was_received_is_visible_from_the_next_end_on() -> None:
     tested = plc()
     asked: list[int] = []
 
-    def received(end: int) -> Iterable[tuple[int, bytes]]:
+    def received(since: int, end: int) -> Iterable[tuple[int, bytes]]:
         asked.append(end)
         yield 0, b"\xff" * 12  # its own number: not for its memory
         yield 1, b"\x01\x00\x00\x80" + b"\x12\x34" * 4
@@ -163,7 +163,7 @@ def test_what_was_received_is_visible_from_the_next_end_on() -> None:
 
 def test_another_stations_block_is_overwritten_by_what_was_received() -> None:
     tested = plc(sources={"D32": Constant(5)})
-    tested.received = lambda end: [(1, bytes(4) + b"\x00\x63" * 4)] if end > PHASE else []
+    tested.received = lambda _, end: [(1, bytes(4) + b"\x00\x63" * 4)] if end > PHASE else []
     tested.run(0, traced=False)
     tested.sync(PHASE)
     assert tested.read("D32") == 5
@@ -173,7 +173,7 @@ def test_another_stations_block_is_overwritten_by_what_was_received() -> None:
 
 def test_a_slave_takes_nothing_before_it_knows_the_mode_and_keeps_it_at_stop() -> None:
     tested = plc(1)
-    tested.received = lambda _: [(0, bytes(4) + b"\x00\x63" * 4)]
+    tested.received = lambda *_: [(0, bytes(4) + b"\x00\x63" * 4)]
     engine, _ = tested.run(0, traced=False)
     assert isinstance(engine, Slave)
     tested.sync(PHASE)

@@ -157,6 +157,11 @@ class PortBoard:
             return None
         return now if side.busy != self.active else side.wanted_end(now)
 
+    @property
+    def shows_memory(self) -> bool:
+        """Whether the next END answers a request for what is in memory: special devices must be current."""
+        return isinstance(self.engine, Slave) and self.engine.waiting
+
     def at_end(self, end: int) -> int:
         """Carry out what happens at this END; returns hints for the engine (see its contract)."""
         side = self._side
