@@ -139,6 +139,7 @@ def test_what_was_received_is_visible_from_the_next_end_on() -> None:
 
     def received(since: int, end: int) -> Iterable[tuple[int, bytes]]:
         asked.append(end)
+        assert since < end
         yield 0, b"\xff" * 12  # its own number: not for its memory
         yield 1, b"\x01\x00\x00\x80" + b"\x12\x34" * 4
         yield 2, b"\x01" * 24  # of another mode: no block of this link

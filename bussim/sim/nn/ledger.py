@@ -91,7 +91,7 @@ class Ledger:
             histories.apart[seat] = deque()
 
     def visible(self, seat: int, end: int, since: int = -1) -> Iterator[tuple[int, bytes]]:
-        """The newest block of each station that a seat had received by its END at ``end``, after ``since``."""
+        """The newest block of each station that a seat received after ``since``, by its END at ``end``."""
         for station, histories in self._stations.items():
             if not histories.apart and histories.common[-1][0] <= since:
                 continue  # nothing since, whoever it is
