@@ -90,13 +90,15 @@ class Bench:
         program: Program | None = None,
         whole: bool = False,
         linked: bool = False,
+        scan: int = SCAN,
+        jitter: int = 0,
         **offsets: int,
     ) -> None:
         self.plc = Plc(
             "press",
             profile,
-            scan_mean=SCAN,
-            scan_jitter=0,
+            scan_mean=scan,
+            scan_jitter=jitter,
             phase=PHASE,
             registers=words(port, protocol, line, **offsets) | (registers or {}),
             sources=sources or {},

@@ -219,7 +219,7 @@ def test_one_instruction_at_a_time() -> None:
 
     bench = Bench("COM3", "free", program=program)
     bench.run(50 * MS)
-    assert found == [Drive.RUNNING, Drive.BUSY] * 3 + [Drive.RUNNING] * 4
+    assert found == [Drive.RUNNING, Drive.BUSY] * 3 + [Drive.OFF, Drive.RUNNING] * 2
 
 
 @pytest.mark.parametrize(("stop_ok", "code"), [(True, 7305), (False, 7308)])

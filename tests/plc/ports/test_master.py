@@ -381,7 +381,7 @@ def test_one_instruction_of_a_port_is_driven_at_a_time() -> None:
         (130, 2),
     ]
     assert [when for when, _, other in found if other is Drive.BUSY] == [10, 20, 30, 40, 50]
-    assert all(first is Drive.RUNNING for _, first, _ in found)
+    assert [first for _, first, _ in found] == [Drive.RUNNING] * 5 + [Drive.OFF] * 9
 
 
 def test_an_instruction_that_goes_off_before_its_request_left_asks_nothing() -> None:
