@@ -57,12 +57,17 @@ class PollingMaster:
 
     @property
     def heard(self) -> Adu | None:
-        """The latest sound frame that was completely heard; its ends are the master's."""
+        """The latest sound frame that was completely heard, whosever it is."""
         return self.master.heard
 
     @heard.setter
     def heard(self, value: Adu | None) -> None:
         self.master.heard = value
+
+    @property
+    def heard_start(self) -> int:
+        """Its first edge."""
+        return self.master.heard_start
 
     def start(self, now: int) -> int:
         """Power-on; returns hints."""
