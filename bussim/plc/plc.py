@@ -272,7 +272,7 @@ class Plc:
         if driven:
             return board.drive(instruction, operands, now)
         board.undrive(instruction, now)
-        return Drive.RUNNING
+        return Drive.OFF
 
     def cpavl(self, port: int, words: Device, bits: Device) -> bool:
         """CPAVL: a port's words and bits lie here from the next STOP→RUN on.

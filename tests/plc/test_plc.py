@@ -8,6 +8,7 @@ import pytest
 
 from bussim.engines.nn.frames import LinkSettings
 from bussim.engines.nn.slave import Slave
+from bussim.plc.memory import Device
 from bussim.plc.plc import Plc, PlcState
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Constant, Counter, Source, Toggle
@@ -202,3 +203,27 @@ def test_a_families_blocks_have_their_own_spacing(profile: str, word: int) -> No
     tested.run(0, traced=False)
     tested.parameters(SETTINGS, 1)
     assert words(tested.image_at(PHASE)) == [0, 77, 0, 0]
+
+
+def test_without_other_ports_no_end_needs_to_be_carried_out() -> None:
+    tested = plc()
+    tested.run(0, traced=False)
+    assert tested.wanted_end(0) is None
+    assert tested.longest_scan() == SCAN
+    assert not tested.cpavl(3, Device("D", 0), Device("M", 0))
+
+
+def test_an_end_that_is_carried_out_changes_nothing_without_ports() -> None:
+    source = {"D0": Counter(100)}
+    tested, twin = plc(sources=source), plc(sources=source)
+    tested.run(0, traced=False)
+    twin.run(0, traced=False)
+    for tick in range(PHASE, 40_000, SCAN):
+        assert tested.end(tick) == {}
+        assert tested.image_at(tick + 5) == twin.image_at(tick + 5)
+        assert tested.read("D0") == tick // 100
+
+
+def test_com2_has_station_1_unless_something_else_is_said() -> None:
+    assert plc().read("D8121") == 1
+    assert plc(D8121=7).read("D8121") == 7
