@@ -59,7 +59,7 @@ class Answers:
     def _check_map(self, entry: Entry[TransactionIn], poll: TransactionIn, slave: Node) -> None:
         found = self._map(slave)
         function, address = poll.function or 0, poll.address or 0
-        count = poll.count if poll.count is not None else len(poll.values or (0,))
+        count = poll.quantity
         if found is None:
             return
         if function not in found.functions:
@@ -95,7 +95,7 @@ class Answers:
     ) -> None:
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
-        request = Request(poll.function or 0, poll.address or 0, poll.count or len(poll.values or (0,)))
+        request = Request(poll.function or 0, poll.address or 0, poll.quantity)
         least, most = _response_time(slave, response_size(request))
         if least > timeout:
             can = f"takes at least {format_ms(least)}: it never comes in time"
