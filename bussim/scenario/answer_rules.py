@@ -103,9 +103,11 @@ class Answers:
             can = f"may take {format_ms(most)}: it can come too late"
         else:
             return
+        label = poll.name or f"function {poll.function} at {poll.address}"
         self._report.warn(
             entry.path,
-            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} {can}",
+            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} to "
+            f"{label} {can}",
         )
 
 
