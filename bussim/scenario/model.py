@@ -12,6 +12,7 @@ from fractions import Fraction
 
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepperProfile
+from bussim.devices.talker import Saying
 from bussim.devices.user import Entry
 from bussim.devices.values import Noise as NoiseValue
 from bussim.devices.values import noise_key
@@ -117,24 +118,6 @@ class HmiSettings:
     timeout: int
     interval: int
     turnaround: int  # after a broadcast
-
-
-@dataclass(frozen=True, slots=True)
-class Saying:
-    """What a free-protocol device sends.
-
-    On its own: first at ``at``, then every ``every`` ticks (None: once), ``times`` times (None: for
-    ever), each time up to ``jitter`` later. Where ``reply_to`` is not empty: ``delay`` ticks after
-    these bytes have been heard.
-    """
-
-    data: bytes
-    at: int = 0
-    every: int | None = None
-    times: int | None = None
-    jitter: int = 0
-    reply_to: bytes = b""
-    delay: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -416,10 +399,10 @@ class Scenario:
     seed: int
     buses: tuple[Bus, ...]
     plcs: tuple[Plc, ...]
-    devices: tuple[BusDevice, ...] = ()
     noise: tuple[Noise, ...] = ()
     faults: tuple[Fault, ...] = ()
     warnings: tuple[str, ...] = ()
+    devices: tuple[BusDevice, ...] = ()
     source: dict[str, object] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
