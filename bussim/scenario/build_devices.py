@@ -37,7 +37,6 @@ from bussim.scenario.model import (
     StepperSettings,
     V80Settings,
 )
-from bussim.scenario.poll_rules import count_of
 from bussim.scenario.poll_schema import PollIn, TransactionIn
 from bussim.scenario.port_seats import FREE, own_line
 from bussim.scenario.seats import Member, raw_devices
@@ -154,7 +153,7 @@ def transaction(name: str, port: str, poll: TransactionIn) -> PollSpec:
         station=poll.station,
         function=poll.function,
         address=poll.address,
-        count=count_of(poll),
+        count=poll.quantity,
         device=device,
         values=tuple(value & 0xFFFF for value in poll.values or ()),
         every=poll.every,
