@@ -6,13 +6,12 @@ from collections.abc import Callable
 
 from bussim.plc.program import arithmetic, coils, moves, serial, shifts
 from bussim.plc.program.catalog import Instruction
-from bussim.plc.program.conditions import Asked, Atom, Conditions, as_test
+from bussim.plc.program.conditions import Conditions, Part, as_step, as_test
 from bussim.plc.program.ladder import Control, Rung
 from bussim.plc.program.machine import Machine, OperationError
 from bussim.plc.program.outputs import Act, Bind, Coil, Drive, Level, Output, Take
+from bussim.plc.program.shapes import Step, Test, ToAct, ToCoil
 from bussim.plc.program.times import InstructionTimes
-
-Step = Callable[[], None]
 
 _BASIC: dict[str, Callable[[Machine, Instruction], Output]] = {
     "OUT": coils.bind_out,
@@ -142,75 +141,31 @@ class Builder:
         return guarded
 
 
-def _rung(condition: Atom | Asked, outputs: list[Output], machine: Machine) -> Step:
-    if all(isinstance(output, Level) for output in outputs):
-        return _levels(condition, [output for output in outputs if isinstance(output, Level)], machine)
-    first, *rest = outputs
-    if isinstance(first, Coil):
-        if not rest:
-            return _coil(condition, first)
-        if len(rest) == 1 and isinstance(rest[0], Coil):
-            return _two_coils(condition, first, rest[0])
-    if len(outputs) == 1 and isinstance(first, Drive):
-        take, test = first.take, as_test(condition)
-        return lambda: take(test())
+def _rung(condition: Part, outputs: list[Output], machine: Machine) -> Step:
+    levels = [output for output in outputs if isinstance(output, Level)]
+    if len(levels) == len(outputs):
+        act, extra = _sequence([level.act for level in levels]), sum(level.extra for level in levels)
+        return as_step(condition, ToAct(act, machine.spent, extra))
+    first = outputs[0]
+    if len(outputs) == 1:
+        if isinstance(first, Coil):
+            return as_step(condition, ToCoil(first.bits, first.at))
+        if isinstance(first, Drive):
+            take, test = first.take, as_test(condition)
+            return lambda: take(test())
+    second = outputs[1]
+    if len(outputs) == 2 and isinstance(first, Coil) and isinstance(second, Coil):
+        return _two_coils(as_test(condition), first, second)
     return _mixed(as_test(condition), [_take(output, machine) for output in outputs])
 
 
-def _coil(condition: Atom | Asked, coil: Coil) -> Step:
-    bits, at = coil.bits, coil.at
-    if isinstance(condition, Atom):
-        source, place, inverted = condition.bits, condition.at, condition.inverted
-
-        def copy() -> None:
-            bits[at] = source[place] ^ inverted
-
-        return copy
-    test = condition.test
-
-    def step() -> None:
-        bits[at] = test()
-
-    return step
-
-
-def _two_coils(condition: Atom | Asked, one: Coil, other: Coil) -> Step:
-    test = as_test(condition)
+def _two_coils(test: Test, one: Coil, other: Coil) -> Step:
     a, i, b, j = one.bits, one.at, other.bits, other.at
 
     def step() -> None:
         a[i] = b[j] = test()
 
     return step
-
-
-def _levels(condition: Atom | Asked, levels: list[Level], machine: Machine) -> Step:
-    act, extra = _sequence([level.act for level in levels]), sum(level.extra for level in levels)
-    spent = machine.spent
-    if isinstance(condition, Atom):
-        bits, at, inverted = condition.bits, condition.at, condition.inverted
-        if extra:
-
-            def costly() -> None:
-                if bits[at] ^ inverted:
-                    spent[0] += extra
-                    act()
-
-            return costly
-
-        def step() -> None:
-            if bits[at] ^ inverted:
-                act()
-
-        return step
-    test = condition.test
-
-    def tested() -> None:
-        if test():
-            spent[0] += extra
-            act()
-
-    return tested
 
 
 def _sequence(acts: list[Act]) -> Act:

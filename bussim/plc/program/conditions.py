@@ -7,25 +7,14 @@ index register must be asked every time (they remember, or may fail), so they ar
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import assert_never
+from typing import assert_never, cast
 
 from bussim.plc.program.access import plain, reader
 from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.ladder import Both, Condition, Contact, Either, Not, Rung, Saved
 from bussim.plc.program.machine import Machine, OperationError
-
-Test = Callable[[], int]
-
-
-@dataclass(frozen=True, slots=True)
-class Atom:
-    """A bit of a device, ``inverted`` (0 or 1) by an exclusive or."""
-
-    bits: bytearray
-    at: int
-    inverted: int
+from bussim.plc.program.shapes import SHAPES, Atom, Step, Test, ToAct, ToCoil
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +26,41 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class _Many:
-    """A series (``every``) or parallels of parts."""
+class Many:
+    """A series (``every``) or parallels of parts; if it has a shape, its ``form`` and its contacts."""
 
-    parts: tuple[_Part, ...]
+    parts: tuple[Part, ...]
     every: bool
+    form: str = ""
+    atoms: tuple[Atom, ...] = ()
 
 
-_Part = Atom | Asked | _Many
+Part = Atom | Asked | Many
+
+
+def many(parts: tuple[Part, ...], *, every: bool) -> Many:
+    """A series or parallels, the most complex parts in front."""
+    forms = [_form(part) for part in parts]
+    if not all(forms):
+        return Many(parts, every)
+    order = sorted(range(len(parts)), key=lambda number: -len(forms[number]))
+    parts = tuple(parts[number] for number in order)
+    form = ("&(" if every else "|(") + "".join(forms[number] for number in order) + ")"
+    if form not in SHAPES:
+        return Many(parts, every)
+    return Many(parts, every, form, tuple(atom for part in parts for atom in _atoms(part)))
+
+
+def _form(part: Part) -> str:
+    if isinstance(part, Many):
+        return part.form
+    return "*" if isinstance(part, Atom) else ""
+
+
+def _atoms(part: Part) -> tuple[Atom, ...]:
+    if isinstance(part, Many):
+        return part.atoms
+    return (part,) if isinstance(part, Atom) else ()
 
 
 class Conditions:
@@ -73,14 +89,15 @@ class Conditions:
             case Contact():
                 pass
 
-    def build(self, condition: Condition, level: int | None) -> Atom | Asked:
+    def build(self, condition: Condition, level: int | None) -> Part:
         """The condition, and that of the MC around it."""
         part = self._part(condition)
-        if level is not None:
-            part = _Many((Atom(self._machine.levels, level, 0), part), every=True)
-        return part if isinstance(part, Atom | Asked) else _join(part)
+        if level is None:
+            return part
+        parts = part.parts if isinstance(part, Many) and part.every else (part,)
+        return many((Atom(self._machine.levels, level, 0), *parts), every=True)
 
-    def _part(self, condition: Condition) -> _Part:
+    def _part(self, condition: Condition) -> Part:
         match condition:
             case Contact(instruction):
                 return contact(self._machine, instruction)
@@ -89,14 +106,14 @@ class Conditions:
             case Not(part):
                 return _inverse(self._part(part))
             case Both(first, second):
-                return _Many((*self._flat(first, every=True), *self._flat(second, every=True)), every=True)
+                return many((*self._flat(first, every=True), *self._flat(second, every=True)), every=True)
             case Either(first, second):
-                return _Many((*self._flat(first, every=False), *self._flat(second, every=False)), every=False)
+                return many((*self._flat(first, every=False), *self._flat(second, every=False)), every=False)
         assert_never(condition)
 
-    def _flat(self, condition: Condition, *, every: bool) -> tuple[_Part, ...]:
+    def _flat(self, condition: Condition, *, every: bool) -> tuple[Part, ...]:
         part = self._part(condition)
-        return part.parts if isinstance(part, _Many) and part.every is every else (part,)
+        return part.parts if isinstance(part, Many) and part.every is every else (part,)
 
 
 def contact(machine: Machine, instruction: Instruction) -> Atom | Asked:
@@ -182,44 +199,85 @@ def _compare(test: str, one: Test, other: Test, half: int) -> Test:
             return lambda: (one() ^ half) >= (other() ^ half)
 
 
-def _inverse(part: _Part) -> _Part:
+def _inverse(part: Part) -> Part:
     match part:
         case Atom(bits, at, inverted):
             return Atom(bits, at, 1 - inverted)
         case Asked(test, always):
             return Asked(lambda: not test(), always)
-        case _Many():
-            return _inverse(_join(part))
+        case Many(parts, every):
+            # De Morgan: what is left is contacts again, for which there may be a shape.
+            return many(tuple(_inverse(inner) for inner in parts), every=not every)
 
 
-def as_test(part: Atom | Asked) -> Test:
-    """A condition as a closure."""
-    if isinstance(part, Asked):
-        return part.test
-    bits, at = part.bits, part.at
-    if part.inverted:
-        return lambda: bits[at] ^ 1
-    return lambda: bits[at]
+def as_test(part: Part) -> Test:
+    """A condition as a closure that is asked."""
+    return part.test if isinstance(part, Asked) else _asked(part).test
+
+
+def as_step(part: Part, use: ToCoil | ToAct) -> Step:
+    """A condition and what it drives as one closure, or two."""
+    form = _form(part)
+    if form in SHAPES:
+        return cast("Step", SHAPES[form](_atoms(part), use))
+    test = as_test(part)
+    if isinstance(use, ToCoil):
+        bits, at = use.bits, use.at
+
+        def coil() -> None:
+            bits[at] = test()
+
+        return coil
+    act, spent, extra = use.act, use.spent, use.extra
+
+    def step() -> None:
+        if test():
+            spent[0] += extra
+            act()
+
+    return step
 
 
 # -- series and parallels --------------------------------------------------------------------------
 
 
-def _join(many: _Many) -> Asked:
-    parts = [part if isinstance(part, Atom | Asked) else _join(part) for part in many.parts]
-    always = [part.test for part in parts if isinstance(part, Asked) and part.always]
-    quick = [part for part in parts if isinstance(part, Atom) or not part.always]
+def _asked(part: Part) -> Asked:
+    if isinstance(part, Asked):
+        return part
+    form = _form(part)
+    if form in SHAPES:
+        return Asked(cast("Test", SHAPES[form](_atoms(part), None)))
+    # A contact alone has a shape: this has parts.
+    return _joined(part.parts, every=part.every) if isinstance(part, Many) else Asked(lambda: 0)
+
+
+def _joined(parts: tuple[Part, ...], *, every: bool) -> Asked:
+    """Parts of any kind: first those that must be asked, then contacts, then what takes longer."""
+    atoms = [part for part in parts if isinstance(part, Atom)]
+    others = [_asked(part) for part in parts if not isinstance(part, Atom)]
+    rest: Test | None = None
+    for other in reversed([other for other in others if not other.always]):
+        rest = other.test if rest is None else _then(other.test, rest, every=every)
+    while atoms:
+        count = min(len(atoms), 2 if rest is not None else 4)
+        rest = _atoms_then(atoms[-count:], rest, every=every)
+        del atoms[-count:]
+    always = [other.test for other in others if other.always]
     if not always:
-        return Asked(_chain(quick, every=many.every))
+        return Asked(rest if rest is not None else lambda: every)
     test = always[0]
     for following in always[1:]:
-        test = _ask_both(test, following, every=many.every)
-    if quick:
-        test = _ask_first(test, _chain(quick, every=many.every), every=many.every)
-    return Asked(test, always=True)
+        test = _both_then(test, following, every=every)
+    return Asked(test if rest is None else _then(test, rest, every=every), always=True)
 
 
-def _ask_both(first: Test, second: Test, *, every: bool) -> Test:
+def _then(first: Test, rest: Test, *, every: bool) -> Test:
+    return (lambda: first() and rest()) if every else (lambda: first() or rest())
+
+
+def _both_then(first: Test, second: Test, *, every: bool) -> Test:
+    """Both are asked, whatever the first one says."""
+
     def series() -> int:
         on = first()
         return second() and on
@@ -231,59 +289,15 @@ def _ask_both(first: Test, second: Test, *, every: bool) -> Test:
     return series if every else parallel
 
 
-def _ask_first(first: Test, rest: Test, *, every: bool) -> Test:
-    return (lambda: first() and rest()) if every else (lambda: first() or rest())
-
-
-def _chain(parts: list[Atom | Asked], *, every: bool) -> Test:
-    """Parts in order, up to four contacts a closure: a call costs more than a contact."""
-    rest: Test | None = None
-    end = len(parts)
-    while True:
-        last = parts[end - 1]
-        if isinstance(last, Asked):
-            rest = last.test if rest is None else _ask_first(last.test, rest, every=every)
-            end -= 1
-        else:
-            start = end - 1
-            while start and end - start < (4 if rest is None else 3) and isinstance(parts[start - 1], Atom):
-                start -= 1
-            atoms = [part for part in parts[start:end] if isinstance(part, Atom)]
-            rest = (_series if every else _parallel)(atoms, rest)
-            end = start
-        if not end:
-            return rest
-
-
-def _series(atoms: list[Atom], rest: Test | None) -> Test:
-    first = atoms[0]
-    a, i, x = first.bits, first.at, first.inverted
+def _atoms_then(atoms: list[Atom], rest: Test | None, *, every: bool) -> Test:
+    """Up to four contacts, or up to two and what follows them."""
+    if rest is None:
+        form = "*" if len(atoms) == 1 else ("&(" if every else "|(") + "*" * len(atoms) + ")"
+        return cast("Test", SHAPES[form](atoms, None))
+    a, i, x = atoms[0]
     if len(atoms) == 1:
-        return as_test(first) if rest is None else (lambda: a[i] ^ x and rest())
-    b, j, y = atoms[1].bits, atoms[1].at, atoms[1].inverted
-    if len(atoms) == 2:
-        return (lambda: a[i] ^ x and b[j] ^ y) if rest is None else (lambda: a[i] ^ x and b[j] ^ y and rest())
-    c, k, z = atoms[2].bits, atoms[2].at, atoms[2].inverted
-    if len(atoms) == 3:
-        if rest is None:
-            return lambda: a[i] ^ x and b[j] ^ y and c[k] ^ z
-        return lambda: a[i] ^ x and b[j] ^ y and c[k] ^ z and rest()
-    d, m, w = atoms[3].bits, atoms[3].at, atoms[3].inverted
-    return lambda: a[i] ^ x and b[j] ^ y and c[k] ^ z and d[m] ^ w
-
-
-def _parallel(atoms: list[Atom], rest: Test | None) -> Test:
-    first = atoms[0]
-    a, i, x = first.bits, first.at, first.inverted
-    if len(atoms) == 1:
-        return as_test(first) if rest is None else (lambda: a[i] ^ x or rest())
-    b, j, y = atoms[1].bits, atoms[1].at, atoms[1].inverted
-    if len(atoms) == 2:
-        return (lambda: a[i] ^ x or b[j] ^ y) if rest is None else (lambda: a[i] ^ x or b[j] ^ y or rest())
-    c, k, z = atoms[2].bits, atoms[2].at, atoms[2].inverted
-    if len(atoms) == 3:
-        if rest is None:
-            return lambda: a[i] ^ x or b[j] ^ y or c[k] ^ z
-        return lambda: a[i] ^ x or b[j] ^ y or c[k] ^ z or rest()
-    d, m, w = atoms[3].bits, atoms[3].at, atoms[3].inverted
-    return lambda: a[i] ^ x or b[j] ^ y or c[k] ^ z or d[m] ^ w
+        return (lambda: a[i] ^ x and rest()) if every else (lambda: a[i] ^ x or rest())
+    b, j, y = atoms[1]
+    if every:
+        return lambda: a[i] ^ x and b[j] ^ y and rest()
+    return lambda: a[i] ^ x or b[j] ^ y or rest()

@@ -21,7 +21,7 @@ from collections.abc import Callable
 
 from bussim.plc.memory import Memory
 from bussim.plc.program.access import value_reader
-from bussim.plc.program.build import Builder, Step, standing_time
+from bussim.plc.program.build import Builder, standing_time
 from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.coils import FIRST_RETENTIVE_TIMER
 from bussim.plc.program.flow import MAX_CALLS, Stretch
@@ -37,6 +37,7 @@ from bussim.plc.program.machine import (
     Ports,
 )
 from bussim.plc.program.program import LINK_SETTINGS, Program
+from bussim.plc.program.shapes import Step
 from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes, ticks_of
 from bussim.units import TICKS_PER_MS
 
