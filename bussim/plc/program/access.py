@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable
+from struct import Struct
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
 from bussim.plc.program.machine import Machine, OperationError
@@ -19,6 +20,10 @@ Writer = Callable[[int], None]
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
 #: The eight bits of each byte, lowest first, one byte each.
 _BITS_OF = [bytes(value >> place & 1 for place in range(8)) for value in range(256)]
+# Reading four or eight bits as one number and looking up what they mean is the fastest way there is.
+_FOUR, _EIGHT = Struct("=I"), Struct("=Q")
+_OF_FOUR = {_FOUR.unpack(pattern[:4]): value for value, pattern in enumerate(_BITS_OF[:16])}
+_OF_EIGHT = {_EIGHT.unpack(pattern): value for value, pattern in enumerate(_BITS_OF)}
 
 
 def signed(pattern: int, *, wide: bool = False) -> int:
@@ -69,6 +74,14 @@ def plain(machine: Machine, operand: Operand) -> tuple[array[int], int] | None:
     if operand.kind == "K":
         return array("H", [operand.address & 0xFFFF]), 0
     return machine.words[operand.letter], operand.address
+
+
+def word_of(machine: Machine, operand: Operand) -> tuple[array[int], int]:
+    """The same of an operand that has no index and is no group."""
+    found = plain(machine, operand)
+    if found is None:
+        raise ValueError(f"{operand.text} is no single word")
+    return found
 
 
 def reader(machine: Machine, operand: Operand, *, wide: bool = False) -> Reader:
@@ -200,9 +213,14 @@ def _group_reader(machine: Machine, operand: Operand) -> Reader:
     count = 4 * operand.groups
     if operand.index is None:
         end = at + count
+        four, eight, of_four, of_eight = _FOUR.unpack_from, _EIGHT.unpack_from, _OF_FOUR, _OF_EIGHT
         if count == 4:
-            second, third, fourth = at + 1, at + 2, at + 3
-            return lambda: bits[at] | bits[second] << 1 | bits[third] << 2 | bits[fourth] << 3
+            return lambda: of_four[four(bits, at)]
+        if count == 8:
+            return lambda: of_eight[eight(bits, at)]
+        if count == 16:
+            above = at + 8
+            return lambda: of_eight[eight(bits, at)] | of_eight[eight(bits, above)] << 8
         return lambda: int(bits[at:end][::-1].translate(_AS_DIGITS), 2)
     find = locate(machine, operand, count, word=False)
 
@@ -217,17 +235,18 @@ def _group_writer(machine: Machine, operand: Operand) -> Writer:
     bits, at = machine.bits[operand.letter], operand.address
     count = 4 * operand.groups
     if operand.index is None:
-        end = at + count
+        # A view's slice takes bytes in a fifth of the time that the array's own takes.
+        view, place = memoryview(bits), slice(at, at + count)
         if count <= 8:
             table = [pattern[:count] for pattern in _BITS_OF]
 
             def write_few(value: int) -> None:
-                bits[at:end] = table[value & 0xFF]
+                view[place] = table[value & 0xFF]
 
             return write_few
 
         def write(value: int) -> None:
-            bits[at:end] = spread(value, count)
+            view[place] = spread(value, count)
 
         return write
     find = locate(machine, operand, count, word=False)

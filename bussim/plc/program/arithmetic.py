@@ -9,6 +9,7 @@ is an error (6706).
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
@@ -22,6 +23,10 @@ from bussim.plc.program.outputs import Act
 def add(machine: Machine, at: Instruction) -> Act:
     """ADD and SUB."""
     wide = at.form.wide
+    places = [plain(machine, operand) for operand in at.operands]
+    if not wide and places[0] is not None and places[1] is not None and places[2] is not None:
+        add_up = _add_words if at.spec.name == "ADD" else _subtract_words
+        return add_up(machine.bits["M"], *places[0], *places[1], *places[2])
     first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
     write = writer(machine, at.operands[2], wide=wide)
     flags = machine.bits["M"]
@@ -36,6 +41,31 @@ def add(machine: Machine, at: Instruction) -> Act:
         flags[ZERO] = not total & mask
         flags[BORROW] = total < least
         flags[CARRY] = total > most
+
+    return act
+
+
+def _add_words(flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int) -> Act:
+    # Patterns with their sign bit turned over are the values plus 32768.
+    def act() -> None:
+        total = (a[i] ^ 0x8000) + (b[j] ^ 0x8000)
+        c[k] = result = total & 0xFFFF
+        flags[ZERO] = not result
+        flags[BORROW] = total < 0x8000
+        flags[CARRY] = total > 0x17FFF
+
+    return act
+
+
+def _subtract_words(
+    flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int
+) -> Act:
+    def act() -> None:
+        total = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
+        c[k] = result = total & 0xFFFF
+        flags[ZERO] = not result
+        flags[BORROW] = total < -0x8000
+        flags[CARRY] = total > 0x7FFF
 
     return act
 
@@ -121,12 +151,28 @@ def _double_writer(machine: Machine, target: Operand, *, wide: bool) -> Writer:
 def compare(machine: Machine, at: Instruction) -> Act:
     """CMP: three bits say whether the first value is above, equal to or below the second."""
     wide = at.form.wide
+    target = at.operands[2]
+    places = [plain(machine, operand) for operand in at.operands[:2]]
+    if not wide and places[0] is not None and places[1] is not None and target.index is None:
+        return _compare_words(machine.bits[target.letter], target.address, *places[0], *places[1])
     first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
     tell = _three_bits(machine, at.operands[2])
 
     def act() -> None:
         one, other = first(), second()
         tell(one > other, one == other, one < other)
+
+    return act
+
+
+def _compare_words(bits: bytearray, at: int, a: array[int], i: int, b: array[int], j: int) -> Act:
+    middle, last = at + 1, at + 2
+
+    def act() -> None:
+        difference = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
+        bits[at] = difference > 0
+        bits[middle] = not difference
+        bits[last] = difference < 0
 
     return act
 

@@ -190,6 +190,15 @@ def _sequence(acts: list[Act]) -> Act:
 
 def _mixed(test: Callable[[], int], takes: list[Take]) -> Step:
     following = tuple(takes)
+    if len(takes) == 2:
+        first, second = takes
+
+        def two() -> None:
+            on = test()
+            first(on)
+            second(on)
+
+        return two
 
     def step() -> None:
         on = test()

@@ -14,10 +14,8 @@ having been off before.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bussim.plc.memory import FIRST_LONG_COUNTER
-from bussim.plc.program.access import value_reader
+from bussim.plc.program.access import value_reader, word_of
 from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.machine import Machine
 from bussim.plc.program.operands import Operand
@@ -134,7 +132,7 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
     contacts, values = machine.bits["T"], machine.words["T"]
     driven, pulses = machine.timer_scan, machine.timer_pulse
     now, scan = machine.now, machine.scan
-    limit_of = value_reader(machine, preset)
+    presets, place = word_of(machine, preset)
     unit = unit_of(number)
     retentive = number >= FIRST_RETENTIVE_TIMER
     # A timer that was driven less than so many scans ago has not paused.
@@ -147,15 +145,14 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
                 contacts[number] = 0
                 values[number] = 0
             return
+        if contacts[number]:
+            return  # until it is reset, which begins it anew
         pulse = now[0] // unit
         last = driven[number]
         driven[number] = this = scan[0]
-        if contacts[number]:
-            pulses[number] = pulse
-            return
         gone = pulse - pulses[number] if last and this - last <= patience else 0
         pulses[number] = pulse
-        limit = limit_of()
+        limit = (presets[place] ^ 0x8000) - 0x8000
         value = values[number] + gone
         if value >= limit:
             # What a program wrote beyond the preset stays; the clock stops at the preset.
@@ -169,7 +166,7 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
 
 def _counter(machine: Machine, number: int, preset: Operand) -> Take:
     contacts, values, earlier = machine.bits["C"], machine.words["C"], machine.counter_input
-    limit_of = value_reader(machine, preset)
+    presets, place = word_of(machine, preset)
 
     def take(on: int) -> None:
         if on > earlier[number] and not contacts[number]:
@@ -177,7 +174,7 @@ def _counter(machine: Machine, number: int, preset: Operand) -> Take:
             if value < 0x7FFF:
                 value += 1
                 values[number] = value
-            if value >= limit_of():
+            if value >= (presets[place] ^ 0x8000) - 0x8000:
                 contacts[number] = 1
         earlier[number] = on
 
@@ -187,7 +184,7 @@ def _counter(machine: Machine, number: int, preset: Operand) -> Take:
 def _long_counter(machine: Machine, number: int, preset: Operand) -> Take:
     contacts, values, earlier = machine.bits["C"], machine.words["C"], machine.counter_input
     flags, down = machine.bits["M"], DOWN_FLAGS + number
-    limit_of: Callable[[], int] = value_reader(machine, preset, wide=True)
+    limit_of = value_reader(machine, preset, wide=True)
 
     def take(on: int) -> None:
         if on > earlier[number]:

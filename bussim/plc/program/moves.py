@@ -5,6 +5,7 @@ Not simulated: M8024, which reverses BMOV, and M8160, which makes XCH swap bytes
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
@@ -28,10 +29,23 @@ def move(machine: Machine, at: Instruction) -> Act:
             b[j] = a[i]
 
         return copy
+    if source.groups >= target.groups > 0 and not inverted and source.index is None and target.index is None:
+        return _copy_group(machine, source, target)
     read, write = reader(machine, source, wide=wide), writer(machine, target, wide=wide)
     if inverted:
         return lambda: write(read() ^ inverted)
     return lambda: write(read())
+
+
+def _copy_group(machine: Machine, source: Operand, target: Operand) -> Act:
+    bits, view = machine.bits[source.letter], memoryview(machine.bits[target.letter])
+    count = 4 * target.groups
+    here, there = (slice(operand.address, operand.address + count) for operand in (source, target))
+
+    def copy() -> None:
+        view[there] = bits[here]
+
+    return copy
 
 
 def exchange(machine: Machine, at: Instruction) -> Act:
@@ -46,12 +60,21 @@ def exchange(machine: Machine, at: Instruction) -> Act:
         write_first(other)
         write_second(one)
 
-    return act
+    def register_last() -> None:
+        one, other = read_first(), read_second()
+        write_second(one)
+        write_first(other)
+
+    # A register that the other operand is indexed with must not move it half-way.
+    return register_last if first.kind in ("V", "Z") else act
 
 
 def logic(machine: Machine, at: Instruction) -> Act:
     """WAND WOR WXOR."""
     wide = at.form.wide
+    places = [plain(machine, operand) for operand in at.operands]
+    if not wide and places[0] is not None and places[1] is not None and places[2] is not None:
+        return _logic_of_words(at.spec.name, *places[0], *places[1], *places[2])
     first, second = (reader(machine, operand, wide=wide) for operand in at.operands[:2])
     write = writer(machine, at.operands[2], wide=wide)
     match at.spec.name:
@@ -61,6 +84,19 @@ def logic(machine: Machine, at: Instruction) -> Act:
             return lambda: write(first() | second())
         case _:
             return lambda: write(first() ^ second())
+
+
+def _logic_of_words(name: str, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int) -> Act:
+    def conjunction() -> None:
+        c[k] = a[i] & b[j]
+
+    def disjunction() -> None:
+        c[k] = a[i] | b[j]
+
+    def difference() -> None:
+        c[k] = a[i] ^ b[j]
+
+    return {"WAND": conjunction, "WOR": disjunction, "WXOR": difference}[name]
 
 
 def to_bcd(machine: Machine, at: Instruction) -> Act:
