@@ -17,13 +17,16 @@ BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "T": ((0, 255),),
     "C": ((0, 255),),
 }
-#: Word devices. T and C are the current values; C200–C255 have 32 bits.
+#: Word devices. T and C are the current values; C200–C255 have 32 bits. The index registers V and Z
+#: belong to programs only: a scenario cannot name them.
 WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "D": ((0, 8255),),
     "T": ((0, 255),),
     "C": ((0, 255),),
 }
 FIRST_LONG_COUNTER = 200
+#: V0–V7 and Z0–Z7.
+INDEX_REGISTERS = 8
 
 _NAME = re.compile(r"([XYMSTCD])([0-9]{1,5})")
 _OCTAL = "XY"
@@ -94,7 +97,20 @@ class Memory:
             "D": array("H", bytes(2 * (WORD_RANGES["D"][0][1] + 1))),
             "T": array("H", bytes(512)),
             "C": array("L" if array("L").itemsize == 4 else "I", bytes(4 * 256)),
+            "V": array("H", bytes(2 * INDEX_REGISTERS)),
+            "Z": array("H", bytes(2 * INDEX_REGISTERS)),
         }
+
+    def bits(self, letter: str) -> bytearray:
+        """All bits of a letter by address, 0 or 1 each: the memory itself, for whoever must be fast.
+
+        Addresses between the ranges of M exist in it and mean nothing.
+        """
+        return self._bits[letter]
+
+    def words(self, letter: str) -> array[int]:
+        """All words of a letter (D T C V Z) by address: the memory itself."""
+        return self._words[letter]
 
     def get(self, device: Device) -> int:
         """The value of a bit (of T and C: the contact) or of a D word."""
