@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 
     from bussim.exact.figures import Figures
     from bussim.exact.lobes import Law
-    from bussim.report.source import ExactLaw, Source
+    from bussim.report.scene import Scene
+    from bussim.report.source import ExactLaw, Source, StationTimes
     from bussim.results.record import RunRecord
 
 #: A scenario is no larger (bytes).
 _LARGEST = 4 * 1024 * 1024
+#: Of a bus without link scans, so much from the start is shown (half a second in ticks).
+_FIRST = 36_000_000
 #: The heaviest lobes of a law, and how many points each gets.
 _FINE_LOBES, _FINE_POINTS = 40, 65
 #: Most runs that are told apart on one axis and in one table.
@@ -75,6 +78,10 @@ def _target(folders: Sequence[Path], out: str | None) -> Path:
 
 def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Source:
     from bussim.report.source import Source
+    from bussim.report.stations import measured_times
+    from bussim.results.files import SCENARIO
+    from bussim.results.load import FolderRows
+    from bussim.results.trace_file import TRACE
 
     scenario = _scenario(folder)
     laws: dict[str, ExactLaw] = {}
@@ -85,7 +92,36 @@ def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Sour
         except (ScenarioError, UsageError) as error:
             first = str(error).splitlines()[0]
             no_law = f"There is no exact law, since the scenario in the folder cannot be read: {first}"
-    return Source(label, str(folder), record, scenario, laws, no_law)
+    stations: dict[str, dict[int, StationTimes]] = {}
+    scenes: dict[str, Scene] = {}
+    no_trace = ""
+    if (folder / TRACE).is_file():
+        stations = measured_times(FolderRows(folder).exchanges())
+        scenes = _scenes(folder, record)
+    else:
+        command = f"bussim run {folder / SCENARIO} --trace --out NEW_DIR"
+        no_trace = f"This run was not traced, so there is no timeline of it. To get one: {command}"
+    return Source(label, str(folder), record, scenario, laws, no_law, stations, scenes, no_trace)
+
+
+def _scenes(folder: Path, record: RunRecord) -> dict[str, Scene]:
+    """The longest link scan of every link, and the beginning of every other bus."""
+    from bussim.report.reading import read_stretch, window_of_longest
+    from bussim.report.scene import MOST_SHAPES, scene_of
+    from bussim.results.trace_file import read_trace
+
+    trace = read_trace(folder)
+    scenes = {}
+    for bus in trace.header.buses:
+        window = window_of_longest(record, bus.name)
+        if window is None:
+            if bus.nn:
+                continue
+            window = (0, min(_FIRST, record.duration))
+        scene = scene_of(read_stretch(trace, record, bus.name, *window))
+        if len(scene.boxes) + len(scene.marks) <= MOST_SHAPES:
+            scenes[bus.name] = scene
+    return scenes
 
 
 def _scenario(folder: Path) -> str:

@@ -148,9 +148,9 @@
 
   // ---- histograms, aggregated anew for what is visible ----
   const MOST_BARS = 150;
-  const barWidth = (span) => {
+  const barWidth = (span, most) => {
     for (let decade = 1; ; decade *= 10)
-      for (const width of [decade, 2 * decade, 5 * decade]) if (span <= width * MOST_BARS) return width;
+      for (const width of [decade, 2 * decade, 5 * decade]) if (span <= width * most) return width;
   };
   // P(x' > x) between the points of the law.
   const tailAt = (law, x) => {
@@ -188,7 +188,7 @@
     }
     aggregate(min, max) {
       const unit = this.data.bin_ms;
-      const width = barWidth(Math.ceil((max - min) / unit));
+      const width = barWidth(Math.ceil((max - min) / unit), Math.max(30, Math.min(MOST_BARS, this.width() / 6)));
       const first = Math.floor((min / unit + 0.5) / width), last = Math.ceil((max / unit + 0.5) / width);
       const x = [], columns = this.data.series.map(() => []), law = [];
       for (let bar = first; bar <= last; bar++) {
