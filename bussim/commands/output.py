@@ -26,6 +26,13 @@ def checked_target(path: Path, endings: Sequence[str], *, force: bool) -> Path:
     return path
 
 
+def traced_again(folder: Path) -> str:
+    """The command that repeats a run with a trace."""
+    from bussim.results.files import SCENARIO
+
+    return f"bussim run {folder / SCENARIO} --trace --out NEW_DIR"
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file beside its place and move it there. Raises UsageError where that fails."""
     part = path.with_name(f"{path.name}.part")

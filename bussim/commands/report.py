@@ -77,9 +77,9 @@ def _target(folders: Sequence[Path], out: str | None) -> Path:
 
 
 def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Source:
+    from bussim.commands.output import traced_again
     from bussim.report.source import Source
     from bussim.report.stations import measured_times
-    from bussim.results.files import SCENARIO
     from bussim.results.load import FolderRows
     from bussim.results.trace_file import TRACE
 
@@ -99,8 +99,9 @@ def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Sour
         stations = measured_times(FolderRows(folder).exchanges())
         scenes = _scenes(folder, record)
     else:
-        command = f"bussim run {folder / SCENARIO} --trace --out NEW_DIR"
-        no_trace = f"This run was not traced, so there is no timeline of it. To get one: {command}"
+        no_trace = (
+            f"This run was not traced, so there is no timeline of it. To get one: {traced_again(folder)}"
+        )
     return Source(label, str(folder), record, scenario, laws, no_law, stations, scenes, no_trace)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 #: Where neither --from nor --span says how long.
 _DEFAULT_SPAN = "200ms"
 #: More frames than this in a window cannot be told apart.
-_MOST_FRAMES = 3_000
+_MOST_FRAMES = 1_000
 
 
 @click.command()
@@ -46,18 +46,20 @@ def command(
     Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
     run with --trace. Prints the path of the picture.
     """
-    from bussim.commands.output import checked_target
+    from bussim.commands.output import checked_target, traced_again
     from bussim.report.picture import timeline_picture
     from bussim.report.reading import read_stretch
     from bussim.report.scene import scene_of
     from bussim.results.load import load_run
     from bussim.results.names import file_names
     from bussim.results.plots import caption
-    from bussim.results.trace_file import read_trace
+    from bussim.results.trace_file import TRACE, read_trace
     from bussim.units import seconds
 
     folder = Path(run)
     record = load_run(folder)
+    if not (folder / TRACE).is_file():
+        raise UsageError(f"{folder} has no trace to draw; get one with {traced_again(folder)}")
     trace = read_trace(folder)
     buses = {each.name: each for each in trace.header.buses}
     name = _bus(record, buses, bus)

@@ -9,14 +9,14 @@ from typing import Any
 from bussim.report.source import Source
 from bussim.report.tables import NONE, Cell, Table, number, pointer
 
-_HEAD = (("seed", "seed"), ("duration_s", "simulated (s)"), ("bussim", "bussim"))
-_SETTINGS = (
-    ("stations", "stations", None),
-    ("mode", "refresh mode (D8178)", None),
-    ("retries", "retries (D8179)", None),
-    ("attempts", "attempts a poll", None),
-    ("timeout_ms", "timeout (ms)", None),
-)
+_HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
+_SETTINGS = {
+    "stations": "stations",
+    "mode": "refresh mode (D8178)",
+    "retries": "retries (D8179)",
+    "attempts": "attempts a poll",
+    "timeout_ms": "timeout (ms)",
+}
 _FIGURES = (
     ("scans", "link scans", None),
     ("bus_load", "bus load (share of the time)", 4),
@@ -43,15 +43,14 @@ _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
 
 def head_table(sources: Sequence[Source]) -> Table:
     """What was run."""
-    rows = [(label, _row(sources, (key,))) for key, label in (("scenario", "scenario"), *_HEAD)]
+    rows = [(label, _row(sources, (key,), change=False)) for key, label in _HEAD.items()]
     return Table("The runs", ["", *(source.label for source in sources)], rows)
 
 
 def link_table(sources: Sequence[Source], bus: str) -> Table:
     """Settings and figures of one link in every run that has it."""
-    rows: list[tuple[str, list[Cell]]] = []
-    for key, label, decimals in (*_SETTINGS, *_FIGURES):
-        rows.append((label, _row(sources, ("links", bus, key), decimals)))
+    rows = [(label, _row(sources, ("links", bus, key), change=False)) for key, label in _SETTINGS.items()]
+    rows += [(label, _row(sources, ("links", bus, key), decimals)) for key, label, decimals in _FIGURES]
     for key, label in _TIMES.items():
         rows.append((f"link scan, {label} (ms)", _row(sources, ("links", bus, "scan_time_ms", key), 3)))
     rows.append(("failed attempts", _marked([_failed(source, bus) for source in sources])))
@@ -80,8 +79,10 @@ def scenario_changes(sources: Sequence[Source]) -> list[tuple[str, list[str]]]:
     return changes
 
 
-def _row(sources: Sequence[Source], keys: Sequence[str], decimals: int | None = None) -> list[Cell]:
-    return _marked([_value(source.summary, keys) for source in sources], keys, decimals)
+def _row(
+    sources: Sequence[Source], keys: Sequence[str], decimals: int | None = None, *, change: bool = True
+) -> list[Cell]:
+    return _marked([_value(source.summary, keys) for source in sources], keys, decimals, change=change)
 
 
 def _value(data: Any, keys: Sequence[str]) -> Any:
@@ -92,13 +93,16 @@ def _value(data: Any, keys: Sequence[str]) -> Any:
     return data
 
 
-def _marked(values: Sequence[Any], keys: Sequence[str] = (), decimals: int | None = None) -> list[Cell]:
-    """The cells of a row; what is not the first run's value is marked, numbers with their change."""
+def _marked(
+    values: Sequence[Any], keys: Sequence[str] = (), decimals: int | None = None, *, change: bool = True
+) -> list[Cell]:
+    """The cells of a row; what is not the first run's value is marked, if wished with its change."""
     cells = []
     for value in values:
         text = number(value, decimals) if keys else _short(value)
         differs = value != values[0]
-        cells.append(Cell(text, pointer(*keys) if keys else "", _change(values[0], value), differs=differs))
+        by = _change(values[0], value) if change else ""
+        cells.append(Cell(text, pointer(*keys) if keys else "", by, differs=differs))
     return cells
 
 

@@ -253,7 +253,9 @@ def _link_charts(source: Source, bus: str, drawn: _Charts) -> list[Chart]:
         f"Longest and shortest link scans over the {source.summary['duration_s']:g} s of the run, {where}; "
         f"{len(faults)} faults acted.",
         None,
-        "Bars below: when faults acted and when the master had a station in error.",
+        "Bars below: when faults acted and when the master had a station in error."
+        if faults or record.in_error
+        else "",
     )
     return [one, two, three]
 

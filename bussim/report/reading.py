@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 from bussim.report.stretch import Stretch
 from bussim.results.record import RunRecord
 from bussim.results.timeline import fault_spans
-from bussim.results.trace_file import Record, Trace
+from bussim.results.trace_file import Trace
 from bussim.trace import (
     AttemptRecord,
     DeviceValueRecord,
@@ -20,7 +18,6 @@ from bussim.trace import (
 
 #: The margin on each side of a link scan is so small a part of it.
 _MARGIN = 20
-_R = TypeVar("_R", bound=Record)
 _KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, NoteRecord, EndsRecord)
 
 
@@ -40,15 +37,14 @@ def read_stretch(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -
     Raises UsageError for a bus that the trace does not have, and where it is damaged.
     """
     where = trace.bus(bus)
-    found: dict[type[Record], list[Record]] = {kind: [] for kind in _KINDS}
-    for record in trace.records(*_KINDS, bus=bus, start=begin, stop=end):
-        found[type(record)].append(record)
+    found = list(trace.records(*_KINDS, bus=bus, start=begin, stop=end))
     stations: dict[int, str] = {}
     for node, number in where.stations.items():
         stations.setdefault(number, node)
     ends: dict[str, list[int]] = {}
-    for block in _of(found, EndsRecord):
-        ends.setdefault(block.plc, []).extend(block.ticks)
+    for block in found:
+        if isinstance(block, EndsRecord):
+            ends.setdefault(block.plc, []).extend(block.ticks)
     link = run.links.get(bus)
     return Stretch(
         bus,
@@ -56,20 +52,16 @@ def read_stretch(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -
         end,
         where.nodes,
         stations,
-        _of(found, FrameRecord),
-        _of(found, AttemptRecord),
-        _of(found, TransactionRecord),
-        _of(found, ScanRecord),
-        _of(found, NoteRecord),
+        [record for record in found if isinstance(record, FrameRecord)],
+        [record for record in found if isinstance(record, AttemptRecord)],
+        [record for record in found if isinstance(record, TransactionRecord)],
+        [record for record in found if isinstance(record, ScanRecord)],
+        [record for record in found if isinstance(record, NoteRecord)],
         _values(trace, bus, begin, end),
         ends,
         fault_spans(run.notes, {bus, *where.nodes, *where.plcs}),
         {} if link is None else link.in_error,
     )
-
-
-def _of(found: dict[type[Record], list[Record]], kind: type[_R]) -> list[_R]:
-    return [record for record in found[kind] if isinstance(record, kind)]
 
 
 def _values(trace: Trace, bus: str, begin: int, end: int) -> list[DeviceValueRecord]:

@@ -15,8 +15,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     arguments = ["run", "press_line", "--duration", "25s", "--out"]
     assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
     assert main([*arguments, str(folder / "plain"), "--seed", "8"]) == 0
-    slow = ["run", "slow_slave_short_timeout", "--duration", "5s", "--out"]
-    assert main([*slow, str(folder / "slow")]) == 0
+    twice = ["run", "same_number_twice", "--duration", "5s", "--out"]
+    assert main([*twice, str(folder / "twice")]) == 0
     return folder
 
 
@@ -79,7 +79,7 @@ def test_without_a_trace_it_tells_how_to_get_a_timeline(
 
 
 def test_without_a_law_it_tells_why(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = page(capsys, runs / "slow", "-o", tmp_path / "a.html")
+    text = page(capsys, runs / "twice", "-o", tmp_path / "a.html")
     assert "for no exact law holds:" in text
     assert "no link scan can take longer" not in text
     text = page(capsys, runs / "plain", "--no-exact", "-o", tmp_path / "b.html")
@@ -97,11 +97,11 @@ def test_a_scenario_that_cannot_be_read_costs_the_law_only(
 
 
 def test_several_runs_are_compared(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = page(capsys, *(runs / name for name in ("traced", "plain", "slow")), "-o", tmp_path / "a.html")
+    text = page(capsys, *(runs / name for name in ("traced", "plain", "twice")), "-o", tmp_path / "a.html")
     assert "3 runs compared" in text
     assert 'class="differs"' in text
-    assert "The scenario of slow" in text
-    for name in ("traced", "plain", "slow"):
+    assert "The scenario of twice" in text
+    for name in ("traced", "plain", "twice"):
         assert f">{name}</h2>" in text
 
 
@@ -110,7 +110,7 @@ def test_several_runs_are_compared(runs: Path, tmp_path: Path, capsys: pytest.Ca
     [
         (
             ["{runs}"],
-            "is not the folder of a run: it has no summary.json; folders of runs in it: plain, slow, traced",
+            "is not the folder of a run: it has no summary.json; folders of runs in it: plain, traced, twice",
         ),
         (["{runs}/none"], "does not exist"),
         (["{runs}/plain", "{runs}/plain"], "is named twice"),

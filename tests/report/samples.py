@@ -6,12 +6,11 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from bussim.results.trace_file import Trace, read_trace
-
 import bussim
 from bussim.report.reading import read_stretch, window_of_longest
 from bussim.report.stretch import Stretch
 from bussim.results.record import RunRecord
+from bussim.results.trace_file import Trace, read_trace
 
 #: Eight stations on a line so noisy that some link scan repeats a poll.
 EIGHT = """\

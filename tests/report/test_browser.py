@@ -71,7 +71,7 @@ def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs
     cells = window.execute_script(
         "return [...document.querySelectorAll('td[data-path]')].map(c => [c.dataset.path, +c.dataset.run, c.innerText])"
     )
-    assert len(cells) > 100 * len(runs)
+    assert len(cells) > 80 * len(runs)
     for path, run, text in cells:
         assert_shows(text, looked_up(summaries[run - 1], path), path)
     told = {path for path, _, _ in cells}
@@ -123,9 +123,8 @@ def test_charts_zoom_and_tell_what_is_under_the_pointer(pages: Path, window: Any
         named["Show all"].click()
         told = set()
         width = plot.size["width"]
-        for x in range(-width // 2 + 4, width // 2 - 4, 23):
-            for y in (-40, 0, 30):
-                ActionChains(window, duration=0).move_to_element_with_offset(plot, x, y).perform()
+        for x in range(-width // 2 + 4, width // 2 - 4, 61):
+            ActionChains(window, duration=0).move_to_element_with_offset(plot, x, 0).perform()
             told.add(window.execute_script("return arguments[0].querySelector('.tip').textContent", figure))
         assert any("ms" in text for text in told), figure.text
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import bussim
 from bussim.report.reading import read_stretch, window_of_longest
 from bussim.report.scene import scene_of
@@ -24,7 +26,7 @@ def test_the_parts_of_every_link_scan_add_up_to_its_duration() -> None:
         parts = parts_of_scan(whole, scan)
         assert sum(part.ticks for part in parts) == scan.duration
         assert parts[0].start == scan.start
-        assert all(one.end == other.start for one, other in zip(parts, parts[1:], strict=False))
+        assert all(one.end == other.start for one, other in pairwise(parts))
         assert sum(part.lost and part.attempt > 0 for part in parts) == scan.failed
         assert sum(part.attempt > 0 for part in parts) == scan.attempts
 

@@ -35,8 +35,10 @@ FIGURES: dict[str, Any] = {
     [
         (
             "station 1 (press2): 6 attempts, all 01; parameter frame",
-            "station 1 (press2) failed all its 6 attempts (no answer within the timeout) and the master sent "
-            "its parameters again",
+            (
+                "station 1 (press2) failed all its 6 attempts (no answer within the timeout) and the master sent "
+                "its parameters again"
+            ),
         ),
         (
             "station 2 (trolley): 2 failed attempts before the answer, 01, 04",

@@ -214,10 +214,9 @@
     colours() { return this.several ? this.data.series.map((_, number) => shown(payload.runs[number])) : [css("--simulated")]; }
     options() {
       const bars = uPlot.paths.bars({ size: [1, Infinity], align: 0 });
-      const stepped = (u, index, from, to) => uPlot.paths.stepped({ align: 1 })(u, index, from, to);
       const colours = this.colours();
       const series = this.data.series.map(({ label }, number) => this.several
-        ? { label, stroke: colours[number], width: 1.5, paths: stepped, points: { show: false } }
+        ? { label, paths: () => null, points: { show: false } }
         : { label, fill: colours[number], stroke: colours[number], width: 0, paths: bars, points: { show: false } });
       if (this.data.law.length) series.push({ label: "exact law", paths: () => null, points: { show: false } });
       return {
@@ -227,7 +226,7 @@
         },
         axes: [
           axis("link scan time (ms)", { values: plain }),
-          axis("", { size: 62, values: this.log ? decades : plain, ...(this.log ? { splits: () => powers(...this.y) } : {}) }),
+          axis("", { size: 62, values: this.log ? decades : plain, ...(this.log ? { splits: () => powers(...this.y), filter: (u, all) => all } : {}) }),
         ],
         series: [{}, ...series],
         hooks: {
@@ -244,23 +243,32 @@
         },
       };
     }
-    stairs(u) { // the law: a step as wide as each bar, down to the axis where it expects nothing
-      if (!this.data.law.length) return;
-      const { ctx, bbox } = u, law = u.data[2], [floor] = this.y;
+    // A step as wide as each bar, down to the axis where there is nothing.
+    stairs(u) {
+      const { ctx, bbox } = u, [floor] = this.y, bottom = bbox.top + bbox.height;
+      const lines = this.several ? this.colours().map((colour, number) => [colour, u.data[number + 1], 0.2]) : [];
+      if (this.data.law.length) lines.push([css("--law"), u.data[2], 0]);
       ctx.save();
       ctx.beginPath();
-      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height + 2);
       ctx.clip();
-      ctx.strokeStyle = css("--law");
       ctx.lineWidth = 2 * devicePixelRatio;
-      ctx.beginPath();
-      u.data[0].forEach((x, index) => {
-        const value = Math.max(law[index] ?? 0, this.log ? floor / 10 : 0);
-        const y = u.valToPos(value, "y", true);
-        ctx.lineTo(u.valToPos(x - this.barMs / 2, "x", true), y);
-        ctx.lineTo(u.valToPos(x + this.barMs / 2, "x", true), y);
-      });
-      ctx.stroke();
+      for (const [colour, values, shade] of lines) {
+        ctx.strokeStyle = ctx.fillStyle = colour;
+        ctx.beginPath();
+        u.data[0].forEach((x, index) => {
+          const left = u.valToPos(x - this.barMs / 2, "x", true), right = u.valToPos(x + this.barMs / 2, "x", true);
+          const value = values[index] ?? 0;
+          const y = value <= (this.log ? floor : 0) ? bottom : u.valToPos(value, "y", true);
+          if (index === 0) ctx.moveTo(left, bottom);
+          ctx.lineTo(left, y);
+          ctx.lineTo(right, y);
+        });
+        ctx.stroke();
+        ctx.globalAlpha = shade;
+        ctx.fill();
+        ctx.globalAlpha = 1;
+      }
       ctx.restore();
     }
     caption(u) {
@@ -313,7 +321,7 @@
       return uPlot.join(tables);
     }
     options() {
-      const series = [{ label: "counted", stroke: css("--simulated"), width: 2, spanGaps: true, points: { show: false },
+      const series = [{ label: "counted", stroke: css("--simulated"), width: 5, spanGaps: true, points: { show: false },
         paths: uPlot.paths.stepped({ align: 1 }) }];
       if (this.law.length) series.push({ label: "exact law", stroke: css("--law"), width: 2, spanGaps: true, points: { show: false } });
       const power = Math.floor(Math.log10(this.least));
@@ -326,7 +334,7 @@
           y: { distr: 3, log: 10, range: () => [10 ** power, 1.6] },
         },
         axes: [axis("link scan time x (ms)", { values: plain }),
-          axis("share of link scans over x", { size: 62, values: decades, splits: () => splits })],
+          axis("share of link scans over x", { size: 62, values: decades, splits: () => splits, filter: (u, all) => all })],
         series: [{}, ...series],
       };
     }
@@ -421,14 +429,14 @@
   // ---- the timeline, like a logic analyser ----
   class Timeline extends Chart {
     setUp() { this.whole = [0, this.data.span]; }
-    content() { return [[0, this.data.span], [null, null]]; }
+    content() { return [[0, this.data.span], [0, this.data.lanes.length]]; }
     options() {
       const count = this.data.lanes.length, narrow = this.width() < 600;
       const most = narrow ? 13 : 22;
       return {
         height: 24 * count + 74,
         cursor: { y: true },
-        scales: { x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) }, y: { range: () => [count, 0], dir: 1 } },
+        scales: { x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) }, y: { range: () => [0, count], dir: -1 } },
         axes: [
           axis(`ms after ${this.data.begin_s.toFixed(6)} s`, { values: plain }),
           axis(null, { size: narrow ? 98 : 160, gap: 6, grid: { show: false }, ticks: { show: false },
