@@ -170,7 +170,7 @@ def _open(url: str, line: LineTiming, *, plain: bool) -> serial.Serial:
             parity="N" if plain else fmt.parity,
             stopbits=fmt.stop_bits,
             timeout=0,
-            write_timeout=_WRITE_TIMEOUT,
+            write_timeout=_WRITE_TIMEOUT if device else None,  # no others know it
         )
     except ValueError as error:
         raise UsageError(f"{url!r} is no port that can be opened: {error}") from error
