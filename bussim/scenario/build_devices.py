@@ -12,6 +12,7 @@ from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.scenario.code import Code
+from bussim.devices.talker import Saying
 from bussim.scenario.device_rules import SPACES, reference
 from bussim.scenario.device_schema import (
     DeviceIn,
@@ -32,7 +33,6 @@ from bussim.scenario.model import (
     HmiSettings,
     LxSettings,
     MapSettings,
-    Saying,
     Scan,
     StepperSettings,
     V80Settings,
