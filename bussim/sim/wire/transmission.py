@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
-from bussim.engines.nn.frames import Frame
 from bussim.line.characters import LineTiming
 from bussim.line.wave import Interval, low_intervals
 
 if TYPE_CHECKING:
-    from bussim.sim.port import Port
+    from bussim.sim.wire.node import Node
 
 Bits = tuple[int, ...]
 
 
+class WireFrame(Protocol):
+    """A frame of any protocol, as far as a line is concerned."""
+
+    @property
+    def chars(self) -> bytes:
+        """Its characters on the wire."""
+
+
 class Transmission:
-    """Characters that one port sends. ``frame`` is what they mean, None for jabber.
+    """Characters that one node sends. ``frame`` is what they mean, None for jabber.
 
     ``chars`` are the characters on the wire, which a fault may have made other than the frame's.
     ``end`` moves when the sender is cut off. ``listeners`` hear it whole and undamaged and are told
@@ -34,11 +41,11 @@ class Transmission:
     silent = False  # nothing of it reaches the wire
     believed = False  # some receiver took it for another frame
     together = 0  # how many more hear it together, in the bus's gallery
-    listeners: tuple[tuple[Port, Callable[[Frame, int, int], int]], ...] = ()
+    listeners: tuple[tuple[Node, Callable[[Any, int, int], int]], ...] = ()
     _lows: dict[Bits, list[Interval]] | None = None
 
     def __init__(
-        self, sender: Port, frame: Frame | None, chars: bytes, start: int, end: int, timing: LineTiming
+        self, sender: Node, frame: WireFrame | None, chars: bytes, start: int, end: int, timing: LineTiming
     ) -> None:
         self.sender = sender
         self.frame = frame
@@ -77,7 +84,7 @@ class Transmission:
             self.rx_chars = {}
         self.rx_chars[seat] = (index, value)
 
-    def drop(self, port: Port) -> bool:
+    def drop(self, port: Node) -> bool:
         """A port does not hear this as a whole frame after all; returns whether it would have."""
         for place, (listener, _) in enumerate(self.listeners):
             if listener is port:

@@ -1,76 +1,68 @@
-"""A PLC's port on a bus: it runs the link's engine in simulated time.
+"""One seat of a line: it runs a protocol engine in simulated time.
 
-The port keeps the engine's appointments: deadlines, replies after their turnaround, frames at their
-start and end. It is also where a station's own faults sit.
+A node keeps its engine's appointments: deadlines, and frames at their start and end. It is also where
+a station's own faults sit. What is peculiar to a protocol stands in its subclasses.
 """
 
 from __future__ import annotations
 
 from bisect import insort
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, Transmit
-from bussim.engines.nn.master import Master
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Transmit
 from bussim.line.characters import LineTiming
-from bussim.plc.board import LinkEngine
-from bussim.plc.plc import Plc
-from bussim.plc.profiles import Reply
-from bussim.plc.streams import Streams
-from bussim.plc.turnaround import Turnarounds
-from bussim.sim.ear import Ear
 from bussim.sim.kernel import DEADLINES, HEARING, SENDING, Kernel
-from bussim.sim.reporter import Reporter
-from bussim.sim.transmission import Transmission
+from bussim.sim.wire.ear import Ear
+from bussim.sim.wire.transmission import Transmission
 
 if TYPE_CHECKING:
-    from bussim.sim.bus import Bus
-
-_IDLE = b""
-_ONLY_TRANSMIT = TRANSMIT | STORED
+    from bussim.sim.wire.line import Line
 
 
-class Port:
-    """One seat of a bus. ``seat`` is its place in cable order, from 0."""
+class Node:
+    """One seat. ``seat`` is its place in cable order, from 0; ``name`` is unique in the scenario."""
 
     __slots__ = (
         "_deadline_timer",
         "_end_timer",
         "_kernel",
-        "_longest_turnaround",
         "_release_timer",
         "_sequence",
         "_start_timer",
-        "_turnarounds",
-        "bus",
         "ear",
         "engine",
         "extra_turnaround",
-        "is_master",
+        "home_timing",
         "jabbering",
         "late_release",
+        "line",
+        "name",
         "nominal",
         "pending",
-        "plc",
-        "replies_at_end",
-        "reporter",
         "seat",
         "sending",
         "tail",
         "timing",
+        "timing_faults",
     )
 
-    def __init__(self, plc: Plc, bus: Bus, seat: int, kernel: Kernel, streams: Streams) -> None:
-        self.plc = plc
-        self.bus = bus
+    def __init__(self, name: str, line: Line, seat: int, kernel: Kernel) -> None:
+        self.name = name
+        self.line = line
         self.seat = seat
-        self.timing = bus.timing
-        #: Whether it sends and receives with the bus's own rate, format and clock.
+        self._kernel = kernel
+        #: Rate, format and clock as the node is set, and as they are now with its faults.
+        self.home_timing = line.timing
+        self.timing = line.timing
+        #: Another format or rate in force (None: not), and parts per million of clock error, each of a fault.
+        self.timing_faults: list[tuple[LineTiming | None, Fraction]] = []
+        #: Whether it sends and receives with the line's own rate, format and clock.
         self.nominal = True
+        #: None unless the node is switched on and its engine runs. Its frames are its own protocol's.
+        self.engine: Any = None
         self.ear = Ear(self, kernel, self.timing)
-        #: The link's engine; None unless the PLC is in RUN with good parameters.
-        self.engine: LinkEngine | None = None
-        self.is_master = False
-        self.reporter: Reporter = bus.reporter
         #: The frame that it is sending, if its driver is on for one.
         self.sending: Transmission | None = None
         #: Its driver is still on after a frame (late release).
@@ -78,10 +70,6 @@ class Port:
         self.jabbering = False
         self.extra_turnaround = 0
         self.late_release = 0
-        self.replies_at_end = plc.profile.reply is Reply.END
-        self._turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
-        self._kernel = kernel
-        self._longest_turnaround = plc.profile.turnaround.longest
         self.pending: list[tuple[int, int, int]] = []  # (start, order, counter) of what is to be sent
         self._sequence = 0
         self._start_timer = kernel.timer(self._on_start, SENDING)
@@ -89,40 +77,42 @@ class Port:
         self._release_timer = kernel.timer(self._on_release, HEARING)
         self._deadline_timer = kernel.timer(self._on_deadline, DEADLINES)
 
+    # -- what a protocol says ----------------------------------------------------------------------
+
+    def quiet(self, timing: LineTiming) -> int:
+        """The silence that ends what is half heard, in ticks, with a receiver of this timing."""
+        raise NotImplementedError
+
+    def understands(self, sender: Node) -> bool:
+        """Whether this node's engine can be told of a whole frame of another node."""
+        raise NotImplementedError
+
+    def report(self, item: Any, now: int) -> None:
+        """Its engine reported something; a transmission is no report."""
+        raise NotImplementedError
+
+    # -- state -------------------------------------------------------------------------------------
+
     @property
     def now(self) -> int:
         """The current tick."""
         return self._kernel.now
 
     @property
-    def name(self) -> str:
-        """The PLC's name."""
-        return self.plc.name
-
-    @property
     def driving(self) -> bool:
         """Whether its driver is on: it hears nothing then."""
         return self.sending is not None or self.tail or self.jabbering
 
-    # -- the PLC's states --------------------------------------------------------------------------
-
-    def run(self, now: int) -> None:
-        """The PLC goes to RUN: it listens, and a master begins after its first END."""
-        engine, first_end = self.plc.run(now, traced=self.bus.sink.traced)
-        self.engine = engine
-        self.is_master = isinstance(engine, Master)
-        if engine is None:
-            self.reporter.refused(now, self.plc)
-            return
-        self.bus.audience_changed()
-        self.handle(engine.start(first_end if self.is_master else now), now)
-        self.bus.join_midway(self, now)
+    @property
+    def powered(self) -> bool:
+        """Whether it has a supply."""
+        raise NotImplementedError
 
     def halt(self, now: int) -> None:
         """STOP or power-off: silent and deaf at once; a frame on the wire is cut at this tick."""
         engine = self.engine
         if engine is not None:
-            self.bus.retire(self)
+            self.line.retire(self)
             engine.stop(now)
             self.drain(now)
         self.engine = None
@@ -132,20 +122,28 @@ class Port:
         self.ear.close()
         if self.sending is not None:
             self._end_timer.cancel()
-            self.bus.cut(self, now)
+            self.line.cut(self, now)
             self.sending = None
         if self.tail:
             self._release_timer.cancel()
             self.tail = False
-            self.bus.driver_off(self, now)
-        self.bus.audience_changed()
+            self.line.driver_off(self, now)
+        self.line.audience_changed()
 
-    def set_timing(self, timing: LineTiming, now: int) -> None:
-        """Send and receive with another rate, format or clock; what is being received is lost."""
+    def retime(self, now: int) -> None:
+        """Send and receive as it is set, with the faults that are on: the latest format, clock errors added.
+
+        What is being received is lost.
+        """
+        timing = self.home_timing
+        for other, _ in self.timing_faults:
+            timing = other or timing
+        for _, ppm in self.timing_faults:
+            timing = replace(timing, ppm=timing.ppm + ppm)
         self.timing = timing
-        self.nominal = timing == self.bus.timing
-        self.bus.relisten(self, timing, now)
-        self.bus.audience_changed()
+        self.nominal = timing == self.line.timing
+        self.line.relisten(self, timing, now)
+        self.line.audience_changed()
 
     # -- the engine's wishes -----------------------------------------------------------------------
 
@@ -153,10 +151,6 @@ class Port:
         """Look at what the engine asks for."""
         engine = self.engine
         if engine is None:
-            return
-        if hints | STORED == _ONLY_TRANSMIT:
-            at, engine.due = engine.due, -1
-            self.appoint(at, engine.due_counter)
             return
         if hints & OPEN:
             self.ear.hold(now)
@@ -178,11 +172,11 @@ class Port:
             if isinstance(item, Transmit):
                 self.appoint(item.at, item.counter)
             else:
-                self.reporter.engine_event(self, item, now)
+                self.report(item, now)
                 engine = self.engine
 
     def watch(self) -> None:
-        """Arm the deadline's timer unless it comes up earlier anyway: one lazy watchdog a port."""
+        """Arm the deadline's timer unless it comes up earlier anyway: one lazy watchdog a node."""
         engine = self.engine
         at = engine.deadline() if engine is not None else None
         timer = self._deadline_timer
@@ -193,9 +187,10 @@ class Port:
         engine = self.engine
         if engine is None:
             return
-        if self in self.bus.gallery.members:
-            return  # the gallery watches for all its members
         at = engine.deadline()
+        if at is not None and at <= now:
+            self.catch_up(now)
+            at = engine.deadline()
         if at is None:
             return
         if at > now:
@@ -204,28 +199,13 @@ class Port:
         self.handle(engine.on_deadline(now), now)
         self.watch()
 
+    def catch_up(self, now: int) -> None:
+        """Before a deadline: an engine that judges by what was heard so far is told of it."""
+
     # -- sending -----------------------------------------------------------------------------------
 
-    def turnaround(self) -> int:
-        """Draw the next reply's turnaround, in ticks."""
-        return self._turnarounds.draw() + self.extra_turnaround
-
-    @property
-    def prompt(self) -> bool:
-        """Whether its frames leave when its engine wants them, and its driver goes off with their end."""
-        return not (self.jabbering or self.late_release or self.replies_at_end or self.tail)
-
-    @property
-    def longest_turnaround(self) -> int:
-        """The longest turnaround that can be drawn now, in ticks."""
-        return self._longest_turnaround + self.extra_turnaround
-
     def appoint(self, at: int, counter: int) -> None:
-        """A frame is to be sent from ``at`` on; a slave adds its turnaround."""
-        if not self.is_master:
-            at += self.turnaround()
-            if self.replies_at_end:
-                at = self.plc.cycle.next_end(at, self._kernel.now)
+        """A frame is to be sent from ``at`` on."""
         pending = self.pending
         now = self._kernel.now
         if at < now:
@@ -239,26 +219,18 @@ class Port:
             self._start_timer.chain(at)
 
     def _on_start(self, now: int) -> None:
-        engine = self.engine
-        if self.sending is not None or engine is None:
-            return  # what falls due while it sends follows at once: see _on_end
-        bus, pending = self.bus, self.pending
-        counter = pending.pop(0)[2]
-        if self.is_master and bus.lane.exchange(self, now):
-            return
-        if pending:
-            self._start_timer.set(max(pending[0][0], now))
-        if bus.disturber.replies_at_risk and not self.is_master and bus.reply_vanishes(self, now):
-            return
-        image = self.plc.image_at(now) if engine.wants_image else _IDLE
-        frame = engine.begin_transmit(now, image, counter)
+        raise NotImplementedError
+
+    def _begin(self, frame: Any, now: int) -> None:
+        """The driver is switched on for a frame."""
+        line = self.line
         if self.ear.is_open:
             self.ear.close()
         if self.tail:
             self._release_timer.cancel()
             self.tail = False
-            bus.driver_kept(now)
-        self.sending = tx = bus.begin(self, frame, now)
+            line.driver_kept(now)
+        self.sending = tx = line.begin(self, frame, now)
         self._end_timer.chain(tx.end)
 
     def _on_end(self, now: int) -> None:
@@ -269,7 +241,7 @@ class Port:
         if self.late_release and not (self.jabbering or tx.silent or tx.cut):
             self.tail = True
             self._release_timer.set(now + self.late_release)
-        self.bus.finish(self, tx, now)
+        self.line.finish(self, tx, now)
         engine = self.engine
         if engine is not None:
             hints = engine.transmit_done(now)
@@ -280,4 +252,4 @@ class Port:
 
     def _on_release(self, now: int) -> None:
         self.tail = False
-        self.bus.driver_off(self, now)
+        self.line.driver_off(self, now)

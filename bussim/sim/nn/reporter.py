@@ -18,7 +18,6 @@ from bussim.engines.nn.events import (
     StationBack,
     StationLost,
 )
-from bussim.engines.nn.frames import Frame
 from bussim.engines.nn.master import Master
 from bussim.plc.board import (
     D_STATION,
@@ -33,7 +32,7 @@ from bussim.trace import AttemptRecord, NoteRecord, ScanRecord, Sink
 from bussim.units import format_ms
 
 if TYPE_CHECKING:
-    from bussim.sim.port import Port
+    from bussim.sim.nn.port import LinkPort
 
 
 class Reporter:
@@ -75,7 +74,7 @@ class Reporter:
 
     # -- engines -----------------------------------------------------------------------------------
 
-    def engine_event(self, port: Port, event: NnEvent, now: int) -> None:
+    def engine_event(self, port: LinkPort, event: NnEvent, now: int) -> None:
         """An engine reported something."""
         if isinstance(event, (ScanEnded, AttemptEnded, AllHealthy)):
             if port.name == self._primary:
@@ -136,7 +135,7 @@ class Reporter:
             None if event.reply is None else event.reply - event.polled,
         )
 
-    def _lost(self, port: Port, event: StationLost) -> None:
+    def _lost(self, port: LinkPort, event: StationLost) -> None:
         if not event.new:
             return
         label = self.station_label(event.station)
@@ -173,14 +172,14 @@ class Reporter:
         self._note(now, "refused", plc.name, text, D8063=plc.memory.word("D", SERIAL_ERROR))
         self._warn(text)
 
-    def undetected(self, tick: int, receiver: str, sender: str, frame: Frame) -> None:
+    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
         """A receiver believed a frame that nobody sent."""
-        text = f"took a damaged frame of {sender} for a valid {frame.kind_name} frame"
+        text = f"took a damaged frame of {sender} for a valid {what} frame"
         self._note(tick, "undetected", receiver, text, sender=sender)
 
     # -- totals ------------------------------------------------------------------------------------
 
-    def retire(self, port: Port) -> None:
+    def retire(self, port: LinkPort) -> None:
         """An engine ends: add up what the primary master counted."""
         engine = port.engine
         if isinstance(engine, Master) and port.name == self._primary:

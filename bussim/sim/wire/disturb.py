@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bussim.engines.nn.frames import KIND_NAMES, Frame
 from bussim.plc.noise import BitNoise
-from bussim.sim.transmission import Transmission
+from bussim.sim.wire.transmission import Transmission
 
 if TYPE_CHECKING:
-    from bussim.sim.bus import Bus
-    from bussim.sim.port import Port
+    from bussim.sim.wire.line import Line
 
 
 @dataclass(slots=True)
@@ -64,13 +62,13 @@ class FrameFault:
 class Disturber:
     """All that disturbs one bus now. ``active`` is False while nothing can touch a frame."""
 
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
+    def __init__(self, line: Line) -> None:
+        self._line = line
         self._noises: list[PlacedNoise] = []
         self._losses: list[Loss] = []
         self._drops: list[Drop] = []
         self._frame_faults: list[FrameFault] = []
-        self._keys: dict[tuple[int, int, int], str] = {}
+        self._names: dict[Hashable, str] = {}
         self.active = False
         #: Whether a reply may vanish before it is sent.
         self.replies_at_risk = False
@@ -99,7 +97,7 @@ class Disturber:
     def _refresh(self) -> None:
         self.active = bool(self._noises or self._frame_faults)
         self.replies_at_risk = bool(self._losses or self._drops)
-        self._bus.audience_changed()
+        self._line.audience_changed()
 
     # -- replies -----------------------------------------------------------------------------------
 
@@ -128,40 +126,32 @@ class Disturber:
 
     def disturb(self, tx: Transmission) -> None:
         """Damage a frame that begins now."""
-        frame = tx.frame
-        if frame is None:
-            return
         for fault in list(self._frame_faults):
-            self._apply(fault, tx, frame)
+            self._apply(fault, tx)
         if not self._noises:
             return
         sender = tx.sender
-        key = self._key(sender, frame)
+        place = self._line.luck_key(tx)
+        name = self._names.get(place)
+        if name is None:
+            name = self._names[place] = self._line.luck_name(tx)
         bits, bit = len(tx.chars) * tx.timing.format.bits, tx.timing.bit
         for noise in self._noises:
             if noise.seat is not None and (noise.seat == sender.seat) is noise.receiver:
                 continue  # sent by others (tx), or sent by the receiver itself (rx)
-            hit = noise.process.inverted(tx.start, bits, bit, key)
+            hit = noise.process.inverted(tx.start, bits, bit, name)
             if hit:
                 tx.invert(noise.seat if noise.receiver else None, hit)
 
-    def _key(self, sender: Port, frame: Frame) -> str:
-        """Who sends what to whom: the name of the frame's luck."""
-        place = (sender.seat, frame.kind, frame.station)
-        key = self._keys.get(place)
-        if key is None:
-            key = self._keys[place] = f"{sender.name} {KIND_NAMES[frame.kind]} {frame.station}"
-        return key
-
-    def _apply(self, fault: FrameFault, tx: Transmission, frame: Frame) -> None:
+    def _apply(self, fault: FrameFault, tx: Transmission) -> None:
         sender = tx.sender.seat
         if (fault.seat == sender) is fault.receiver:
             return
         if fault.receiver:
-            port = self._bus.ports[fault.seat]
-            if port.engine is None or port.driving or not self._bus.connected(port, tx.sender):
+            port = self._line.ports[fault.seat]
+            if port.engine is None or port.driving or not self._line.connected(port, tx.sender):
                 return
-        if fault.frame is not None and fault.frame != frame.kind_name:
+        if fault.frame is not None and fault.frame != self._line.kind_name(tx):
             return
         if fault.action == "flip":
             inside = tuple(bit for bit in fault.bits if bit < len(tx.chars) * tx.timing.format.bits)

@@ -17,8 +17,8 @@ from bussim.engines.nn.slave import Slave
 from bussim.sim.kernel import Kernel
 
 if TYPE_CHECKING:
-    from bussim.sim.bus import Bus
-    from bussim.sim.port import Port
+    from bussim.sim.nn.bus import LinkBus
+    from bussim.sim.nn.port import LinkPort
 
 _NO_IMAGE = b""
 
@@ -26,7 +26,7 @@ _NO_IMAGE = b""
 class _Way(NamedTuple):
     """One slave's exchanges by the short way, as long as nobody begins to listen or send otherwise."""
 
-    slave: Port
+    slave: LinkPort
     engine: Slave
     draw: Callable[[], int]
     missed: tuple[int, ...]  # seats that do not hear its replies
@@ -39,7 +39,7 @@ class Lane:
 
     __slots__ = ("_bus", "_kernel", "_peek", "_poll", "_ways")
 
-    def __init__(self, bus: Bus, kernel: Kernel) -> None:
+    def __init__(self, bus: LinkBus, kernel: Kernel) -> None:
         self._bus = bus
         self._kernel = kernel
         self._peek = kernel.env.peek
@@ -52,7 +52,7 @@ class Lane:
         if self._ways:
             self._ways.clear()
 
-    def _way(self, port: Port, master: Master, station: int) -> _Way | None:
+    def _way(self, port: LinkPort, master: Master, station: int) -> _Way | None:
         bus = self._bus
         slave = bus.gallery.by_station.get(station)
         way: _Way | None = None
@@ -74,7 +74,7 @@ class Lane:
         self._ways[station] = way
         return way
 
-    def exchange(self, port: Port, now: int) -> bool:
+    def exchange(self, port: LinkPort, now: int) -> bool:
         """Carry out the exchange whose poll is due at ``now``; False: it must go the long way."""
         bus, master = self._bus, port.engine
         if type(master) is not Master or not master.first_attempt:

@@ -1,56 +1,58 @@
 """A half-duplex line: one driver at a time, collisions where there are two, and who hears what.
 
-In the ordinary case one port drives a quiet line, nothing disturbs the frame, and everybody else is
-told of it as a whole at its end. Everything else is heard character by character through the ports'
+In the ordinary case one node drives a quiet line, nothing disturbs the frame, and everybody else is
+told of it as a whole at its end. Everything else is heard character by character through the nodes'
 ears, on the level that the line really has.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
-from bussim.engines.contract import STORED
-from bussim.engines.nn.frames import DATA, POLL, Frame
 from bussim.line.characters import LineTiming
-from bussim.sim.disturb import Disturber
-from bussim.sim.gallery import Gallery
-from bussim.sim.kernel import DEADLINES, Kernel
-from bussim.sim.lane import Lane
-from bussim.sim.ledger import Ledger
-from bussim.sim.port import Port
-from bussim.sim.reporter import Reporter
-from bussim.sim.transmission import Transmission
+from bussim.sim.wire.disturb import Disturber
+from bussim.sim.wire.transmission import Transmission, WireFrame
 from bussim.trace import FrameRecord, Sink
 
-Hear = Callable[[Frame, int, int], int]
-#: Told of whole frames one by one; told character by character; how many the gallery stands for.
-Audience = tuple[tuple[tuple[Port, Hear], ...], tuple[Port, ...], int]
+if TYPE_CHECKING:
+    from bussim.sim.wire.node import Node
+
+# What an engine's receive_frame takes is its own protocol's; a line tells it of no other.
+Hear = Callable[[Any, int, int], int]
+#: Told of whole frames one by one; told character by character; how many are told together.
+Audience = tuple[tuple[tuple["Node", Hear], ...], tuple["Node", ...], int]
 
 
-class Bus:
-    """One N:N line with its ports in cable order."""
+class Witness(Protocol):
+    """Who is told what a line found out about its receivers."""
 
-    def __init__(self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: Reporter) -> None:
+    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
+        """A receiver believed a frame that nobody sent."""
+
+
+class Line:
+    """One line with its nodes in cable order. ``frames`` and the other counts are of the whole run."""
+
+    #: How trace records name what is spoken here, where a frame does not tell.
+    protocol = ""
+
+    def __init__(self, name: str, timing: LineTiming, sink: Sink, witness: Witness) -> None:
         self.name = name
         self.timing = timing
         self.sink = sink
-        self.reporter = reporter
-        self.ports: list[Port] = []
+        self._witness = witness
+        self.ports: Sequence[Node] = []
         self.disturber = Disturber(self)
-        self.ledger = Ledger(0)
-        self.gallery = Gallery()
-        #: Whether slaves may be told together (a test compares both ways).
-        self.together = True
-        self.lane = Lane(self, kernel)
-        self._gallery_timer = kernel.timer(self._watch_gallery, DEADLINES)
         self.character = timing.characters(1)
+        #: Nodes for whom somebody else listens (see :meth:`listens_alone`).
+        self._stood_in_for: tuple[Node, ...] = ()
         self._air: list[Transmission] = []
         #: Drivers that are on: frames, jabber, and tails of late release.
         self.drivers = 0
         self._busy_since = 0
         self._audiences: dict[int, Audience] = {}
         self._segments: list[int] = []
-        self._others = 0
         self._open_ears = 0
         #: Ticks during which some driver was on; frames; frames begun while another driver was on;
         #: transmissions that some receiver took for another frame.
@@ -59,16 +61,49 @@ class Bus:
         self.collisions = 0
         self.undetected_frames = 0
 
-    def connect(self, ports: Iterable[Port], horizon: int) -> None:
-        """Seat the ports, in cable order; ``horizon`` is the longest PLC scan on the line in ticks."""
-        self.ports = list(ports)
-        self._others = len(self.ports) - 1
-        self._segments = [0] * len(self.ports)
-        self.ledger = Ledger(horizon)
+    def seat(self, nodes: Sequence[Node]) -> None:
+        """Seat the nodes, in cable order."""
+        self.ports = nodes
+        self._segments = [0] * len(nodes)
 
-    def connected(self, one: Port, other: Port) -> bool:
-        """Whether the cable between two ports is whole."""
+    def connected(self, one: Node, other: Node) -> bool:
+        """Whether the cable between two nodes is whole."""
         return self._segments[one.seat] == self._segments[other.seat]
+
+    # -- what a protocol's line says of its frames --------------------------------------------------
+
+    def luck_key(self, tx: Transmission) -> Hashable:
+        """Frames with equal keys draw their noise from one stream; cheap."""
+        raise NotImplementedError
+
+    def luck_name(self, tx: Transmission) -> str:
+        """The name of that stream: who sends what to whom."""
+        raise NotImplementedError
+
+    def kind_name(self, tx: Transmission) -> str:
+        """What kind of frame it is, in a word."""
+        raise NotImplementedError
+
+    def _numbers(self, frame: WireFrame) -> tuple[int | None, int | None]:
+        """Station and counter that a frame carries, where it does."""
+        raise NotImplementedError
+
+    def what(self, frame: WireFrame) -> str:
+        """A frame in a word or two, for a note."""
+        raise NotImplementedError
+
+    def protocol_of(self, sender: Node) -> str:
+        """What a node speaks, for the trace."""
+        del sender
+        return self.protocol
+
+    def _deliver(self, frame: WireFrame, tx: Transmission, now: int) -> None:
+        """A whole undamaged frame reaches everybody who listens to whole frames."""
+        start = tx.start
+        for port, hear in tx.listeners:
+            hints = hear(frame, start, now)
+            if hints:
+                port.handle(hints, now)
 
     # -- who listens -------------------------------------------------------------------------------
 
@@ -78,76 +113,39 @@ class Bus:
         return not (self.disturber.active or self.sink.traced or self._open_ears)
 
     def audience_changed(self) -> None:
-        """Some port listens otherwise than before."""
+        """Some node listens otherwise than before."""
         self._audiences.clear()
-        self.lane.close()
 
-    def leave_gallery(self, port: Port) -> None:
-        """A port is going to listen for itself."""
-        if port in self.gallery.members:
-            self._dissolve()
+    def listens_alone(self, port: Node) -> None:
+        """A node is going to listen for itself."""
 
-    def _dissolve(self) -> None:
-        """Every slave listens for itself from now on, also to what is on the line."""
-        members = self.gallery.dissolve()
-        if not members:
-            return
-        for port in members:
-            port.watch()
-        for tx in self._air:
-            if tx.together:
-                tx.together = 0
-                tx.listeners += tuple(
-                    (port, port.engine.receive_frame)
-                    for port in members
-                    if port is not tx.sender and port.engine is not None
-                )
-        self.audience_changed()
-
-    def _watch_gallery(self, now: int) -> None:
-        """The lazy watchdog of all members in one."""
-        gallery = self.gallery
-        if gallery.members:
-            if gallery.deadline > now:
-                self._gallery_timer.set(gallery.deadline)
-            else:
-                self._dissolve()
-
-    def _gather(self) -> None:
-        """The master's data frame is over: slaves that are calm and agree listen together."""
-        if self.together and not self._open_ears and not any(self._segments):
-            self._dissolve()
-            self.gallery.form(self.ports)
-            self.audience_changed()
-            if self.gallery.members:
-                timer, deadline = self._gallery_timer, self.gallery.deadline
-                if timer.at < 0 or deadline < timer.at:
-                    timer.set(deadline)
+    def _all_listen_alone(self) -> None:
+        """Every node listens for itself from now on, also to what is on the line."""
 
     def ear_opened(self) -> None:
-        """A port begins to listen character by character."""
+        """A node begins to listen character by character."""
         self._open_ears += 1
         self.audience_changed()
 
     def ear_closed(self) -> None:
-        """A port is told of whole frames again."""
+        """A node is told of whole frames again."""
         self._open_ears -= 1
         self.audience_changed()
 
-    def audience(self, sender: Port) -> Audience:
+    def audience(self, sender: Node) -> Audience:
         """Who hears a frame on a line without other drivers: whole, or character by character."""
         found = self._audiences.get(sender.seat)
         if found is None:
-            whole: list[tuple[Port, Hear]] = []
-            single: list[Port] = []
-            members = self.gallery.members
+            whole: list[tuple[Node, Hear]] = []
+            single: list[Node] = []
+            members = self._stood_in_for
             for port in self.ports:
                 engine = port.engine
                 if port is sender or engine is None or port.driving or not self.connected(port, sender):
                     continue
                 if port in members:
                     continue
-                if port.nominal and sender.nominal and not port.ear.is_open:
+                if port.nominal and sender.nominal and not port.ear.is_open and port.understands(sender):
                     whole.append((port, engine.receive_frame))
                 else:
                     single.append(port)
@@ -157,8 +155,8 @@ class Bus:
 
     # -- sending -----------------------------------------------------------------------------------
 
-    def begin(self, port: Port, frame: Frame, now: int) -> Transmission:
-        """A port's driver is switched on for a frame."""
+    def begin(self, port: Node, frame: WireFrame, now: int) -> Transmission:
+        """A node's driver is switched on for a frame."""
         chars = frame.chars
         tx = Transmission(port, frame, chars, now, now + len(chars) * self.character, port.timing)
         self.frames += 1
@@ -178,14 +176,14 @@ class Bus:
 
     def _begin_otherwise(self, tx: Transmission, now: int) -> None:
         if tx.sender.jabbering:
-            tx.silent = True  # the port sends rubbish in its place
+            tx.silent = True  # the node sends rubbish in its place
             return
         if not tx.sender.nominal:
             tx.set_chars(tx.chars)
         self._drive(tx, now)
 
-    def begin_jabber(self, port: Port, chars: bytes, now: int, *, first: bool) -> Transmission:
-        """A port that jabbers sends the next rubbish; ``first``: its driver was off before."""
+    def begin_jabber(self, port: Node, chars: bytes, now: int, *, first: bool) -> Transmission:
+        """A node that jabbers sends the next rubbish; ``first``: its driver was off before."""
         tx = Transmission(port, None, chars, now, now, port.timing)
         tx.set_chars(chars)
         if first:
@@ -202,13 +200,13 @@ class Bus:
         if self.sink.traced:
             self._record(tx)
 
-    def reply_vanishes(self, port: Port, now: int) -> bool:
+    def reply_vanishes(self, port: Node, now: int) -> bool:
         """Whether a reply that is to begin now is never sent."""
         return self.disturber.reply_vanishes(port.seat, now)
 
     def _drive(self, tx: Transmission, now: int, *, counted: bool = True) -> None:
         sender = tx.sender
-        self._dissolve()
+        self._all_listen_alone()
         if self.drivers:
             self._crowd(tx, now, counted=counted)
         else:
@@ -225,8 +223,8 @@ class Bus:
         self._air.append(tx)
         self.drivers += 1
 
-    def _spell_out(self, tx: Transmission, ports: Iterable[Port], now: int) -> None:
-        """These ports hear a transmission that begins now character by character."""
+    def _spell_out(self, tx: Transmission, ports: Iterable[Node], now: int) -> None:
+        """These nodes hear a transmission that begins now character by character."""
         for port in ports:
             port.ear.open(now)
             port.ear.hear(tx, now)
@@ -258,8 +256,8 @@ class Bus:
             port.ear.hear(tx, now)
             port.ear.replan(now)
 
-    def _open_up(self, port: Port, now: int) -> None:
-        """A port that was to be told of whole frames hears them character by character after all."""
+    def _open_up(self, port: Node, now: int) -> None:
+        """A node that was to be told of whole frames hears them character by character after all."""
         heard = [other for other in self._air if other.drop(port)]
         if not heard:
             port.ear.open(now)
@@ -269,7 +267,12 @@ class Bus:
             port.ear.hear(other, other.start)
         port.ear.replan(now)
 
-    def finish(self, port: Port, tx: Transmission, now: int) -> None:
+    def hear_so_far(self, port: Node, now: int) -> None:
+        """A node is told now what it has heard of a frame that it was to be told of at its end."""
+        if any(listener is port for tx in self._air for listener, _ in tx.listeners):
+            self._open_up(port, now)
+
+    def finish(self, port: Node, tx: Transmission, now: int) -> None:
         """A frame's last stop bit has left."""
         if tx.silent or tx.cut:
             # Its driver was not on (or not to the end), but it was deaf as if it had been.
@@ -294,71 +297,36 @@ class Bus:
                 if other.ear.is_open:
                     other.ear.settle()
 
-    def _deliver(self, frame: Frame, tx: Transmission, now: int) -> None:
-        """A whole undamaged frame reaches everybody who listens to whole frames."""
-        start, kind, sender = tx.start, frame.kind, tx.sender
-        gallery = self.gallery
-        if tx.together and not gallery.hear(frame, start, now):
-            members = gallery.members
-            self._dissolve()
-            tx.together = 0
-            tx.listeners += tuple(
-                (port, port.engine.receive_frame)
-                for port in members
-                if port is not sender and port.engine is not None
-            )
-        if kind != DATA:
-            if tx.together and kind == POLL:
-                polled = gallery.by_station.get(frame.station)
-                if polled is not None:
-                    polled.appoint(now, frame.counter)
-            for port, hear in tx.listeners:
-                hints = hear(frame, start, now)
-                if hints:
-                    port.handle(hints, now)
-            return
-        listeners = tx.listeners
-        took = tx.together
-        missed: list[int] = []
-        for port, hear in listeners:
-            hints = hear(frame, start, now)
-            if hints & STORED:
-                took += 1
-                if hints == STORED:
-                    continue
-            else:
-                missed.append(port.seat)
-            port.handle(hints, now)
-        if took == self._others:
-            self.ledger.heard(frame.station, now, frame.data)
-            self.sink.refreshed(self.name, sender.seat, now, None)
-        elif took:
-            seats = [port.seat for port, _ in listeners if port.seat not in missed]
-            if tx.together:
-                seats += [port.seat for port in gallery.members if port is not sender]
-            others = [port.seat for port in self.ports if port is not sender and port.seat not in seats]
-            self.ledger.heard(frame.station, now, frame.data, others)
-            self.sink.refreshed(self.name, sender.seat, now, seats)
-        if not frame.station and listeners:
-            self._gather()
+    def accepted(
+        self,
+        port: Node,
+        frame: WireFrame,
+        start: int,
+        now: int,
+        sender: Node | None,
+        blamed: Transmission | None,
+        *,
+        stored: bool,
+    ) -> None:
+        """A node read a valid frame, begun at ``start``, by characters; ``sender`` None: nobody sent it.
 
-    def stored_alone(self, port: Port, frame: Frame, now: int, sender: Port | None) -> None:
-        """One port took a block that it heard character by character; ``sender`` None: falsely."""
-        self.ledger.heard_alone(frame.station, now, frame.data, port.seat)
-        if sender is not None:
-            self.sink.refreshed(self.name, sender.seat, now, [port.seat])
+        ``blamed`` is the latest transmission that it was made of. ``stored`` is the engine's hint.
+        """
+        del start, stored
+        if sender is None and blamed is not None:
+            self._undetected(blamed, port, self.what(frame), now)
 
-    def undetected(self, tx: Transmission, port: Port, frame: Frame, now: int) -> None:
+    def _undetected(self, tx: Transmission, port: Node, what: str, now: int) -> None:
         """A receiver read a valid frame that nobody sent."""
         if not tx.believed:
             tx.believed = True
             self.undetected_frames += 1
-        self.reporter.undetected(now, port.name, tx.sender.name, frame)
+        self._witness.undetected(now, port.name, tx.sender.name, what)
 
     # -- drivers going off -------------------------------------------------------------------------
 
-    def cut(self, port: Port, now: int) -> None:
-        """What a port sends ends at this tick, in the middle of whatever it was."""
+    def cut(self, port: Node, now: int) -> None:
+        """What a node sends ends at this tick, in the middle of whatever it was."""
         tx = port.sending
         if tx is None or tx.silent or tx.cut:
             return
@@ -366,7 +334,7 @@ class Bus:
 
     def cut_transmission(self, tx: Transmission, now: int) -> None:
         """A transmission ends at this tick; its sender's driver goes off."""
-        self._dissolve()
+        self._all_listen_alone()
         tx.end = now
         tx.cut = True
         hearers = [port for port, _ in tx.listeners]
@@ -390,16 +358,16 @@ class Bus:
             self.busy += now - self._busy_since
 
     def driver_kept(self, now: int) -> None:
-        """A port whose driver was still on for its tail sends again: the tail is over."""
+        """A node whose driver was still on for its tail sends again: the tail is over."""
         self._count_driver_off(now)
 
-    def driver_off(self, port: Port, now: int) -> None:
-        """A port's driver is released without a frame ending (late release): it hears again."""
+    def driver_off(self, port: Node, now: int) -> None:
+        """A node's driver is released without a frame ending (late release): it hears again."""
         self._count_driver_off(now)
         self.join_midway(port, now)
 
-    def join_midway(self, port: Port, now: int) -> None:
-        """A port begins to listen: frames on the line are heard from here on."""
+    def join_midway(self, port: Node, now: int) -> None:
+        """A node begins to listen: frames on the line are heard from here on."""
         if port.engine is None or port.driving:
             return
         for tx in self._air:
@@ -409,9 +377,9 @@ class Bus:
         if port.ear.is_open:
             port.ear.replan(now)
 
-    def relisten(self, port: Port, timing: LineTiming, now: int) -> None:
-        """A port's receiver starts anew, with another timing, in the middle of whatever is on the line."""
-        self.leave_gallery(port)
+    def relisten(self, port: Node, timing: LineTiming, now: int) -> None:
+        """A node's receiver starts anew, with another timing, in the middle of whatever is on the line."""
+        self.listens_alone(port)
         if any(listener is port for tx in self._air for listener, _ in tx.listeners):
             self._open_up(port, now)  # the characters so far were heard
         half_heard = port.ear.half_heard
@@ -421,18 +389,17 @@ class Bus:
         if half_heard:
             port.ear.hold(now)  # the engine's reader still waits for the line's quiet
 
-    def retire(self, port: Port) -> None:
-        """A port's engine is about to stop: it hears nothing more."""
-        self.leave_gallery(port)
+    def retire(self, port: Node) -> None:
+        """A node's engine is about to stop: it hears nothing more."""
+        self.listens_alone(port)
         for tx in self._air:
             tx.drop(port)
-        self.reporter.retire(port)
 
     # -- the cable ---------------------------------------------------------------------------------
 
     def set_cuts(self, cuts: Iterable[int], now: int) -> None:
         """The cable is broken behind these seats, and nowhere else."""
-        self._dissolve()
+        self._all_listen_alone()
         before = self._segments
         broken = set(cuts)
         after: list[int] = []
@@ -465,7 +432,6 @@ class Bus:
 
     def close(self, now: int) -> None:
         """The run is over (for now): count a driver that is still on."""
-        self.gallery.sync()
         if self.drivers:
             self.busy += now - self._busy_since
             self._busy_since = now
@@ -473,20 +439,25 @@ class Bus:
     # -- the trace ---------------------------------------------------------------------------------
 
     def _record(self, tx: Transmission) -> None:
-        frame = tx.frame
+        frame, timing = tx.frame, tx.timing
+        station, counter = (None, None) if frame is None else self._numbers(frame)
         self.sink.frame(
             FrameRecord(
                 bus=self.name,
                 start=tx.start,
                 end=tx.end,
                 sender=tx.sender.name,
-                kind="jabber" if frame is None else frame.kind_name,
-                station=None if frame is None else frame.station,
-                counter=None if frame is None else frame.counter,
+                kind="jabber" if frame is None else self.kind_name(tx),
+                station=station,
+                counter=counter,
                 chars=tx.chars,
                 damaged_bits=tx.flips,
                 damaged_at={self.ports[seat].name: bits for seat, bits in (tx.rx_flips or {}).items()},
                 collided=tx.collided,
                 cut=tx.cut,
+                protocol=self.protocol_of(tx.sender),
+                baud=timing.baud,
+                format=str(timing.format),
+                ppm=float(timing.ppm),
             )
         )

@@ -7,6 +7,7 @@ answer, a flag, damage) dissolves the gallery, and every slave's own engine hear
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.engines.nn.codes import NOT_IN_NETWORK
@@ -14,7 +15,7 @@ from bussim.engines.nn.frames import DATA, POLL, Frame
 from bussim.engines.nn.slave import NOBODY, Listening, Slave
 
 if TYPE_CHECKING:
-    from bussim.sim.port import Port
+    from bussim.sim.nn.port import LinkPort
 
 
 class Gallery:
@@ -42,9 +43,9 @@ class Gallery:
     )
 
     def __init__(self) -> None:
-        self.members: tuple[Port, ...] = ()
+        self.members: tuple[LinkPort, ...] = ()
         #: The member with a station number.
-        self.by_station: dict[int, Port] = {}
+        self.by_station: dict[int, LinkPort] = {}
         self._flagged: set[int] = set()
         self._current: int | None = None
         self._longest = -1
@@ -64,14 +65,14 @@ class Gallery:
             self._data_counter,
         ) = state
 
-    def form(self, ports: list[Port]) -> None:
+    def form(self, ports: Sequence[LinkPort]) -> None:
         """Take in those of these ports whose slaves are calm and agree with the first such one."""
         slaves = [port.engine for port in ports if isinstance(port.engine, Slave)]
         if len({slave.config.station for slave in slaves}) < len(slaves):
             return  # two stations with one number do not hear alike
         state: Listening | None = None
-        members: list[Port] = []
-        by_station: dict[int, Port] = {}
+        members: list[LinkPort] = []
+        by_station: dict[int, LinkPort] = {}
         flagged: set[int] = set()
         for port in ports:
             engine = port.engine
@@ -99,7 +100,7 @@ class Gallery:
         """When the first member's watchdog on the master expires if nothing more is heard."""
         return self._heard_master + self._watchdog
 
-    def dissolve(self) -> tuple[Port, ...]:
+    def dissolve(self) -> tuple[LinkPort, ...]:
         """Bring every member's engine up to date and let it go; returns the former members."""
         members = self.members
         self.sync()

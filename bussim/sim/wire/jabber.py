@@ -1,20 +1,20 @@
-"""A port that sends rubbish without end."""
+"""A node that sends rubbish without end."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from bussim.sim.kernel import HEARING, Kernel
-from bussim.sim.port import Port
-from bussim.sim.transmission import Transmission
+from bussim.sim.wire.node import Node
+from bussim.sim.wire.transmission import Transmission
 
 _CHUNK = 32
 
 
 class Jabber:
-    """Random characters back to back from one port, until :meth:`end`."""
+    """Random characters back to back from one node, until :meth:`end`."""
 
-    def __init__(self, port: Port, kernel: Kernel, draws: Iterator[float]) -> None:
+    def __init__(self, port: Node, kernel: Kernel, draws: Iterator[float]) -> None:
         self._port = port
         self._draws = draws
         self._timer = kernel.timer(self._go_on, HEARING)
@@ -27,22 +27,22 @@ class Jabber:
         self._nested = port.jabbering  # it jabbers already for another fault
         if self._nested:
             return
-        port.bus.cut(port, now)
+        port.line.cut(port, now)
         port.jabbering = True
-        port.bus.audience_changed()
+        port.line.audience_changed()
         self._send(now, first=True)
 
     def _send(self, now: int, *, first: bool) -> None:
         values = 1 << self._port.timing.format.data_bits
         chars = bytes(int(next(self._draws) * values) for _ in range(_CHUNK))
-        tx = self._port.bus.begin_jabber(self._port, chars, now, first=first)
+        tx = self._port.line.begin_jabber(self._port, chars, now, first=first)
         self._tx = tx
         self._timer.set(tx.end)
 
     def _go_on(self, now: int) -> None:
         tx = self._tx
         if tx is not None:
-            self._port.bus.finish_jabber(tx, now)
+            self._port.line.finish_jabber(tx, now)
             self._send(now, first=False)
 
     def end(self, now: int) -> None:
@@ -53,6 +53,6 @@ class Jabber:
         self._timer.cancel()
         self._tx = None
         port.jabbering = False
-        port.bus.audience_changed()
-        port.bus.cut_transmission(tx, now)
-        port.bus.join_midway(port, now)
+        port.line.audience_changed()
+        port.line.cut_transmission(tx, now)
+        port.line.join_midway(port, now)

@@ -10,15 +10,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from bussim.engines.contract import OPEN, STORED, RxChar
-from bussim.engines.nn.frames import QUIET_CHARS, Frame
 from bussim.line.characters import LineTiming
 from bussim.line.uart import Sampled, Uart
 from bussim.line.wave import Wave, clip
 from bussim.sim.kernel import HEARING, Kernel
-from bussim.sim.transmission import Transmission
+from bussim.sim.wire.transmission import Transmission, WireFrame
 
 if TYPE_CHECKING:
-    from bussim.sim.port import Port
+    from bussim.sim.wire.node import Node
 
 
 class _Piece:
@@ -33,10 +32,11 @@ class _Piece:
 
 
 class Ear:
-    """The receiver of one port. ``is_open`` tells whether it listens character by character."""
+    """The receiver of one node. ``is_open`` tells whether it listens character by character."""
 
     __slots__ = (
         "_char_timer",
+        "_half_character",
         "_half_heard",
         "_last_end",
         "_next",
@@ -50,7 +50,7 @@ class Ear:
         "is_open",
     )
 
-    def __init__(self, port: Port, kernel: Kernel, timing: LineTiming) -> None:
+    def __init__(self, port: Node, kernel: Kernel, timing: LineTiming) -> None:
         self._port = port
         self._char_timer = kernel.timer(self._on_character, HEARING)
         self._quiet_timer = kernel.timer(self._on_quiet, HEARING)
@@ -66,7 +66,8 @@ class Ear:
     def set_timing(self, timing: LineTiming) -> None:
         """Use another rate, format or clock from now on (what is half heard is lost)."""
         self._uart = Uart(timing)
-        self._quiet = timing.characters(QUIET_CHARS)
+        self._quiet = self._port.quiet(timing)
+        self._half_character = timing.characters(1) // 2
 
     @property
     def half_heard(self) -> bool:
@@ -78,12 +79,12 @@ class Ear:
     def open(self, ready: int) -> None:
         """Begin to listen character by character; the receiver waits for an edge from ``ready`` on."""
         if not self.is_open:
-            self._port.bus.leave_gallery(self._port)
+            self._port.line.listens_alone(self._port)
             self.is_open = True
             self._ready = ready
             self._half_heard = False
             self._pieces.clear()
-            self._port.bus.ear_opened()
+            self._port.line.ear_opened()
 
     def hold(self, now: int) -> None:
         """A whole frame left the engine's reader half open: watch for the line's quiet."""
@@ -142,23 +143,27 @@ class Ear:
         self._ready = char.ready
         self._last_end = char.end
         self._next = None
-        port = self._port
         for rx in self._received(char):
-            engine = port.engine
-            if engine is None:
+            if self._port.engine is None:
                 return
-            engine.heard = None
-            hints = engine.receive(rx, char.start, char.end)
-            heard = engine.heard
-            if heard is not None:
-                self._accepted(heard, engine.heard_start, char.end, stored=bool(hints & STORED))
-            self._half_heard = bool(hints & OPEN)
-            port.handle(hints & ~(OPEN | STORED), char.end)
+            self.feed(rx, char.start, char.end)
         if not self.is_open:
             return
         if self._half_heard:
-            self._quiet_timer.set(max(char.end + self._quiet, port.now))
+            self._quiet_timer.set(max(char.end + self._quiet, self._port.now))
         self._plan()
+
+    def feed(self, rx: RxChar, start: int, end: int) -> None:
+        """The node's engine hears a character, and what comes of it is done."""
+        port = self._port
+        engine = port.engine
+        engine.heard = None
+        hints = engine.receive(rx, start, end)
+        heard = engine.heard
+        if heard is not None:
+            self._accepted(heard, engine.heard_start, end, stored=bool(hints & STORED))
+        self._half_heard = bool(hints & OPEN)
+        port.handle(hints & ~(OPEN | STORED), end)
 
     def _received(self, char: Sampled) -> list[RxChar]:
         """The character as the port's software gets it: a receiver fault may lose or add one."""
@@ -168,13 +173,13 @@ class Ear:
         if tx is None or fault is None:
             return heard
         index, value = fault
-        if (char.start - tx.start + self._quiet // 4) // tx.timing.characters(1) != index:
+        if (char.start - tx.start + self._half_character) // tx.timing.characters(1) != index:
             return heard
         return [] if value is None else [RxChar(value), *heard]
 
-    def _accepted(self, frame: Frame, start: int, end: int, *, stored: bool) -> None:
+    def _accepted(self, frame: WireFrame, start: int, end: int, *, stored: bool) -> None:
         """A valid frame was read: is it one that somebody sent? And does its block go anywhere?"""
-        true_sender: Port | None = None
+        true_sender: Node | None = None
         blamed: Transmission | None = None
         for piece in self._pieces:
             tx = piece.tx
@@ -184,11 +189,7 @@ class Ear:
                 if tx.frame is not None and tx.start <= start < tx.end and tx.frame.chars == frame.chars:
                     true_sender = tx.sender
                     break
-        bus = self._port.bus
-        if true_sender is None and blamed is not None:
-            bus.undetected(blamed, self._port, frame, end)
-        if stored:
-            bus.stored_alone(self._port, frame, end, true_sender)
+        self._port.line.accepted(self._port, frame, start, end, true_sender, blamed, stored=stored)
 
     def _on_quiet(self, now: int) -> None:
         coming = self._next
@@ -201,7 +202,11 @@ class Ear:
         self._half_heard = False
         engine = self._port.engine
         if engine is not None:
-            self._port.handle(engine.line_idle(now), now)
+            engine.heard = None
+            hints = engine.line_idle(now)
+            if engine.heard is not None:
+                self._accepted(engine.heard, engine.heard_start, self._last_end, stored=False)
+            self._port.handle(hints, now)
         self.settle()
 
     # -- the end of it -----------------------------------------------------------------------------
@@ -225,4 +230,4 @@ class Ear:
             self._half_heard = False
             self._char_timer.cancel()
             self._quiet_timer.cancel()
-            self._port.bus.ear_closed()
+            self._port.line.ear_closed()
