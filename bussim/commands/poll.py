@@ -48,6 +48,7 @@ class Plan:
     interval: int
     rounds: int | None
     options: PortOptions
+    turnaround: int | None = None  # after a broadcast; None: as usual
 
 
 @click.command()

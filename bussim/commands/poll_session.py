@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bussim.commands.sniff_tally import statistics
 from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.pdu import READS
 from bussim.errors import UsageError
 from bussim.live.polling import PollTurns, Turn
-from bussim.results.histogram import QUANTILES, Histogram
+from bussim.results.histogram import Histogram
 from bussim.results.tables import CsvTable
 from bussim.units import milliseconds, seconds
 
@@ -83,7 +84,7 @@ class Tally:
             "ok": self.ok,
             "exceptions": self.exceptions,
             "errors": dict(sorted(self.errors.items())),
-            "response_ms": _statistics(self.times),
+            "response_ms": statistics(self.times),
             "values": self.values,
         }
 
@@ -111,7 +112,13 @@ def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
         polls = [planned.poll for planned in plan.polls]
         turns = PollTurns(polls, on_turn, plan.rounds)
         runner = master_runner(
-            wire, plan.mode, PollList(polls), timeout=plan.timeout, interval=plan.interval, handling=turns
+            wire,
+            plan.mode,
+            PollList(polls),
+            timeout=plan.timeout,
+            interval=plan.interval,
+            turnaround=plan.turnaround,
+            handling=turns,
         )
         stop = stack.enter_context(Stopping())
         stack.callback(runner.close)
@@ -208,12 +215,6 @@ def _line(turn: Turn, planned: Planned) -> str:
         shown = f"written: {planned.poll.request.quantity} from [{planned.first}]"
     time = "" if turn.response is None else f"  ({milliseconds(turn.response):.3f} ms{tries})"
     return f"{planned.name}  {shown}{time}"
-
-
-def _statistics(times: Histogram) -> dict[str, float | None]:
-    quantiles = {name: times.quantile(thousandths) for name, thousandths in QUANTILES.items()}
-    figures = {"min": times.minimum, "mean": times.mean, **quantiles, "max": times.maximum}
-    return {name: None if value is None else round(milliseconds(value), 6) for name, value in figures.items()}
 
 
 def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:

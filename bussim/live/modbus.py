@@ -10,7 +10,7 @@ from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.engines.modbus.master import MasterConfig
 from bussim.engines.modbus.polling import PollingMaster
-from bussim.engines.modbus.polls import PollList
+from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.errors import UsageError
@@ -71,7 +71,7 @@ def slave_runner(
 def master_runner(
     wire: Wire,
     mode: Mode,
-    polls: PollList,
+    polls: PollList[Poll],
     *,
     timeout: int,
     interval: int = 0,

@@ -57,8 +57,17 @@ class PollTurns(Handling):
 
     @property
     def done(self) -> bool:
-        """Whether every poll has had its turns."""
-        return self._rounds is not None and min(self._turns) >= self._rounds
+        """Whether every poll has had its turns; one with ``times`` may have fewer."""
+        rounds = self._rounds
+        if rounds is None:
+            return all(
+                poll.times is not None and turns >= poll.times
+                for poll, turns in zip(self._polls, self._turns, strict=True)
+            )
+        return all(
+            turns >= (rounds if poll.times is None else min(rounds, poll.times))
+            for poll, turns in zip(self._polls, self._turns, strict=True)
+        )
 
     def event(self, event: object, now: int) -> None:
         """See the base class."""

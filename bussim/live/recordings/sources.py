@@ -15,6 +15,10 @@ from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.pcapng import PcapngReader
 from bussim.live.recordings.raw import read_raw
 from bussim.live.recordings.sigrok import SigrokFile
+from bussim.units import TICKS_PER_SECOND
+
+#: Recordings whose times begin later count from 1970, and are moved to begin at 0.
+_A_MONTH = 31 * 86_400 * TICKS_PER_SECOND
 
 
 class Kind(Enum):
@@ -78,13 +82,16 @@ def _packets(path: Path, timing: LineTiming, channel: str | None) -> Iterator[li
         reader = PcapngReader(file, str(path))
         chosen: int | None = None
         end = 0
+        since: int | None = None  # where the recording begins, if its times count from 1970
         for interface, tick, data in reader.packets():
             if chosen is None and channel in (None, reader.interfaces[interface].name, str(interface)):
                 chosen = interface
             if interface != chosen or not data:
                 continue
+            if since is None and tick is not None:
+                since = tick if tick > _A_MONTH else 0
             # A simple packet has no time: right behind the one before.
-            chars = placed(data, end if tick is None else tick, timing)
+            chars = placed(data, end if tick is None else max(tick - (since or 0), 0), timing)
             end = chars[-1][2]
             yield chars
         if chosen is None:

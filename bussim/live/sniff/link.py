@@ -8,9 +8,11 @@ or counter, 04 damage).
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 from bussim.engines.nn import codes
 from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
+from bussim.engines.nn.status import STATIONS
 from bussim.live.sniff.heard import Heard
 from bussim.trace import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, ScanRecord, Sink
 
@@ -18,11 +20,22 @@ from bussim.trace import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, Sca
 _TIMEOUT_UNIT = 720_000
 
 
-class LinkWatcher:
-    """Tells a sink what happens on one N:N link, from the frames that are heard."""
+def station_name(number: int) -> str:
+    """What a listener calls a station whose name it does not know."""
+    return f"station {number}"
 
-    def __init__(self, bus: str, sink: Sink, *, baud: int, fmt: str) -> None:
+
+class LinkWatcher:
+    """Tells a sink what happens on one N:N link, from the frames that are heard.
+
+    ``names`` are those of stations that are known; others are called by their number.
+    """
+
+    def __init__(
+        self, bus: str, sink: Sink, *, baud: int, fmt: str, names: Mapping[int, str] | None = None
+    ) -> None:
         self._bus, self._sink = bus, sink
+        self._names = {number: station_name(number) for number in range(STATIONS)} | dict(names or {})
         self._baud, self._format = baud, fmt
         self.settings: LinkSettings | None = None
         self._block: int | None = None  # bytes of a data frame
@@ -192,7 +205,7 @@ class LinkWatcher:
         if not self._sink.traced:
             return
         master = frame is not None and (frame.kind != DATA or frame.station == 0)
-        name = "" if frame is None else "station 0" if master else f"station {frame.station}"
+        name = "" if frame is None else self._names[0 if master else frame.station]
         self._sink.frame(
             FrameRecord(
                 bus=self._bus,
@@ -214,7 +227,9 @@ class LinkWatcher:
         )
 
     def _note(self, tick: int, kind: str, text: str, **detail: int | str) -> None:
-        self._sink.note(NoteRecord(tick, kind, self._bus, text, dict(detail)))
+        # Flags are the master's, whose view this is; that all is well concerns the bus.
+        where = self._bus if kind == "healthy" else self._names[0]
+        self._sink.note(NoteRecord(tick, kind, where, text, dict(detail)))
 
     def totals(self) -> LinkTotals:
         """Counts so far. Attempts and timeout are what was seen where no parameter frame told them."""
@@ -231,7 +246,7 @@ class LinkWatcher:
             timeout = self.shortest_wait // _TIMEOUT_UNIT * _TIMEOUT_UNIT
         else:
             timeout = 0
-        names = {station: f"station {station}" for station in range(slaves + 1)}
+        names = {station: self._names[station] for station in range(slaves + 1)}
         return LinkTotals(
             bus=self._bus,
             seats=tuple(names.values()),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
 from bussim.live.sniff.heard import Heard, Protocol
@@ -12,12 +14,23 @@ from bussim.trace import BusTotals, LinkTotals, PlcTotals, RunTotals, Sink
 
 
 class Listener:
-    """Listens to one bus and tells a sink. Feed it characters or, of a recording, whole frames."""
+    """Listens to one bus and tells a sink. Feed it characters or, of a recording, whole frames.
+
+    ``names`` are those of stations that are known.
+    """
 
     def __init__(
-        self, bus: str, timing: LineTiming, sink: Sink, *, tolerance: int, protocol: Protocol | None = None
+        self,
+        bus: str,
+        timing: LineTiming,
+        sink: Sink,
+        *,
+        tolerance: int,
+        protocol: Protocol | None = None,
+        names: Mapping[int, str] | None = None,
     ) -> None:
         self.bus = bus
+        self._names = names
         self.timing = timing
         self._sink = sink
         self._recogniser = Recogniser(timing, tolerance, protocol)
@@ -58,8 +71,11 @@ class Listener:
     def _watch(self, frames: list[Heard]) -> list[Heard]:
         for heard in frames:
             if self.watcher is None:
-                kind = LinkWatcher if heard.protocol is Protocol.NN else ModbusWatcher
-                self.watcher = kind(self.bus, self._sink, baud=self.timing.baud, fmt=str(self.timing.format))
+                baud, fmt = self.timing.baud, str(self.timing.format)
+                if heard.protocol is Protocol.NN:
+                    self.watcher = LinkWatcher(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
+                else:
+                    self.watcher = ModbusWatcher(self.bus, self._sink, baud=baud, fmt=fmt)
             self.watcher.heard(heard)
             self.last = max(self.last, heard.end)
         return frames
