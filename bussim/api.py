@@ -34,15 +34,16 @@ Progress = Callable[[int, int], None]
 Source = str | os.PathLike[str]
 
 
-def load(source: Source, overrides: Iterable[str] = ()) -> Scenario:
+def load(source: Source, overrides: Iterable[str] = (), *, allow_code: bool = False) -> Scenario:
     """The scenario in a file, or the built-in one of that name if there is no such file.
 
-    ``overrides`` are texts such as ``"plcs.press1.nn.retries=2"``. Raises ScenarioError with every
+    ``overrides`` are texts such as ``"plcs.press1.nn.retries=2"``. A scenario that names Python
+    functions is loaded, and they with it, only with ``allow_code``. Raises ScenarioError with every
     mistake in the file, UsageError for an override whose path leads nowhere.
     """
     from bussim.scenario import loader
 
-    return loader.load(source, overrides)
+    return loader.load(source, overrides, allow_code=allow_code)
 
 
 def run(

@@ -22,6 +22,8 @@ COMMANDS = {
     "sweep": "Run a scenario at every point of a grid.",
     "scenarios": "List, show or copy the built-in scenarios.",
     "plot": "Draw the link scan times of one run or several.",
+    "timeline": "Draw a bus like a logic analyser.",
+    "report": "Write a page on one run, or compare several.",
 }
 
 #: Exit codes: a failed run, bad input, interrupted from the keyboard.

@@ -59,7 +59,7 @@ class Answers:
     def _check_map(self, entry: Entry[TransactionIn], poll: TransactionIn, slave: Node) -> None:
         found = self._map(slave)
         function, address = poll.function or 0, poll.address or 0
-        count = poll.count if poll.count is not None else len(poll.values or (0,))
+        count = poll.quantity
         if found is None:
             return
         if function not in found.functions:
@@ -95,7 +95,7 @@ class Answers:
     ) -> None:
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
-        request = Request(poll.function or 0, poll.address or 0, poll.count or len(poll.values or (0,)))
+        request = Request(poll.function or 0, poll.address or 0, poll.quantity)
         least, most = _response_time(slave, response_size(request))
         if least > timeout:
             can = f"takes at least {format_ms(least)}: it never comes in time"
@@ -103,9 +103,11 @@ class Answers:
             can = f"may take {format_ms(most)}: it can come too late"
         else:
             return
+        label = poll.name or f"function {poll.function} at {poll.address}"
         self._report.warn(
             entry.path,
-            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} {can}",
+            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} to "
+            f"{label} {can}",
         )
 
 

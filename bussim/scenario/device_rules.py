@@ -20,7 +20,6 @@ from bussim.scenario.device_schema import (
     MapIn,
     SlaveIn,
     StepperIn,
-    UnknownDeviceIn,
     V80In,
 )
 from bussim.scenario.link_rules import check_bus_name
@@ -55,7 +54,7 @@ def check_device(
 ) -> None:
     """Judge one entry of ``devices``."""
     bus = check_bus_name((*entry.path, "bus"), device.bus, buses, report)
-    if isinstance(device, UnknownDeviceIn):
+    if not device.known:
         return
     if bus is not None and bus.nn:
         report.error((*entry.path, "bus"), f"is {bus.name}, an N:N link, on which there are PLCs only (nn:)")

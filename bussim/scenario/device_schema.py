@@ -41,8 +41,8 @@ class DeviceIn(Model):
     """What every device has."""
 
     example = "{name: feeder1, model: stepper, bus: feeder, station: 1}"
-    #: Whether others can poll it.
-    slave: ClassVar[bool] = False
+    #: Whether it is of a model that is known.
+    known: ClassVar[bool] = True
 
     name: Name
     model: str
@@ -53,8 +53,6 @@ class DeviceIn(Model):
 
 class SlaveIn(DeviceIn):
     """A Modbus slave."""
-
-    slave = True
 
     station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] = 1
     mode: Annotated[str, choice(*_MODES)] = Mode.RTU.value
@@ -258,6 +256,8 @@ MODELS: dict[str, type[DeviceIn]] = {
 
 class UnknownDeviceIn(DeviceIn):
     """A device of no known model: what can be read of it all the same."""
+
+    known = False
 
     model: Annotated[str, choice(*MODELS)]
 

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
 from bussim.plc.memory import Device
 from bussim.plc.ports import cpavl
-from bussim.scenario.device_schema import DeviceIn
 from bussim.scenario.places import Path
 from bussim.scenario.schema import CPAVL_TIMEOUT_UNIT, INTERVAL_UNIT, PortIn
 from bussim.units import TICKS_PER_MS
+
+if TYPE_CHECKING:
+    from bussim.scenario.device_schema import DeviceIn
 
 HMI, FREE = "hmi", "free"
 MASTERS = {"modbus-rtu-master": Mode.RTU, "modbus-ascii-master": Mode.ASCII}

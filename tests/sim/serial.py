@@ -9,7 +9,19 @@ from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.talker import Saying
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import CharFormat, LineTiming
-from bussim.plc.ports.spec import PollSpec
+from bussim.plc.ports.cpavl import (
+    END,
+    FORMAT,
+    INTERVAL,
+    PROTOCOL,
+    PROTOCOL_CODES,
+    START,
+    STATION,
+    TIMEOUT,
+    default_places,
+)
+from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
+from bussim.plc.profiles import PROFILES
 from bussim.scenario import model
 from tests.sim.build import MS, SECOND, Done, Recorder, run
 
@@ -77,4 +89,45 @@ def serial_bus(
         noise=tuple(noise),
         faults=tuple(faults),
         devices=tuple(devices),
+    )
+
+
+MASTER, SLAVE, FREE = "modbus-rtu-master", "modbus-rtu-slave", "free"
+
+
+def port(
+    name: str, protocol: str, bus: str = "bus", *, station: int = 1, timeout: int = 10, **words: int
+) -> tuple[PortSpec, dict[str, int]]:
+    """A port and the registers that set it up; ``timeout`` is CPAVL +9 (× 10 ms)."""
+    first, bits = default_places(name)
+    values = {PROTOCOL: PROTOCOL_CODES[protocol], STATION: station, TIMEOUT: timeout}
+    offsets = {"form": FORMAT, "interval": INTERVAL, "start": START, "end": END}
+    values |= {offsets[key]: value for key, value in words.items()}
+    return PortSpec(name, bus, first, bits), {f"D{first.address + at}": value for at, value in values.items()}
+
+
+def plc(
+    name: str,
+    *ports: tuple[PortSpec, dict[str, int]],
+    polls: Sequence[PollSpec | FreeSpec] = (),
+    scan: int = 8 * MS,
+    jitter: int = 0,
+    phase: int | None = None,
+    registers: dict[str, int] | None = None,
+    **given: Any,
+) -> model.Plc:
+    """A PLC with ports beside any link."""
+    values = dict(registers or {})
+    for _, words in ports:
+        values |= words
+    return model.Plc(
+        name=name,
+        profile=given.pop("profile", PROFILES["pw10"]),
+        scan=model.Scan(scan, jitter),
+        seat=given.pop("seat", None),
+        registers=values,
+        phase=phase,
+        ports=tuple(spec for spec, _ in ports),
+        polls=tuple(polls),
+        **given,
     )

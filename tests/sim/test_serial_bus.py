@@ -264,8 +264,8 @@ def test_a_register_map_of_the_scenario_moves_with_time() -> None:
 
 
 def test_a_new_address_is_taken_after_save_and_power_cycle() -> None:
-    address = poll("address", 1, 6, 6, 1, values=(9,), at=100 * MS, times=1)
-    save = poll("save", 1, 5, 0, 1, values=(0xFF00,), at=SECOND, times=1)
+    address = poll("address", 1, 6, 16, 1, values=(9,), at=100 * MS, times=1)
+    save = poll("save", 1, 5, 0, 1, values=(1,), at=SECOND, times=1)
     old, new = poll("old", 1, 3, 0, every=200 * MS), poll("new", 9, 3, 0, every=200 * MS)
     cycle = fault(model.PowerOff("feeder"), 3, 0.5)
     done = run(
@@ -287,7 +287,7 @@ def test_a_new_address_is_taken_after_save_and_power_cycle() -> None:
 
 
 def test_without_saving_the_old_address_comes_back() -> None:
-    address = poll("address", 1, 6, 6, 1, values=(9,), at=100 * MS, times=1)
+    address = poll("address", 1, 6, 16, 1, values=(9,), at=100 * MS, times=1)
     cycle = fault(model.PowerOff("feeder"), 3, 0.5)
     done = run(
         serial_bus(
@@ -332,7 +332,7 @@ def _chance(seed: int) -> model.Scenario:
     two = hmi(
         "two",
         poll("c", 3, 6, 1, values=(seed,), every=110 * MS),
-        poll("d", 0, 5, 1, values=(0xFF00,), every=900 * MS),
+        poll("d", 0, 5, 1, values=(1,), every=900 * MS),
     )
     slaves = [
         device("x", station=1, jitter=9 * MS),
