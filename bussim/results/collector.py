@@ -14,6 +14,7 @@ from bussim.trace import (
     DeviceValueRecord,
     FrameRecord,
     FreeRecord,
+    InputRecord,
     LinkTotals,
     NoteRecord,
     PollRecord,
@@ -197,6 +198,9 @@ class Collector:
         """Hand a device's new value on."""
         if self._rows is not None:
             self._rows.value(record)
+
+    def input(self, record: InputRecord) -> None:
+        """Take an input's change."""
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on."""
