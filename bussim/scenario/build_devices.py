@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.registers import BY_NAME
+from bussim.devices.talker import Saying
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.scenario.code import Code
-from bussim.devices.talker import Saying
 from bussim.scenario.device_rules import SPACES, reference
 from bussim.scenario.device_schema import (
     DeviceIn,

@@ -11,8 +11,7 @@ from bussim.plc.ports import cpavl
 from bussim.scenario.link_rules import foreign_blocks
 from bussim.scenario.places import Path, Report
 from bussim.scenario.poll_schema import PollIn, TransactionIn
-from bussim.scenario.port_rules import FIRST_SPECIAL
-from bussim.scenario.port_seats import PortSeat
+from bussim.scenario.port_seats import FIRST_SPECIAL, PortSeat
 from bussim.scenario.seats import Member
 from bussim.scenario.validate import Entry
 
@@ -140,6 +139,8 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
         )
     if not send_count and not count and not entry.lost("send_count", "count", "data", "text"):
         report.error(entry.path, "neither sends nor receives; expected send_count, data, text or count")
+    settings = place.seat.valid
+    eight_bit = settings is not None and settings.eight_bit
     for key, device, size in (("send", poll.send, send_count), ("to", poll.to, count)):
         if device is None:
             if size and not entry.lost(key):
@@ -147,11 +148,11 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
         elif device.letter != "D":
             report.error((*entry.path, key), f"is {device}, but bytes lie in D registers")
         elif size:
-            words = size if place.seat.eight_bit else (size + 1) // 2
+            words = size if eight_bit else (size + 1) // 2
             path, what = (*entry.path, key), f"{size} bytes"
             writes = key == "to" or bool(data)
             _check_span(path, device, words, what, place, report, writes=writes)
-    timing = place.seat.timing
+    timing = settings.timing if settings is not None else None
     if timing is not None and timing.format.data_bits == 7 and any(byte > 127 for byte in data):
         key = "data" if poll.data is not None else "text"
         report.warn(

@@ -114,7 +114,7 @@ def _check_poll(
     else:
         check_registers(entry, poll, place, poll.quantity, report)
     if node is not None:
-        answers.check(entry, poll, node, place.seat.timeout)
+        answers.check(entry, poll, node, place.seat.valid.timeout if place.seat.valid is not None else 0)
 
 
 def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:
