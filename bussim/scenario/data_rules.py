@@ -39,7 +39,7 @@ def check_registers(
         report.error((*entry.path, key), f"is {device}, but function {poll.function} moves registers: D only")
         return
     _check_span(
-        (*entry.path, key), device, count, f"{count} registers", place, report, writes=_writes(key, poll)
+        (*entry.path, key), device, count, _some(count, "register"), place, report, writes=_writes(key, poll)
     )
 
 
@@ -55,7 +55,8 @@ def check_coils(entry: Entry[TransactionIn], poll: PollIn, place: Placed, count:
         )
         return
     size = (count + 15) // 16 if device.letter == "D" else count
-    _check_span((*entry.path, key), device, size, f"{count} coils", place, report, writes=_writes(key, poll))
+    path, what = (*entry.path, key), _some(count, "coil")
+    _check_span(path, device, size, what, place, report, writes=_writes(key, poll))
 
 
 def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple[str, Device | None]:
@@ -74,6 +75,10 @@ def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple
     return "from", poll.from_
 
 
+def _some(count: int, what: str) -> str:
+    return f"1 {what}" if count == 1 else f"{count} {what}s"
+
+
 def _writes(key: str, poll: PollIn) -> bool:
     """Whether something is written into the operand: what was read, or the values to be sent."""
     return key == "to" or bool(poll.values)
@@ -87,7 +92,7 @@ def _check_span(
     end = first.address + size - 1
     last = next(last for low, last in ranges if low <= first.address <= last)
     if end > last:
-        report.error(path, f"is {first}; {what} end beyond {Device(first.letter, last)}")
+        report.error(path, f"is {first}; its {what} would end beyond {Device(first.letter, last)}")
         return
     if not writes:
         return
@@ -149,7 +154,7 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
             report.error((*entry.path, key), f"is {device}, but bytes lie in D registers")
         elif size:
             words = size if eight_bit else (size + 1) // 2
-            path, what = (*entry.path, key), f"{size} bytes"
+            path, what = (*entry.path, key), _some(size, "byte")
             writes = key == "to" or bool(data)
             _check_span(path, device, words, what, place, report, writes=writes)
     timing = settings.timing if settings is not None else None

@@ -77,6 +77,8 @@ def _seat(
         return seat
     if not nodes.sure(member.name):
         return None
+    if seat is not None and (seat.valid is None or seat.given.protocol not in (None, seat.protocol)):
+        return None  # what is wrong with the port was said there
     if member.takes_part and poll.port == member.port:
         what = "runs N:N"
     elif seat is not None and seat.protocol is not None:
