@@ -22,6 +22,7 @@ from bussim.results.record import RunRecord
 from bussim.results.result import Result
 from bussim.results.rows import MemoryRows
 from bussim.results.summary import summarise
+from bussim.scenario.header import trace_header
 from bussim.scenario.model import Scenario
 from bussim.trace import RunTotals
 from bussim.version import __version__
@@ -72,14 +73,22 @@ def run(
     if out is None:
         if force or numbered or format != "csv":
             raise UsageError("format, force and numbered are about a folder: give out as well")
-        memory = MemoryRows(scans=rows, traced=trace)
+        memory = MemoryRows(scans=rows, traced=trace, header=trace_header(scenario))
         totals, record = _simulate(scenario, memory if rows or trace else None, trace, progress)
         return Result(record, memory, totals=totals)
     from bussim.scenario.dump import dumps
 
     text = f"# As run by bussim {__version__}, with every default filled in.\n{dumps(scenario)}"
     place = Path(out)
-    with RunFolder(place, rows=rows, traced=trace, fmt=format, force=force, numbered=numbered) as folder:
+    with RunFolder(
+        place,
+        rows=rows,
+        traced=trace,
+        fmt=format,
+        force=force,
+        numbered=numbered,
+        header=trace_header(scenario),
+    ) as folder:
         totals, record = _simulate(scenario, folder.rows if rows or trace else None, trace, progress)
         place = folder.finish(record, text)
     return Result(record, FolderRows(place), totals=totals, folder=place)

@@ -139,6 +139,43 @@ class NoteRecord(NamedTuple):
     detail: dict[str, int | str]
 
 
+class EndsRecord(NamedTuple):
+    """ENDs of a PLC in order, as :meth:`Sink.ends` told them, in a trace."""
+
+    plc: str
+    ticks: tuple[int, ...]
+
+
+class TraceBus(NamedTuple):
+    """A bus as the first line of a trace describes it."""
+
+    name: str
+    nn: bool
+    baud: int
+    format: str  # "7E1"
+    nodes: tuple[str, ...]  # in cable order
+    stations: dict[str, int]  # station number by node, as far as it is known from the start
+
+    @property
+    def plcs(self) -> frozenset[str]:
+        """PLCs that have a port on the bus (and devices, which are their own node)."""
+        return frozenset(node.partition(".")[0] for node in self.nodes)
+
+
+class TraceHeader(NamedTuple):
+    """What a trace is of. A recording of a real wire knows less of it than a simulation."""
+
+    buses: tuple[TraceBus, ...] = ()
+    scenario: str = ""
+    seed: int | None = None
+    duration: int | None = None  # ticks that the run was meant to last; None: not known beforehand
+    exact: bool = True  # False: an operating system has stamped the times
+
+    def bus(self, name: str) -> TraceBus | None:
+        """The bus of that name, None if there is none."""
+        return next((bus for bus in self.buses if bus.name == name), None)
+
+
 class Sink(Protocol):
     """Who takes a run's records. Ticks never decrease from one call to the next of one method."""
 

@@ -21,8 +21,8 @@ from bussim.plc.sources import Source
 from bussim.plc.streams import Streams
 from bussim.units import round_half_up
 
-#: What the link has received for this PLC by a tick: (station, image) of every other station.
-Received = Callable[[int], Iterable[tuple[int, bytes]]]
+#: What the link has received for this PLC after one tick and up to another: (station, newest image).
+Received = Callable[[int, int], Iterable[tuple[int, bytes]]]
 
 _NEVER = 1 << 62
 
@@ -77,6 +77,8 @@ class Plc:
         }
         #: Set by whoever connects the PLC to a link.
         self.received: Received | None = None
+        #: Called before the link's status is published: others may have listened for its engine.
+        self.before_status: Callable[[], None] | None = None
         self._scan = (scan_mean, scan_jitter)
         self._phase = phase
         self._registers = {parse_device(name): value for name, value in registers.items()}
@@ -85,7 +87,7 @@ class Plc:
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
-        self._driven = self._taken = _NEVER  # the ENDs at which sources and received blocks were taken last
+        self._driven = self._taken = -1  # the ENDs at which sources and received blocks were taken last
         self._done = -1  # the END that was carried out last
 
     def scan_under_link(self) -> tuple[int, int]:
@@ -124,7 +126,7 @@ class Plc:
         if engine is None:
             mean, jitter = self._scan
         self.state = PlcState.RUN
-        self._driven = self._taken = _NEVER
+        self._driven = self._taken = -1
         self._done = now - 1
         for board in self.boards.values():
             board.take_over(self.memory, self.errors, now)
@@ -161,7 +163,7 @@ class Plc:
         """A slave has learnt the master's settings: its block may lie elsewhere now."""
         self.sync(now - 1)  # what came in another mode
         self.board.parameters(settings)
-        self._taken = _NEVER
+        self._taken = -1
         self._image, self._image_until = None, -1
 
     def refuse(self, now: int) -> None:
@@ -213,14 +215,20 @@ class Plc:
         end = self.cycle.latest_end(now)
         if end is not None:
             self._arrive(end)
+        self._publish()
+
+    def _publish(self) -> None:
+        """The link's status shows in the special devices."""
+        if self.before_status is not None:
+            self.before_status()
         self.board.publish()
 
     def _arrive(self, end: int) -> None:
         """An END: sources and received blocks show in memory, once."""
         self._drive(end)
-        if self.received is not None and end != self._taken:
-            self._taken = end
-            self._take(self.received(end))
+        if self.received is not None and end > self._taken:
+            since, self._taken = self._taken, end
+            self._take(self.received(since, end))
 
     # -- the other ports ---------------------------------------------------------------------------
 
@@ -243,6 +251,8 @@ class Plc:
         """
         self._done = now
         self._arrive(now)
+        if self._linked and any(board.shows_memory for board in self.boards.values()):
+            self._publish()
         hints = {name: board.at_end(now) for name, board in self.boards.items()}
         active = sum(board.active for board in self.boards.values())
         self.cycle.set_load(now, active * self.profile.transaction_time)
@@ -262,7 +272,7 @@ class Plc:
         if driven:
             return board.drive(instruction, operands, now)
         board.undrive(instruction, now)
-        return Drive.RUNNING
+        return Drive.OFF
 
     def cpavl(self, port: int, words: Device, bits: Device) -> bool:
         """CPAVL: a port's words and bits lie here from the next STOP→RUN on.

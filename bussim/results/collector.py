@@ -42,6 +42,24 @@ class Rows(Protocol):
     def note(self, record: NoteRecord) -> None:
         """A note."""
 
+    def transaction(self, record: TransactionRecord) -> None:
+        """A transaction."""
+
+    def poll_turn(self, record: PollRecord) -> None:
+        """A turn of a poll."""
+
+    def cycle(self, record: CycleRecord) -> None:
+        """A cycle of a poll list."""
+
+    def free(self, record: FreeRecord) -> None:
+        """Bytes of the free protocol."""
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """A device's new value."""
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        """ENDs of a traced run."""
+
 
 class _Link:
     """What is being counted of one bus."""
@@ -157,21 +175,33 @@ class Collector:
 
     def transaction(self, record: TransactionRecord) -> None:
         """Count a transaction."""
+        if self._rows is not None:
+            self._rows.transaction(record)
 
     def poll_turn(self, record: PollRecord) -> None:
         """Count a turn of a poll."""
+        if self._rows is not None:
+            self._rows.poll_turn(record)
 
     def cycle(self, record: CycleRecord) -> None:
         """Count a cycle of a poll list."""
+        if self._rows is not None:
+            self._rows.cycle(record)
 
     def free(self, record: FreeRecord) -> None:
         """Count bytes of the free protocol."""
+        if self._rows is not None:
+            self._rows.free(record)
 
     def value(self, record: DeviceValueRecord) -> None:
         """Hand a device's new value on."""
+        if self._rows is not None:
+            self._rows.value(record)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on."""
+        if self._rows is not None:
+            self._rows.ends(plc, ticks)
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """Count a refresh."""

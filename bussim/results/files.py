@@ -17,6 +17,7 @@ from bussim.results.names import file_names
 from bussim.results.record import RunRecord
 from bussim.results.rows import FileRows
 from bussim.results.tables import FORMATS, import_pyarrow
+from bussim.trace import TraceHeader
 
 #: The file that marks a folder as incomplete.
 MARKER = "INCOMPLETE"
@@ -53,11 +54,19 @@ class RunFolder:
     With ``numbered`` a target that exists or is being written becomes ``<target>-2``, and so on;
     :attr:`target` is the one taken. Else raises UsageError if the target exists (with ``force``: if
     it is not a run's folder) or another process is writing it; in any case if it cannot be written,
-    or if the format is not available.
+    or if the format is not available. ``header`` is the first line of the trace.
     """
 
     def __init__(
-        self, target: Path, *, rows: bool, traced: bool, fmt: str, force: bool = False, numbered: bool = False
+        self,
+        target: Path,
+        *,
+        rows: bool,
+        traced: bool,
+        fmt: str,
+        force: bool = False,
+        numbered: bool = False,
+        header: TraceHeader | None = None,
     ) -> None:
         if fmt not in FORMATS:
             raise UsageError(f"the format is {fmt!r}, allowed are {' and '.join(FORMATS)}")
@@ -77,7 +86,7 @@ class RunFolder:
                 _clear(self._part)
                 self._part.mkdir()
                 self._lock = _write_marker(self._part, _MARKER_TEXT)
-            self.rows = FileRows(self._part, scans=rows, traced=traced, fmt=fmt)
+            self.rows = FileRows(self._part, scans=rows, traced=traced, fmt=fmt, header=header)
         except OSError as error:
             raise UsageError(f"{target}: cannot be written: {_reason(error)}") from error
 

@@ -10,8 +10,8 @@ from bussim.errors import UsageError
 from bussim.results.files import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
 from bussim.results.names import from_cell
 from bussim.results.record import SCHEMA, RunRecord
-from bussim.results.rows import TRACE
 from bussim.results.tables import ATTEMPT_COLUMNS, FORMATS, PANDAS_TYPES, SCAN_COLUMNS, import_pyarrow
+from bussim.results.trace_file import TRACE, Trace, read_trace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,6 +73,10 @@ class FolderRows:
             raise UsageError(f"{self._folder} has no {TRACE}: {_NO_TRACE}") from None
         except (OSError, ValueError) as error:
             raise UsageError(f"{path} cannot be read: {error}") from error
+
+    def open_trace(self) -> Trace:
+        """The trace, whose records are read as they are asked for."""
+        return read_trace(self._folder)
 
 
 def _load_table(folder: Path, stem: str, columns: dict[str, str], why_none: str) -> pd.DataFrame:

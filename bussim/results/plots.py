@@ -13,13 +13,13 @@ from matplotlib.ticker import MaxNLocator
 from bussim.errors import UsageError
 from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.results.record import LinkRecord, RunRecord
-from bussim.results.style import PALETTE, Picture, finish_picture, new_picture, shorten, style
+from bussim.results.style import RUNS, Picture, finish_picture, new_picture, shorten, style
 from bussim.units import milliseconds, seconds
 
 _MOST_BARS = 160
 #: Shortest stretch of scan times on an axis, in ms.
 _LEAST_SHOWN = 0.1
-_MOST_RUNS = len(PALETTE)
+_MOST_RUNS = len(RUNS)
 #: The whole range is so many times the usual one before that has an axis of its own.
 _FAR = 8
 #: How mean, p99 and maximum are marked.
@@ -136,7 +136,7 @@ def _draw(axes: Axes, histograms: Sequence[Histogram], shown: tuple[int, int]) -
         for place, times in histogram.bins.items():
             if first <= place <= last:
                 bars[place // width] = bars.get(place // width, 0) + times
-        _draw_bars(axes, bars, width, PALETTE[number], alone=alone)
+        _draw_bars(axes, bars, width, RUNS[number], alone=alone)
     # The margins are those of the bars; a mark outside of them does not widen the axis.
     low, high = axes.get_xlim()
     missing = max(_LEAST_SHOWN - (high - low), 0.0)
@@ -145,7 +145,7 @@ def _draw(axes: Axes, histograms: Sequence[Histogram], shown: tuple[int, int]) -
         axes.yaxis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
     for number, histogram in enumerate(histograms):
         for name, value in _marked(histogram).items():
-            colour = "black" if alone else PALETTE[number]
+            colour = "black" if alone else RUNS[number]
             axes.axvline(milliseconds(value), color=colour, linestyle=_MARKS[name], linewidth=1.2)
     axes.set_xlabel("link scan time (ms)")
     axes.set_ylabel(f"link scans per {_width_text(width)}")
@@ -196,7 +196,7 @@ def _explain_several(labels: Sequence[str], histograms: Sequence[Histogram]) -> 
     for number, (label, histogram) in enumerate(zip(labels, histograms, strict=True)):
         numbers = ", ".join(f"{name} {_ms_text(value)}" for name, value in _marked(histogram).items())
         text = f"{shorten(label, 40)}: {histogram.count:,} scans, {numbers}"
-        handles.append(Line2D([], [], color=PALETTE[number], linewidth=3, label=text))
+        handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
     key = "lines: mean solid, p99 dashed, maximum dotted"
     return [*handles, Line2D([], [], linestyle="", label=key)]
 

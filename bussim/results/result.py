@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bussim.results.style import Picture
+    from bussim.results.trace_file import Trace
 
 
 class StoredRows(Protocol):
@@ -29,7 +30,10 @@ class StoredRows(Protocol):
         """One row an attempt."""
 
     def trace(self) -> list[dict[str, Any]]:
-        """One object a frame or event."""
+        """One object a line of the trace."""
+
+    def open_trace(self) -> Trace:
+        """The trace as records."""
 
 
 class Result:
@@ -75,11 +79,18 @@ class Result:
 
     @cached_property
     def trace(self) -> list[dict[str, Any]]:
-        """Every frame and event, as the lines of ``trace.jsonl``.
+        """The lines of ``trace.jsonl``: a header, then every frame and event.
 
         Raises UsageError if the run was not traced.
         """
         return self._rows.trace()
+
+    def open_trace(self) -> Trace:
+        """The trace as records of :mod:`bussim.trace`, by type, bus and time, without reading all of it.
+
+        Raises UsageError if the run was not traced.
+        """
+        return self._rows.open_trace()
 
     def plot_scan_times(self, path: str | os.PathLike[str] | None = None, bus: str | None = None) -> Figure:
         """The histogram of link scan times of a bus (default: the first one with scans).

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from array import array
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
-from bussim.results.record import note_to_json
 from bussim.results.tables import (
     ATTEMPT_COLUMNS,
     DECIMALS,
@@ -18,13 +17,24 @@ from bussim.results.tables import (
     Table,
     open_table,
 )
-from bussim.trace import AttemptRecord, FrameRecord, NoteRecord, ScanRecord
+from bussim.results.trace_file import TRACE, Record, Trace, TraceWriter, trace_of
+from bussim.results.trace_lines import header_line, to_line
+from bussim.trace import (
+    AttemptRecord,
+    CycleRecord,
+    DeviceValueRecord,
+    EndsRecord,
+    FrameRecord,
+    FreeRecord,
+    NoteRecord,
+    PollRecord,
+    ScanRecord,
+    TraceHeader,
+    TransactionRecord,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
-
-#: The file of every frame and event of a traced run, one JSON object a line.
-TRACE = "trace.jsonl"
 
 
 def nanoseconds(ticks: int) -> int:
@@ -58,58 +68,66 @@ def attempt_row(attempt: AttemptRecord) -> Row:
     )
 
 
-def frame_line(frame: FrameRecord) -> dict[str, Any]:
-    """A frame as a line of ``trace.jsonl``: ticks of 1/72 MHz, characters in hexadecimal."""
-    return {
-        "type": "frame",
-        "tick": frame.start,
-        "end": frame.end,
-        "bus": frame.bus,
-        "sender": frame.sender,
-        "kind": frame.kind,
-        "station": frame.station,
-        "counter": frame.counter,
-        "chars": frame.chars.hex(),
-        "damaged_bits": list(frame.damaged_bits),
-        "damaged_at": {name: list(bits) for name, bits in frame.damaged_at.items()},
-        "collided": frame.collided,
-        "cut": frame.cut,
-    }
-
-
-def note_line(note: NoteRecord) -> dict[str, Any]:
-    """A note as a line of ``trace.jsonl``."""
-    return {"type": "note", **note_to_json(note)}
-
-
 class FileRows:
-    """Writes rows to a folder: link_scans if ``scans``, exchanges and trace.jsonl if ``traced``."""
+    """Writes rows to a folder: link_scans if ``scans``, exchanges and trace.jsonl if ``traced``.
 
-    def __init__(self, folder: Path, *, scans: bool, traced: bool, fmt: str) -> None:
+    ``header`` is the first line of the trace.
+    """
+
+    def __init__(
+        self, folder: Path, *, scans: bool, traced: bool, fmt: str, header: TraceHeader | None = None
+    ) -> None:
         self._scans = open_table(folder, "link_scans", SCAN_COLUMNS, fmt) if scans else None
         self._attempts: Table | None = None
-        self._trace: TextIO | None = None
+        self._trace: TraceWriter | None = None
         if traced:
             self._attempts = open_table(folder, "exchanges", ATTEMPT_COLUMNS, fmt)
-            self._trace = (folder / TRACE).open("w", encoding="utf-8", newline="\n")
+            file = (folder / TRACE).open("w", encoding="utf-8", newline="\n")
+            self._trace = TraceWriter(file, header or TraceHeader())
 
     def scan(self, record: ScanRecord) -> None:
         """Write a link scan."""
         if self._scans is not None:
             self._scans.append((record.bus, *scan_numbers(record)))
+        self._traced(record)
 
     def attempt(self, record: AttemptRecord) -> None:
         """Write an attempt."""
         if self._attempts is not None:
             self._attempts.append(attempt_row(record))
+        self._traced(record)
 
     def frame(self, record: FrameRecord) -> None:
         """Write a frame."""
-        self._line(frame_line(record))
+        self._traced(record)
 
     def note(self, record: NoteRecord) -> None:
         """Write a note."""
-        self._line(note_line(record))
+        self._traced(record)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Write a transaction."""
+        self._traced(record)
+
+    def poll_turn(self, record: PollRecord) -> None:
+        """Write a turn of a poll."""
+        self._traced(record)
+
+    def cycle(self, record: CycleRecord) -> None:
+        """Write a cycle of a poll list."""
+        self._traced(record)
+
+    def free(self, record: FreeRecord) -> None:
+        """Write bytes of the free protocol."""
+        self._traced(record)
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """Write a device's new value."""
+        self._traced(record)
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        """Write ENDs."""
+        self._traced(EndsRecord(plc, tuple(ticks)))
 
     def close(self) -> None:
         """Finish all files."""
@@ -117,25 +135,25 @@ class FileRows:
             if file is not None:
                 file.close()
 
-    def _line(self, data: dict[str, Any]) -> None:
+    def _traced(self, record: Record) -> None:
         if self._trace is not None:
-            self._trace.write(json.dumps(data, ensure_ascii=False, separators=(",", ":")) + "\n")
+            self._trace.write(record)
 
 
 class MemoryRows:
-    """Keeps rows in memory: 35 bytes a link scan; of a traced run also attempts, frames and notes."""
+    """Keeps rows in memory: 35 bytes a link scan; of a traced run also every record."""
 
-    def __init__(self, *, scans: bool, traced: bool) -> None:
+    def __init__(self, *, scans: bool, traced: bool, header: TraceHeader | None = None) -> None:
         self._scans = scans
-        self._traced = traced
+        self._header = header or TraceHeader()
         self._buses: list[str] = []
         self._bus = array("H")
         self._ints = tuple(array(code) for code in "qqqiiB")
-        self._attempts: list[Row] = []
-        self._lines: list[dict[str, Any]] = []
+        self._records: list[Record] | None = [] if traced else None
 
     def scan(self, record: ScanRecord) -> None:
         """Keep a link scan."""
+        self._traced(record)
         if not self._scans:
             return
         if record.bus not in self._buses:
@@ -146,18 +164,40 @@ class MemoryRows:
 
     def attempt(self, record: AttemptRecord) -> None:
         """Keep an attempt."""
-        if self._traced:
-            self._attempts.append(attempt_row(record))
+        self._traced(record)
 
     def frame(self, record: FrameRecord) -> None:
         """Keep a frame."""
-        if self._traced:
-            self._lines.append(frame_line(record))
+        self._traced(record)
 
     def note(self, record: NoteRecord) -> None:
         """Keep a note."""
-        if self._traced:
-            self._lines.append(note_line(record))
+        self._traced(record)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Keep a transaction."""
+        self._traced(record)
+
+    def poll_turn(self, record: PollRecord) -> None:
+        """Keep a turn of a poll."""
+        self._traced(record)
+
+    def cycle(self, record: CycleRecord) -> None:
+        """Keep a cycle of a poll list."""
+        self._traced(record)
+
+    def free(self, record: FreeRecord) -> None:
+        """Keep bytes of the free protocol."""
+        self._traced(record)
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """Keep a device's new value."""
+        self._traced(record)
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        """Keep ENDs."""
+        if self._records is not None:
+            self._records.append(EndsRecord(plc, tuple(ticks)))
 
     def link_scans(self) -> pd.DataFrame:
         """The table of link scans. Raises UsageError if they were not kept."""
@@ -171,18 +211,24 @@ class MemoryRows:
 
     def exchanges(self) -> pd.DataFrame:
         """The table of attempts. Raises UsageError if the run was not traced."""
-        self._need_trace()
-        columns = list(zip(*self._attempts, strict=True)) or [()] * len(ATTEMPT_COLUMNS)
+        rows = [attempt_row(attempt) for attempt in self.open_trace().of(AttemptRecord)]
+        columns = list(zip(*rows, strict=True)) or [()] * len(ATTEMPT_COLUMNS)
         return _frame([list(column) for column in columns], ATTEMPT_COLUMNS)
 
     def trace(self) -> list[dict[str, Any]]:
         """The lines that ``trace.jsonl`` would have. Raises UsageError if the run was not traced."""
-        self._need_trace()
-        return self._lines
+        buses = {bus.name: bus for bus in self._header.buses}
+        return [header_line(self._header), *(to_line(record, buses) for record in self.open_trace())]
 
-    def _need_trace(self) -> None:
-        if not self._traced:
+    def open_trace(self) -> Trace:
+        """The trace. Raises UsageError if the run was not traced."""
+        if self._records is None:
             raise UsageError("this run was not traced; run it with trace=True")
+        return trace_of(self._header, self._records)
+
+    def _traced(self, record: Record) -> None:
+        if self._records is not None:
+            self._records.append(record)
 
 
 def _frame(values: list[Any], columns: dict[str, str]) -> pd.DataFrame:

@@ -85,6 +85,7 @@ class Simulation:
         for port in ports:
             self.nodes[port.name] = port
             port.plc.received = _visible(bus, port.seat)
+            port.plc.before_status = bus.gallery.sync
 
     def _build_serial_bus(self, spec: model.Bus) -> None:
         bus = SerialBus(spec.name, spec.timing, self._sink, self.serial_reporter)
@@ -221,12 +222,9 @@ def _accepted(spec: model.Plc) -> bool:
     return not bad_parameters(spec.profile, setting_values(spec.profile, spec.registers))
 
 
-def _visible(bus: LinkBus, seat: int) -> Callable[[int], Iterable[tuple[int, bytes]]]:
-    def received(end: int) -> Iterable[tuple[int, bytes]]:
-        bus.gallery.sync()  # the status that the PLC publishes next is its own engine's
-        return bus.ledger.visible(seat, end)
-
-    return received
+def _visible(bus: LinkBus, seat: int) -> Callable[[int, int], Iterable[tuple[int, bytes]]]:
+    ledger = bus.ledger
+    return lambda since, end: ledger.visible(seat, end, since)
 
 
 def _plc(spec: model.Plc, streams: Streams) -> Plc:

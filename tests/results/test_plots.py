@@ -17,7 +17,7 @@ from bussim.errors import UsageError
 from bussim.results.plot_run import scan_times_over_run
 from bussim.results.plots import run_labels, scan_time_histogram
 from bussim.results.record import RunRecord
-from bussim.results.style import PALETTE, Picture
+from bussim.results.style import PALETTE, RUNS, Picture
 from bussim.trace import NoteRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -113,7 +113,8 @@ def test_several_runs_share_one_axis_in_different_colours() -> None:
     picture = scan_time_histogram([NARROW, NOISY], "link", ["one", "two"])
     for label in ("one: 1,200 scans", "two: ", "lines: mean solid, p99 dashed, maximum dotted"):
         assert has(picture, label)
-    assert len(set(PALETTE)) == len(PALETTE) == 7
+    assert len(set(RUNS)) == len(RUNS) == 7
+    assert set(RUNS) == set(PALETTE)
 
 
 def test_one_scan_time_is_a_picture_too() -> None:

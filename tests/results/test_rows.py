@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import sys
 from fractions import Fraction
 from pathlib import Path
@@ -16,7 +15,7 @@ from bussim.results.load import FolderRows
 from bussim.results.names import cell, file_name, file_names, from_cell
 from bussim.results.rows import FileRows, MemoryRows, nanoseconds
 from bussim.results.tables import CsvTable, open_table
-from bussim.trace import FrameRecord, ScanRecord
+from bussim.trace import ScanRecord
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake
@@ -112,29 +111,6 @@ def test_without_pyarrow_the_message_names_the_extra(tmp_path: Path, monkeypatch
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(UsageError, match=r"bussim\[parquet\]"):
         open_table(tmp_path, "link_scans", {"bus": "text"}, "parquet")
-
-
-def test_a_frame_in_the_trace(tmp_path: Path) -> None:
-    rows = FileRows(tmp_path, scans=False, traced=True, fmt="csv")
-    damaged: dict[str, tuple[int, ...]] = {"press2": (4, 9)}
-    frame = FrameRecord("link", 5, 90, "press1", "poll", 1, 3, b"\x05\x31", (7,), damaged, False, True)
-    rows.frame(frame)
-    rows.close()
-    assert json.loads((tmp_path / "trace.jsonl").read_text()) == {
-        "type": "frame",
-        "tick": 5,
-        "end": 90,
-        "bus": "link",
-        "sender": "press1",
-        "kind": "poll",
-        "station": 1,
-        "counter": 3,
-        "chars": "0531",
-        "damaged_bits": [7],
-        "damaged_at": {"press2": [4, 9]},
-        "collided": False,
-        "cut": True,
-    }
 
 
 def test_what_was_not_kept_is_said(tmp_path: Path) -> None:
