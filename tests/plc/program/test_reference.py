@@ -15,7 +15,7 @@ from bussim.units import TICKS_PER_MS
 from .random_programs import Writer
 from .reference import Reference
 
-PROGRAMS, SCANS = 200, 25
+PROGRAMS, SCANS = 200, 15
 #: What the reference does not keep: the steps of errors, the watchdog's time.
 UNTOLD = {8000, 8068, 8069}
 
