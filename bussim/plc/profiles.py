@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
 
+from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS
 
 
@@ -112,6 +113,7 @@ class Profile:
     ``documented_modes``    those of them that the settings table lists                   PW10, FX
     ``word_spacing``        distance of the stations' D blocks                            PW10, FX
     ``devices``             addresses of the special devices                              PW10, FX
+    ``times``               how long a program's instructions take                        assumed
     ======================  ============================================================  ========
     """
 
@@ -131,6 +133,7 @@ class Profile:
     documented_modes: tuple[int, ...] = (0, 1, 2)
     word_spacing: int = 32
     devices: LinkDevices = _PW10_DEVICES
+    times: InstructionTimes = DEFAULT_TIMES
 
 
 _PW10 = Profile("pw10")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.plc.program import InstructionTimes
+from bussim.plc.program.times import InstructionTimes
 
 from .rigs import Rig
 
