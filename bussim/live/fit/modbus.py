@@ -1,4 +1,4 @@
-"""What a recording tells of a bus with a Modbus master: polls and their periods, answers, loss, bit errors."""
+"""What a recording tells of a bus with a Modbus master: polls, periods, answers, loss, bit errors."""
 
 from __future__ import annotations
 
