@@ -124,8 +124,11 @@ def test_charts_zoom_and_tell_what_is_under_the_pointer(pages: Path, window: Any
         told = set()
         width = plot.size["width"]
         for x in range(-width // 2 + 4, width // 2 - 4, 61):
-            ActionChains(window, duration=0).move_to_element_with_offset(plot, x, 0).perform()
-            told.add(window.execute_script("return arguments[0].querySelector('.tip').textContent", figure))
+            for y in (10 - plot.size["height"] // 2, 0):
+                ActionChains(window, duration=0).move_to_element_with_offset(plot, x, y).perform()
+                told.add(
+                    window.execute_script("return arguments[0].querySelector('.tip').textContent", figure)
+                )
         assert any("ms" in text for text in told), figure.text
 
 
@@ -251,6 +254,21 @@ def test_it_prints_in_light_colours_on_paper(pages: Path, window: Any) -> None:
         == "rgb(255, 255, 255)"
     )
     assert window.execute_script("return getComputedStyle(document.querySelector('nav')).display") == "none"
+
+
+def test_charts_on_paper_are_light_whatever_the_screen_is(pages: Path, window: Any) -> None:
+    drawn = []
+    for dark in (False, True):
+        show(window, pages / "one.html", dark=dark)
+        before = window.execute_script("return document.querySelector('figure canvas').toDataURL()")
+        paper = window.execute_script(
+            """dispatchEvent(new Event('beforeprint'));
+            return [...document.querySelectorAll('figure canvas')].map(canvas => canvas.toDataURL())"""
+        )
+        window.execute_script("dispatchEvent(new Event('afterprint'))")
+        assert window.execute_script("return document.querySelector('figure canvas').toDataURL()") == before
+        drawn.append(paper)
+    assert drawn[0] == drawn[1]
 
 
 def test_a_name_from_a_scenario_is_never_markup(tmp_path: Path, window: Any) -> None:
