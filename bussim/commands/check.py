@@ -15,13 +15,18 @@ from bussim.units import format_time
 @click.command()
 @click.argument("scenario", metavar="SCENARIO")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def command(scenario: str, *, as_json: bool) -> None:
+@click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Load the Python functions that the scenario names; they can do anything.",
+)
+def command(scenario: str, *, as_json: bool, allow_code: bool) -> None:
     """Name every mistake of a scenario with its line and column.
 
     SCENARIO is a file, or the name of a built-in scenario. The exit code is 2 if there is a mistake;
     warnings leave it at 0.
     """
-    examined = examine(scenario)
+    examined = examine(scenario, allow_code=allow_code)
     if as_json:
         click.echo(json.dumps(_as_json(examined), ensure_ascii=False, indent=1))
         if examined.scenario is None:
@@ -40,6 +45,11 @@ def describe(scenario: Scenario) -> str:
     parts = [
         _count(len(scenario.plcs), "PLC"),
         _count(links, "N:N link"),
+        _count(
+            len(scenario.buses) - links, "other bus" if links else "bus", "other buses" if links else "buses"
+        ),
+        _count(len(scenario.devices), "device"),
+        _count(sum(len(plc.polls) for plc in scenario.plcs), "poll"),
         _count(len(scenario.noise), "noise entry", "noise entries"),
         _count(len(scenario.faults), "fault"),
         f"{format_time(scenario.duration)}, seed {scenario.seed}",

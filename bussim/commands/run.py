@@ -36,6 +36,11 @@ _PATIENCE = 2.0
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables."
 )
 @click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
+@click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Load the Python functions that the scenario names; they can do anything.",
+)
 def command(
     scenario: str | None,
     *,
@@ -48,6 +53,7 @@ def command(
     as_json: bool,
     fmt: str,
     force: bool,
+    allow_code: bool,
 ) -> None:
     """Simulate a scenario and write its results.
 
@@ -64,7 +70,7 @@ def command(
     for key, value in (("duration", duration), ("seed", seed)):
         if value is not None:
             values.append(Override(key, value, f"--{key} {value}"))
-    loaded = loader.load(source, values)
+    loaded = loader.load(source, values, allow_code=allow_code)
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
     try:
         with _progress_bar() as progress:

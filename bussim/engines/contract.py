@@ -23,6 +23,8 @@ DEADLINE = 4
 OPEN = 8
 #: Events wait in :meth:`Engine.poll`.
 EVENTS = 16
+#: A request waits for the driver to have it served (a PLC does so at END).
+SERVE = 32
 
 
 class RxChar(NamedTuple):

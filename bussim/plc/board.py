@@ -14,6 +14,8 @@ from bussim.engines.nn.master import Master, MasterConfig
 from bussim.engines.nn.slave import Slave, SlaveConfig
 from bussim.engines.nn.status import STATIONS, LinkStatus
 from bussim.line.characters import NN_LINE
+from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # for those who ask for registers here
+from bussim.plc.errors import SerialErrors, serial_error
 from bussim.plc.memory import BlockPlace, Device, Memory, block_place
 from bussim.plc.profiles import (
     MAX_RETRIES,
@@ -33,8 +35,6 @@ TIMEOUT_UNIT = 10 * TICKS_PER_MS
 M_PORT = 8179
 D_STATION, D_SLAVES, D_MODE, D_RETRIES, D_TIMEOUT = range(8176, 8181)
 D_MIRROR_STATION, D_MIRROR_SLAVES, D_MIRROR_MODE = range(8173, 8176)
-#: Serial error flag and code.
-SERIAL_ERROR = 8063
 #: yy of 7xyy for bad N:N parameters (PW10, section 8).
 BAD_PARAMETERS = 48
 
@@ -43,6 +43,9 @@ TAKE_PART = ("M8179", "D8176", "D8177", "D8178", "D8179", "D8180")
 
 #: D8201 and D8202 stand before the counts (one a station), these before the codes.
 _COUNTS, _CODES = 2, 2 + STATIONS
+
+#: The link's cause among the PLC's serial errors.
+_REFUSAL = "link"
 
 LinkEngine = Master | Slave
 
@@ -95,11 +98,6 @@ def refusal(name: str, reasons: list[str], port: str) -> str:
     )
 
 
-def serial_error(port: str, code: int) -> int:
-    """D8063 = 7xyy: x the port's number, yy the code (PW10, section 8)."""
-    return 7000 + 100 * int(port[3:]) + code
-
-
 def setting_values(profile: Profile, registers: Mapping[str, int]) -> dict[int, int]:
     """D8176–D8180 (addresses as keys) at power-on, with those that ``registers`` sets by name."""
     return {
@@ -128,11 +126,15 @@ def worst_turnaround(profile: Profile, longest_scan: int) -> int:
 
 
 class LinkBoard:
-    """The link's board of one PLC. ``engine`` is None in STOP and after bad parameters."""
+    """The link's board of one PLC. ``engine`` is None in STOP and after bad parameters.
 
-    def __init__(self, profile: Profile, memory: Memory) -> None:
+    ``errors`` is what the PLC's ports share of M8063 and D8063.
+    """
+
+    def __init__(self, profile: Profile, memory: Memory, errors: SerialErrors | None = None) -> None:
         self._profile = profile
         self._memory = memory
+        self._errors = errors if errors is not None else SerialErrors(memory)
         self._registers = profile.devices
         self.engine: LinkEngine | None = None
         self.place: BlockPlace | None = None
@@ -157,6 +159,7 @@ class LinkBoard:
         if bad_parameters(profile, values):
             self.refuse()
             return None
+        self._errors.over(_REFUSAL)
         memory.set_word("D", D_MIRROR_STATION, station)
         if station:
             self.engine = Slave(
@@ -178,18 +181,9 @@ class LinkBoard:
 
     def refuse(self) -> None:
         """Bad parameters: M8063 on, D8063 = 7348 (COM3) or 7448 (COM4), no link."""
-        self.report_error(selected_port(self._memory), BAD_PARAMETERS)
+        self._errors.report(_REFUSAL, selected_port(self._memory), BAD_PARAMETERS)
         self.place, self.mode = None, None
         self.refusing = True
-
-    def report_error(self, port: str, code: int) -> None:
-        """M8063 on and D8063 = 7xyy (:func:`serial_error`)."""
-        self._memory.set(Device("M", SERIAL_ERROR), 1)
-        self._memory.set_word("D", SERIAL_ERROR, serial_error(port, code))
-
-    def error_over(self) -> None:
-        """M8063 off; D8063 keeps the last code."""
-        self._memory.set(Device("M", SERIAL_ERROR), 0)
 
     def parameters(self, settings: LinkSettings) -> None:
         """A slave has learnt the master's settings."""

@@ -1,23 +1,28 @@
-"""One PLC: supply, RUN and STOP, memory, scan cycle, the link's board and what drives its block."""
+"""One PLC: supply, RUN and STOP, memory, scan cycle, its ports and what drives its block."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from enum import Enum
 from fractions import Fraction
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master
 from bussim.plc.board import LinkBoard, LinkEngine, setting_defaults
-from bussim.plc.memory import Memory, parse_device
+from bussim.plc.errors import SerialErrors
+from bussim.plc.memory import Device, Memory, parse_device
+from bussim.plc.ports.board import Maps, PortBoard
+from bussim.plc.ports.cpavl import COM2_STATION
+from bussim.plc.ports.rs2 import Drive, Rs2, port_of
+from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source
 from bussim.plc.streams import Streams
 from bussim.units import round_half_up
 
-#: What the link has received for this PLC by a tick: (station, image) of every other station.
-Received = Callable[[int], Iterable[tuple[int, bytes]]]
+#: What the link has received for this PLC after one tick and up to another: (station, newest image).
+Received = Callable[[int, int], Iterable[tuple[int, bytes]]]
 
 _NEVER = 1 << 62
 
@@ -31,10 +36,15 @@ class PlcState(Enum):
 
 
 class Plc:
-    """A PLC as the link sees it. All times are ticks.
+    """A PLC as its buses see it. All times are ticks.
 
     ``scan_mean`` and ``scan_jitter`` are without N:N; the profile's factor is applied while the link
-    runs. ``registers`` are written at power-on. ``linked`` says whether it takes part in N:N.
+    runs. ``registers`` are written at power-on. ``linked`` says whether it takes part in N:N. ``ports``
+    are those that CPAVL has set up, ``polls`` what is exchanged on them where no program does it;
+    ``maps`` makes the register map of those that are Modbus slaves.
+
+    Whoever runs it carries its ENDs out: :meth:`end` at the tick that :meth:`wanted_end` names. All other
+    ENDs need no call; what they would have done is done when somebody looks.
     """
 
     def __init__(
@@ -49,15 +59,26 @@ class Plc:
         sources: Mapping[str, Source],
         linked: bool,
         streams: Streams,
+        ports: Sequence[PortSpec] = (),
+        polls: Sequence[PollSpec | FreeSpec] = (),
+        maps: Maps | None = None,
     ) -> None:
         self.name = name
         self.profile = profile
         self.state = PlcState.OFF
         self.cycle = ScanCycle(streams.generator("scan", name))
         self.memory = Memory()
-        self.board = LinkBoard(profile, self.memory)
+        self.errors = SerialErrors(self.memory)
+        self.board = LinkBoard(profile, self.memory, self.errors)
+        #: Its ports beside the link, by name.
+        self.boards = {
+            spec.name: PortBoard(spec, [poll for poll in polls if poll.port == spec.name], profile, maps)
+            for spec in ports
+        }
         #: Set by whoever connects the PLC to a link.
         self.received: Received | None = None
+        #: Called before the link's status is published: others may have listened for its engine.
+        self.before_status: Callable[[], None] | None = None
         self._scan = (scan_mean, scan_jitter)
         self._phase = phase
         self._registers = {parse_device(name): value for name, value in registers.items()}
@@ -66,11 +87,17 @@ class Plc:
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
+        self._driven = self._taken = -1  # the ENDs at which sources and received blocks were taken last
+        self._done = -1  # the END that was carried out last
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
         factor = self.profile.scan_factor
         return round_half_up(self._scan[0] * factor), round_half_up(Fraction(self._scan[1]) * factor)
+
+    def longest_scan(self) -> int:
+        """The longest scan while N:N runs, in ticks, a transaction on every other port included."""
+        return sum(self.scan_under_link()) + len(self.boards) * self.profile.transaction_time
 
     # -- supply and mode switch --------------------------------------------------------------------
 
@@ -79,24 +106,30 @@ class Plc:
         self.memory = Memory()
         for address, value in setting_defaults(self.profile).items():
             self.memory.set_word("D", address, value)
+        self.memory.set(COM2_STATION, self.profile.com2_station)
         for device, value in self._registers.items():
             self.memory.set(device, value)
-        self.board = LinkBoard(self.profile, self.memory)
+        self.errors = SerialErrors(self.memory)
+        self.board = LinkBoard(self.profile, self.memory, self.errors)
         for port, code in self._board_errors:
-            self.board.report_error(port, code)
+            self.errors.report((port, code), port, code)
         self.state = PlcState.STOP
 
     def run(self, now: int, *, traced: bool) -> tuple[LinkEngine | None, int]:
         """STOP→RUN: settings are taken over; returns the link's engine and the first END's tick.
 
         The engine is None where the PLC takes no part in N:N or refuses its parameters (then M8063
-        and D8063 say so).
+        and D8063 say so). The other ports' engines are those of :attr:`boards`, to be started too.
         """
         mean, jitter = self.scan_under_link()
-        engine = self.board.take_over(mean + jitter, traced=traced) if self._linked else None
+        engine = self.board.take_over(self.longest_scan(), traced=traced) if self._linked else None
         if engine is None:
             mean, jitter = self._scan
         self.state = PlcState.RUN
+        self._driven = self._taken = -1
+        self._done = now - 1
+        for board in self.boards.values():
+            board.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
         return engine, self.cycle.run(now, mean, jitter, self._phase)
 
@@ -105,6 +138,8 @@ class Plc:
         self.sync(now - 1)
         self.cycle.stop(now - 1)
         self.board.release()
+        for board in self.boards.values():
+            board.release(now)
         self.state = PlcState.STOP
 
     def power_off(self, now: int) -> None:
@@ -116,22 +151,19 @@ class Plc:
     def board_error(self, port: str, code: int) -> None:
         """The exchange with a port's board fails from now on: M8063 on, D8063 = 7xyy."""
         self._board_errors.append((port, code))
-        self.board.report_error(port, code)
+        self.errors.report((port, code), port, code)
 
     def board_error_over(self, port: str, code: int) -> None:
         """It works again: M8063 goes off unless something else keeps it on; D8063 stays."""
         self._board_errors.remove((port, code))
-        if self._board_errors:
-            self.board.report_error(*self._board_errors[-1])
-        elif self.board.refusing:
-            self.board.refuse()
-        else:
-            self.board.error_over()
+        if (port, code) not in self._board_errors:
+            self.errors.over((port, code))
 
     def parameters(self, settings: LinkSettings, now: int) -> None:
         """A slave has learnt the master's settings: its block may lie elsewhere now."""
         self.sync(now - 1)  # what came in another mode
         self.board.parameters(settings)
+        self._taken = -1
         self._image, self._image_until = None, -1
 
     def refuse(self, now: int) -> None:
@@ -169,6 +201,9 @@ class Plc:
         return min((change for change in changes if change is not None), default=_NEVER)
 
     def _drive(self, end: int) -> None:
+        if end == self._driven:
+            return  # what a port has written since stays
+        self._driven = end
         for device, source in self._sources.items():
             value = source.value(end)
             self.memory.set(device, value if device.is_word else value & 1)
@@ -179,10 +214,79 @@ class Plc:
             return
         end = self.cycle.latest_end(now)
         if end is not None:
-            self._drive(end)
-            if self.received is not None:
-                self._take(self.received(end))
+            self._arrive(end)
+        self._publish()
+
+    def _publish(self) -> None:
+        """The link's status shows in the special devices."""
+        if self.before_status is not None:
+            self.before_status()
         self.board.publish()
+
+    def _arrive(self, end: int) -> None:
+        """An END: sources and received blocks show in memory, once."""
+        self._drive(end)
+        if self.received is not None and end > self._taken:
+            since, self._taken = self._taken, end
+            self._take(self.received(since, end))
+
+    # -- the other ports ---------------------------------------------------------------------------
+
+    def wanted_end(self, now: int) -> int | None:
+        """The next END that matters to some port, not before ``now``; None: none before something happens.
+
+        May be another after every call of a port's engine, and after every change of load.
+        """
+        if self.state is not PlcState.RUN:
+            return None
+        wanted = [tick for board in self.boards.values() if (tick := board.wanted_end(now)) is not None]
+        return self.cycle.next_end(max(min(wanted), self._done + 1, now), now) if wanted else None
+
+    def end(self, now: int) -> dict[str, int]:
+        """Carry out the END at ``now``; returns hints for each port's engine.
+
+        What has been received by then shows in memory before the ports act on it, and what they write
+        is in the block's image at once. The scan that begins lasts longer by the profile's
+        ``transaction_time`` for each port with a transaction under way.
+        """
+        self._done = now
+        self._arrive(now)
+        if self._linked and any(board.shows_memory for board in self.boards.values()):
+            self._publish()
+        hints = {name: board.at_end(now) for name, board in self.boards.items()}
+        active = sum(board.active for board in self.boards.values())
+        self.cycle.set_load(now, active * self.profile.transaction_time)
+        self._image_until = -1
+        return hints
+
+    def rs2(self, instruction: Hashable, operands: Rs2, now: int, *, driven: bool) -> Drive:
+        """An RS2 instruction is executed in the scan before the next END, its contact on or off.
+
+        ``instruction`` tells it from the program's others. Refused where n1 names no port that runs
+        the protocol for it.
+        """
+        port = port_of(operands, self.memory)
+        board = self.boards.get(port) if port is not None else None
+        if board is None:
+            return Drive.REFUSED
+        if driven:
+            return board.drive(instruction, operands, now)
+        board.undrive(instruction, now)
+        return Drive.OFF
+
+    def cpavl(self, port: int, words: Device, bits: Device) -> bool:
+        """CPAVL: a port's words and bits lie here from the next STOP→RUN on.
+
+        False if there is no such port, or they do not lie in memory.
+        """
+        board = self.boards.get(f"COM{port}")
+        if board is None:
+            return False
+        try:
+            board.move(words, bits)
+        except ValueError:
+            return False
+        return True
 
     def _take(self, blocks: Iterable[tuple[int, bytes]]) -> None:
         board = self.board

@@ -2,8 +2,9 @@
 
 Sources: "PW10" is the user guide of the PW10-2RS485-BD board, sections 5 to 8; "FX" the FX series
 communication manual JY992D69901 rev. E, chapters 2.2.1, 4 and 12.2, whose N:N network the PW10
-copies; "fit" was derived from the link times published there; "assumed" is ours, because no
-public source tells, and is therefore a field that a scenario can change.
+copies; "std" Modbus over serial line V1.02, section 2; "fit" was derived from the link times
+published by FX; "assumed" is ours, because no public source tells, and is therefore a field that a
+scenario can change.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
 
-from bussim.units import TICKS_PER_MS
+from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 
 class Attempts(StrEnum):
@@ -94,25 +96,34 @@ _FX1S_DEVICES = LinkDevices(201, (504, 505, 506, 507, 508, 509, 510, 511, 503))
 class Profile:
     """One PLC family. Times in ticks (1/72 MHz); a scenario writes them with units.
 
-    ======================  ============================================================  ========
-    field                   meaning                                                       source
-    ======================  ============================================================  ========
-    ``master_gap``          quiet time before every frame of the master                   fit
-    ``turnaround``          slave's time from poll to reply                               fit
-    ``scan_overhead``       master's time after the last slave of a link scan             fit
-    ``attempts``            meaning of D8179                                              assumed
-    ``absent_station``      what a flagged station costs                                  assumed
-    ``error_count``         when error counts rise                                        assumed
-    ``reply``               reply from the board's interrupt or at END                    assumed
-    ``link_scan_unit``      unit of D8201/D8202                                           assumed
-    ``scan_factor``         PLC scan time under N:N, as a factor on mean and jitter       FX
-    ``default_timeout``     D8180 at power-on, in 10 ms                                   PW10, FX
-    ``timeout_range``       D8180 that the PLC accepts, in 10 ms, both ends included      PW10, FX
-    ``modes``               refresh modes D8178 that the PLC accepts                      PW10, FX
-    ``documented_modes``    those of them that the settings table lists                   PW10, FX
-    ``word_spacing``        distance of the stations' D blocks                            PW10, FX
-    ``devices``             addresses of the special devices                              PW10, FX
-    ======================  ============================================================  ========
+    ========================  =============================================================  ========
+    field                     meaning                                                        source
+    ========================  =============================================================  ========
+    ``master_gap``            quiet time before every frame of the master                    fit
+    ``turnaround``            slave's time from poll to reply                                fit
+    ``scan_overhead``         master's time after the last slave of a link scan              fit
+    ``attempts``              meaning of D8179                                               assumed
+    ``absent_station``        what a flagged station costs                                   assumed
+    ``error_count``           when error counts rise                                         assumed
+    ``reply``                 reply from the board's interrupt or at END                     assumed
+    ``link_scan_unit``        unit of D8201/D8202                                            assumed
+    ``scan_factor``           PLC scan time under N:N, as a factor on mean and jitter        FX
+    ``default_timeout``       D8180 at power-on, in 10 ms                                    PW10, FX
+    ``timeout_range``         D8180 that the PLC accepts, in 10 ms, both ends included       PW10, FX
+    ``modes``                 refresh modes D8178 that the PLC accepts                       PW10, FX
+    ``documented_modes``      those of them that the settings table lists                    PW10, FX
+    ``word_spacing``          distance of the stations' D blocks                             PW10, FX
+    ``devices``               addresses of the special devices                               PW10, FX
+    ``transaction_time``      what each active transaction of a port adds to a PLC scan      assumed
+    ``broadcast_turnaround``  a Modbus master's pause after a broadcast (100 to 200 ms)      std
+    ``rtu_gaps``              the silences of Modbus RTU on the ports                        std
+    ``ascii_gap``             longest pause between two characters of a Modbus ASCII frame   std
+    ``begun_holds``           a response that has begun by the timeout is awaited            assumed
+    ``slave_backlog``         requests that wait while a Modbus slave port serves another    assumed
+    ``com2_station``          D8121, the station number of COM2 as a slave, at power-on      assumed
+    ``free_awaits_first``     +9 also limits the wait for a reception's first character      assumed
+    ``free_keeps_frame``      start and end character count as received data                 assumed
+    ========================  =============================================================  ========
     """
 
     name: str
@@ -131,6 +142,15 @@ class Profile:
     documented_modes: tuple[int, ...] = (0, 1, 2)
     word_spacing: int = 32
     devices: LinkDevices = _PW10_DEVICES
+    transaction_time: int = TICKS_PER_MS // 5
+    broadcast_turnaround: int = 100 * TICKS_PER_MS
+    rtu_gaps: GapRule = STANDARD_GAPS
+    ascii_gap: int = TICKS_PER_SECOND
+    begun_holds: bool = False
+    slave_backlog: int = 0
+    com2_station: int = 1
+    free_awaits_first: bool = False
+    free_keeps_frame: bool = False
 
 
 _PW10 = Profile("pw10")

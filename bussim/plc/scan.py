@@ -7,6 +7,7 @@ no event. Only the one before a frame leaves, or the one after a reply is ready,
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable
 from operator import sub
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,9 @@ class ScanCycle:
 
     ENDs may be asked for as far ahead as one likes, and back to the latest one before the present,
     which only ever moves forward. Scans that nobody asks about are drawn and counted in blocks.
+
+    A load makes scans longer (:meth:`set_load`). It changes no draw: the luck of a scan depends on its
+    place since RUN alone.
     """
 
     def __init__(self, generator: np.random.Generator) -> None:
@@ -32,6 +36,13 @@ class ScanCycle:
         self._ends: list[int] = []
         self._longest_of: list[int] = []  # the longest scan of each of those blocks
         self._past = (0, 0, 0)  # count, total and longest of the scans before
+        self._extra = 0  # by how much every scan is longer now
+        # Once there was a load: drawn scans without it, and how many of them are in ``_ends``. ENDs
+        # are then made one by one, since a change of load moves all that lie ahead.
+        self._drawn: list[int] | None = None
+        self._used = 0
+        #: Called with an END when those after it have moved.
+        self.on_change: Callable[[int], None] | None = None
         #: Finished scans, their total and longest duration in ticks, over all RUNs, as of the latest
         #: :meth:`count_up_to`. From RUN to the first END is no whole scan.
         self.count = 0
@@ -50,6 +61,7 @@ class ScanCycle:
         first = now + phase
         self._ends = [first]
         self._longest_of = []
+        self._extra, self._drawn, self._used = 0, None, 0
         return first
 
     def stop(self, now: int) -> None:
@@ -61,11 +73,43 @@ class ScanCycle:
             self._ends = self._ends[place - 1 : place] if place else []
             self._longest_of = []
             self._running = False
+            self._extra, self._drawn, self._used = 0, None, 0
+
+    def set_load(self, end: int, extra: int) -> None:
+        """From the scan that begins at ``end`` on, every scan lasts ``extra`` ticks longer, until changed.
+
+        ``end`` is the latest END. Raises ValueError if it is no END of a PLC in RUN.
+        """
+        if extra == self._extra:
+            return
+        ends = self._ends
+        place = bisect_left(ends, end)
+        if not self._running or place == len(ends) or ends[place] != end:
+            raise ValueError(f"tick {end} is no END of a PLC in RUN")
+        if self._drawn is None:
+            self._drawn = list(map(sub, ends[place + 1 :], ends[place:]))
+        else:
+            self._used -= len(ends) - place - 1
+        del ends[place + 1 :]
+        self._forget(place - 1)
+        self._extra = extra
+        if self.on_change is not None:
+            self.on_change(end)
+
+    def _forget(self, place: int) -> None:
+        """What lies before an entry of ``_ends`` need not be kept any more."""
+        if place > 0:
+            self._leave(place, self._ends[place], self._longest(place))
+            del self._ends[:place]
+        self._longest_of.clear()
 
     def _reach(self, tick: int, now: int) -> list[int]:
         """The ENDs from the latest one before ``now`` on (at least), drawn on until they pass a tick."""
         ends = self._ends
         while self._running and ends[-1] <= tick:
+            if self._drawn is not None:
+                self._lengthen(self._drawn, tick, now)
+                continue
             if self._jitter:
                 self._draw(now)
             else:
@@ -76,12 +120,49 @@ class ScanCycle:
                 del ends[:_BLOCK]
         return ends
 
-    def _draw(self, now: int) -> None:
+    def _lengthen(self, drawn: list[int], tick: int, now: int) -> None:
+        """ENDs under a load: on until they pass a tick or the next block of scans is to be drawn."""
+        if self._used == len(drawn):
+            self._refill(drawn, now)
+        ends, extra, used, known = self._ends, self._extra, self._used, len(drawn)
+        last = ends[-1]
+        while used < known and last <= tick:
+            last += drawn[used] + extra
+            ends.append(last)
+            used += 1
+        self._used = used
+
+    def _refill(self, drawn: list[int], now: int) -> None:
+        """Draw a block; what lies before the present, and scans that it is over for, are counted."""
+        self._forget(bisect_left(self._ends, now) - 1)
+        del drawn[: max(0, self._used - len(self._ends))]  # the rest may be taken back by a new load
+        if not self._jitter:
+            scans, total, longest = [self._mean] * _BLOCK, self._mean * _BLOCK, self._mean
+        else:
+            block = self._scans()
+            scans, total, longest = block.tolist(), int(block.sum()), int(block.max())
+        ends, extra = self._ends, self._extra
+        last = ends[-1] + total + _BLOCK * extra
+        if last < now:
+            longest = max(longest + extra, self._longest(len(ends) - 1))
+            self._leave(len(ends) - 1 + _BLOCK, last, longest)
+            ends[:] = [last]
+            drawn.clear()
+        else:
+            drawn += scans
+        self._used = len(drawn) - _BLOCK if drawn else 0
+
+    def _scans(self) -> np.ndarray:
         import numpy as np
 
         luck = self._generator.random(_BLOCK)
         scans = (self._mean - self._jitter + 0.5 + 2 * self._jitter * luck).astype(np.int64)
-        np.maximum(scans, 1, out=scans)
+        return np.maximum(scans, 1, out=scans)
+
+    def _draw(self, now: int) -> None:
+        import numpy as np
+
+        scans = self._scans()
         ends = self._ends
         last, longest = ends[-1] + int(scans.sum()), int(scans.max())
         if last < now:
@@ -122,9 +203,14 @@ class ScanCycle:
         count, total, longest = self._past
         last = bisect_right(ends, tick) - 1
         if last > 0:
-            blocks, rest = divmod(last, _BLOCK)
-            at = blocks * _BLOCK
-            part = map(sub, ends[at + 1 : at + rest + 1], ends[at : at + rest])
-            longest = max(longest, *self._longest_of[:blocks], *part)
+            longest = max(longest, self._longest(last))
             count, total = count + last, total + ends[last] - ends[0]
         self.count, self.total, self.longest = count, total, longest
+
+    def _longest(self, last: int) -> int:
+        """The longest of the first ``last`` scans of ``_ends``, 0 if there are none."""
+        ends = self._ends
+        blocks = min(last // _BLOCK, len(self._longest_of))
+        at = blocks * _BLOCK
+        part = map(sub, ends[at + 1 : last + 1], ends[at:last])
+        return max((*self._longest_of[:blocks], *part), default=0)

@@ -2,38 +2,50 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from bussim.plc.board import D_TIMEOUT, TIMEOUT_UNIT
 from bussim.scenario.disturbances import FAULT_KINDS, FaultIn, NoiseIn
-from bussim.scenario.schema import BusIn, DocumentIn, Model, PlcIn
+from bussim.scenario.places import Path
+from bussim.scenario.port_seats import written_keys
+from bussim.scenario.schema import BusIn, DocumentIn, PlcIn
 from bussim.scenario.seats import NN_KEYS, Member, line_of, raw_registers
+from bussim.scenario.written import as_written, in_order
 from bussim.units import format_time
+
+if TYPE_CHECKING:
+    from bussim.scenario.device_schema import DeviceIn
+    from bussim.scenario.poll_schema import TransactionIn
 
 
 def canonical(
     document: DocumentIn,
     buses: list[BusIn],
     members: list[Member],
+    devices: Sequence[tuple[DeviceIn, Sequence[TransactionIn]]],
+    polls: Mapping[Path, Sequence[TransactionIn]],
     noise: list[NoiseIn],
     faults: list[FaultIn],
 ) -> dict[str, object]:
-    """Plain data that load as the same scenario: what the file says, and the defaults it relies on."""
-    return {
+    """Plain data that load as the same scenario: what the file says, and the defaults it relies on.
+
+    ``polls`` are those of each PLC by its path; a device stands beside its own.
+    """
+    written = {
         "schema": 1,
         "name": document.name,
         "duration": format_time(document.duration),
         "seed": document.seed,
         "buses": [_bus(bus) for bus in buses],
-        "plcs": [_plc(member) for member in members],
+        "plcs": [_plc(member, polls.get(member.path, ())) for member in members],
+        "devices": [_device(device, own) for device, own in devices],
         "noise": [_noise(entry) for entry in noise],
         "faults": [_fault(fault) for fault in faults],
     }
-
-
-def _written(model: Model) -> dict[str, Any]:
-    """A mapping as the file has it: times as text, keys by their names in the file."""
-    return model.model_dump(by_alias=True, exclude_none=True)
+    if not devices:
+        del written["devices"]
+    return written
 
 
 def _bus(bus: BusIn) -> dict[str, object]:
@@ -43,19 +55,41 @@ def _bus(bus: BusIn) -> dict[str, object]:
     return {"name": bus.name, "nn": False, "baud": line.baud, "format": str(line.format)}
 
 
-def _plc(member: Member) -> dict[str, object]:
+def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
     plc = member.plc
-    written = _written(plc)
+    written = as_written(plc)
+    written["polls"] = _polls(polls)
     profile = written["profile"]
     written["profile"] = profile["base"] if set(profile) == {"base"} else profile
     if "turnaround" in profile and "mean" in profile["turnaround"]:
         profile["turnaround"].setdefault("jitter", format_time(0))
-    for key in ("registers", "ports", "sources"):
+    raw = raw_registers(plc)
+    for seat in member.ports:
+        port = written["ports"][seat.name]
+        for key, value in written_keys(seat, member.registers, raw).items():
+            port[key] = format_time(value) if key in ("timeout", "interval") else value
+        port["cpavl"] = {"words": str(seat.words), "bits": str(seat.bits)}
+        written["ports"][seat.name] = in_order(seat.given, port)
+    for key in ("registers", "ports", "polls", "sources"):
         if not written[key]:
             del written[key]
     if plc.nn is not None:
         written["nn"] = _nn(member, plc)
     return written
+
+
+def _polls(polls: Sequence[TransactionIn]) -> list[dict[str, object]]:
+    if not polls:
+        return []
+    from bussim.scenario.canonical_devices import written_poll  # what only a scenario with polls pays
+
+    return [written_poll(poll) for poll in polls]
+
+
+def _device(device: DeviceIn, polls: Sequence[TransactionIn]) -> dict[str, object]:
+    from bussim.scenario.canonical_devices import written_device
+
+    return written_device(device, polls)
 
 
 def _nn(member: Member, plc: PlcIn) -> dict[str, object]:
@@ -74,14 +108,14 @@ def _nn(member: Member, plc: PlcIn) -> dict[str, object]:
 
 
 def _noise(noise: NoiseIn) -> dict[str, object]:
-    written = _written(noise)
+    written = as_written(noise)
     if noise.station is not None and noise.reply_loss is None:
         written.setdefault("direction", "rx")
-    return written
+    return in_order(noise, written)
 
 
 def _fault(fault: FaultIn) -> dict[str, object]:
-    written = _written(fault)
+    written = as_written(fault)
     if fault.power_on is None:
         written = {"at": format_time(0), **written}
     for kind in FAULT_KINDS:

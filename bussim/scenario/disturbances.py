@@ -6,12 +6,14 @@ from typing import Annotated
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from bussim.engines.modbus.adu import ASCII_MAX
 from bussim.engines.nn.frames import MODES, data_chars
-from bussim.line.characters import NN_LINE
+from bussim.line.characters import NN_LINE, CharFormat
 from bussim.scenario.fields import (
     Baud,
     Format,
     Name,
+    NodeName,
     Positive,
     Probability,
     Time,
@@ -23,9 +25,13 @@ from bussim.scenario.fields import (
 )
 from bussim.scenario.schema import Model, given_of, only_one
 
-#: Characters and bits of the longest frame.
-LONGEST_FRAME = max(data_chars(mode) for mode in range(len(MODES)))
-LONGEST_BITS = LONGEST_FRAME * NN_LINE.format.bits
+#: Characters and bits of the link's longest frame, and of the longest one on any bus.
+LINK_FRAME = max(data_chars(mode) for mode in range(len(MODES)))
+LINK_BITS = LINK_FRAME * NN_LINE.format.bits
+LONGEST_FRAME = max(LINK_FRAME, ASCII_MAX)
+LONGEST_BITS = LONGEST_FRAME * CharFormat(8, "E", 2).bits
+#: Kinds of frames: the link's, and those of Modbus.
+LINK_FRAMES, MODBUS_FRAMES = ("data", "poll", "parameters"), ("request", "response")
 #: Codes of D8063 that no frame can cause (PW10, section 8; ports COM3 to COM6).
 BOARD_CODES = (*range(10, 20), *range(40, 48), 49)
 
@@ -89,7 +95,7 @@ class NoiseIn(Model):
 
     name: Name | None = None
     bus: Name
-    station: Name | None = None
+    station: NodeName | None = None
     direction: Side | None = None
     at: Time = 0
     for_: Positive | None = Field(None, alias="for")
@@ -114,12 +120,12 @@ class NoiseIn(Model):
 
 
 class StationIn(Model):
-    """A fault that needs no more than the PLC's name."""
+    """A fault that needs no more than the name of a PLC, of one of its ports, or of a device."""
 
-    example = "the name of a PLC, or {station: press1}"
+    example = "the name of a PLC, a port such as press1.COM3 or a device, or {station: press1}"
     shorthand = "station"
 
-    station: Name
+    station: NodeName
 
 
 class SlowIn(StationIn):
@@ -136,7 +142,7 @@ class CableCutIn(Model):
     example = "{bus: link, after: press1}"
 
     bus: Name
-    after: Name
+    after: NodeName
 
 
 class WrongFormatIn(StationIn):
@@ -184,7 +190,7 @@ class InsertCharIn(LoseCharIn):
 
     example = "the name of a PLC, or {station: press1, direction: tx, index: 3, value: 0x30}"
 
-    value: Annotated[int, whole(0, 127)] | None = None
+    value: Annotated[int, whole(0, 255)] | None = None
 
 
 class FlipBitsIn(StationIn):
@@ -197,7 +203,7 @@ class FlipBitsIn(StationIn):
         list[Annotated[int, whole(0, LONGEST_BITS - 1)]],
         Field(min_length=1, max_length=LONGEST_BITS),
     ]
-    frame: Annotated[str, choice("data", "poll", "parameters")] | None = None
+    frame: Annotated[str, choice(*LINK_FRAMES, *MODBUS_FRAMES)] | None = None
 
     @model_validator(mode="after")
     def _different(self) -> FlipBitsIn:

@@ -16,7 +16,9 @@ from typing import Annotated, Any
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.line.characters import BAUDS, CharFormat
+from bussim.plc.memory import Device, parse_device
 from bussim.scenario.wording import RawFloat, RawInt, nearest, show
 from bussim.units import TICKS_PER_SECOND, format_time, parse_time
 
@@ -26,6 +28,9 @@ OWN = "bussim"
 LONGEST = 10 * 365 * 86400 * TICKS_PER_SECOND
 
 _NAME = re.compile(r"(?=.*[^\W\d_])[\w-]{1,64}")
+_NODE = re.compile(r"(?=.*[^\W\d_])[\w-]{1,64}(\.COM[1-6])?")
+_CALLABLE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
+_HEX = re.compile(r"(?:0x)?([0-9a-fA-F]{2})")
 
 
 class _Empty:
@@ -69,6 +74,17 @@ def name() -> Kind:
         raise fail(
             f"{_found(value)}, not a name; allowed are letters, digits, _ and -, with at least one letter"
         )
+
+    return Kind(check)
+
+
+def node() -> Kind:
+    """The name of what sits on a bus: a PLC, one of its ports (press1.COM3), a device."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and _NODE.fullmatch(value):
+            return value
+        raise fail(f"{_found(value)}, expected the name of a PLC, a port such as press1.COM3, or a device")
 
     return Kind(check)
 
@@ -203,6 +219,95 @@ def character_format() -> Kind:
     return Kind(check, str)
 
 
+def device() -> Kind:
+    """A device of a PLC's memory, such as D400."""
+
+    def check(value: object) -> Device:
+        if not isinstance(value, str):
+            raise fail(f"{_found(value)}, expected a device such as D400")
+        try:
+            return parse_device(value[:100])
+        except ValueError as error:
+            raise fail(str(error)) from None
+
+    return Kind(check, str)
+
+
+def function_code() -> Kind:
+    """A Modbus function that is known here."""
+
+    def check(value: object) -> int:
+        if isinstance(value, int) and not isinstance(value, bool) and value in FUNCTIONS:
+            return int(value)
+        hint = "; did you mean 0x10?" if value == 10 else ""
+        raise fail(f"{_found(value)}, allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10){hint}")
+
+    return Kind(check)
+
+
+def characters(most: int) -> Kind:
+    """A text as the bytes that go over the line, 1 to ``most``; Latin-1, escapes by YAML's quotes."""
+
+    def check(value: object) -> bytes:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        if not isinstance(value, str) or not value:
+            raise fail(f'{_found(value)}, expected a text such as "abc\\r"')
+        try:
+            data = value.encode("latin-1")
+        except UnicodeEncodeError as error:
+            strange = value[error.start]
+            raise fail(f"has the character {strange!r}, which is no byte; write it in hexadecimal") from None
+        return _sized(data, most)
+
+    return Kind(check, lambda data: data.decode("latin-1"))
+
+
+def hexadecimal(most: int) -> Kind:
+    """Bytes as pairs of hexadecimal digits with spaces between, 1 to ``most``."""
+
+    def check(value: object) -> bytes:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        pairs = value.split() if isinstance(value, str) else []
+        found = [_HEX.fullmatch(pair) for pair in pairs]
+        if not pairs or None in found:
+            raise fail(f'{_found(value)}, expected bytes in hexadecimal such as "02 41 0D"')
+        return _sized(bytes(int(match.group(1), 16) for match in found if match is not None), most)
+
+    return Kind(check, lambda data: data.hex(" ").upper())
+
+
+def _sized(data: bytes, most: int) -> bytes:
+    if len(data) > most:
+        raise fail(f"has {len(data)} bytes, allowed 1..{most}")
+    return data
+
+
+def callable_name() -> Kind:
+    """A Python function as ``module:function``."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and len(value) <= 200 and _CALLABLE.fullmatch(value):
+            return value
+        raise fail(f"{_found(value)}, expected module:function, such as sensors:level")
+
+    return Kind(check)
+
+
+def character() -> Kind:
+    """One character: its code 0 to 255, or itself in quotes."""
+
+    def check(value: object) -> int:
+        if isinstance(value, str) and len(value) == 1 and ord(value) <= 0xFF:
+            return ord(value)
+        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 0xFF:
+            return int(value)
+        raise fail(f'{_found(value)}, expected a character code 0..255 or one character such as "\\r"')
+
+    return Kind(check)
+
+
 def exact(value: float) -> Fraction:
     """The decimal number that a float prints as: 1.1 is eleven tenths."""
     return Fraction(Decimal(repr(value)))
@@ -214,4 +319,6 @@ Positive = Annotated[int, time(low=1)]
 Probability = Annotated[float, number(0, 1)]
 Baud = Annotated[int, one_of(BAUDS)]
 Format = Annotated[CharFormat, character_format()]
+NodeName = Annotated[str, node()]
+DeviceName = Annotated[Device, device()]
 Flag = Annotated[bool, flag()]

@@ -15,7 +15,7 @@ from bussim.plc.board import (
     refusal,
     worst_turnaround,
 )
-from bussim.plc.memory import BlockPlace, block_place, parse_device
+from bussim.plc.memory import BlockPlace, Device, block_place, parse_device
 from bussim.plc.profiles import MAX_SLAVES
 from bussim.scenario.places import Path, Report
 from bussim.scenario.schema import BusIn
@@ -39,13 +39,10 @@ def check_bus_name(path: Path, name: str, buses: Sequence[Entry[BusIn]], report:
 
 
 def check_links(draft: Draft, members: list[Member], report: Report) -> None:
-    """Judge every N:N link of a scenario, and the buses that none is on."""
+    """Judge every N:N link of a scenario."""
     for entry in draft.buses:
         bus = entry.value
-        if bus is None or entry.lost("nn"):
-            continue
-        if not bus.nn:
-            report.warn(entry.path, f"nothing talks on {bus.name}: it is not an N:N link (nn: true)")
+        if bus is None or entry.lost("nn") or not bus.nn:
             continue
         on_link = [member for member in members if member.takes_part and member.bus == bus.name]
         for member in on_link[MAX_STATIONS:]:
@@ -62,7 +59,7 @@ def check_links(draft: Draft, members: list[Member], report: Report) -> None:
             _check_link(bus.name, on_link, report)
             _check_sources(on_link, report)
     for member in members:
-        if not member.takes_part and member.plc.sources:
+        if not member.takes_part and not member.ports and member.plc.sources:
             report.warn(
                 (*member.path, "sources"),
                 f"{member.name} takes no part in N:N: what its sources drive is sent to nobody",
@@ -172,6 +169,26 @@ def own_block(member: Member, members: list[Member]) -> BlockPlace | None:
     return block_place(member.station, block.bits, block.words, member.profile.word_spacing)
 
 
+def foreign_blocks(member: Member, members: Sequence[Member]) -> list[BlockPlace]:
+    """Where a PLC keeps the blocks of the link's other stations; none without a working master."""
+    master = next((other for other in members if other.station == 0), None)
+    if master is None or master.refused or member.refused:
+        return []
+    block = MODES[master.settings[D_MODE]]
+    return [
+        block_place(station, block.bits, block.words, member.profile.word_spacing)
+        for station in range(master.settings[D_SLAVES] + 1)
+        if station != member.station
+    ]
+
+
+def holds(place: BlockPlace, device: Device) -> bool:
+    """Whether a device lies in a block."""
+    if device.is_word:
+        return place.word <= device.address < place.word + place.words
+    return device.letter == "M" and place.bit <= device.address < place.bit + place.bits
+
+
 def _check_sources(members: list[Member], report: Report) -> None:
     for member in members:
         place = own_block(member, members)
@@ -184,8 +201,9 @@ def _check_sources(members: list[Member], report: Report) -> None:
                 device = parse_device(name)
             except ValueError:
                 continue
-            first, count = (place.word, place.words) if device.is_word else (place.bit, place.bits)
-            if not first <= device.address < first + count:
+            if member.ports and not any(holds(other, device) for other in foreign_blocks(member, members)):
+                continue  # another port may send it
+            if not holds(place, device):
                 report.warn(
                     (*member.path, "sources", name),
                     f"{member.name} drives {name}, which is not in its own block ({own}): it is not sent, "

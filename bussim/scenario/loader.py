@@ -9,6 +9,7 @@ from pathlib import Path
 
 from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.scenario import builtin, yaml
+from bussim.scenario.code import Code
 from bussim.scenario.model import Scenario
 from bussim.scenario.overrides import Override, apply_overrides
 from bussim.scenario.places import Places, Report
@@ -34,24 +35,34 @@ class Examined:
         return self.scenario
 
 
-def load(path: str | os.PathLike[str], overrides: Overrides = ()) -> Scenario:
+def load(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_code: bool = False) -> Scenario:
     """The scenario in a file, or the built-in one of that name if there is no such file.
 
-    ``overrides`` are texts ``key.path=value``. Raises ScenarioError with every mistake, and
-    UsageError for an override whose path leads nowhere.
+    ``overrides`` are texts ``key.path=value``. Functions of the user that a scenario names are loaded
+    only with ``allow_code``, from the scenario's folder, the current one, or where Python finds its
+    own. Raises ScenarioError with every mistake, and UsageError for an override whose path leads
+    nowhere.
     """
-    return examine(path, overrides).get()
+    return examine(path, overrides, allow_code=allow_code).get()
 
 
-def loads(text: str, name: str = "<string>", overrides: Overrides = ()) -> Scenario:
+def loads(
+    text: str, name: str = "<string>", overrides: Overrides = (), *, allow_code: bool = False
+) -> Scenario:
     """The scenario in a text; ``name`` stands for the file in messages. Raises as :func:`load`."""
-    return _judge(*yaml.read(text, name), overrides).get()
+    return _judge(*yaml.read(text, name), overrides, Code(allowed=allow_code)).get()
 
 
-def from_data(data: Mapping[str, object], overrides: Overrides = (), name: str = "<data>") -> Scenario:
+def from_data(
+    data: Mapping[str, object],
+    overrides: Overrides = (),
+    name: str = "<data>",
+    *,
+    allow_code: bool = False,
+) -> Scenario:
     """The scenario in plain data as a YAML file would give them. Raises as :func:`load`."""
     plain = copied(data, name)
-    return _judge(plain, Places(name, data=plain), [], overrides).get()
+    return _judge(plain, Places(name, data=plain), [], overrides, Code(allowed=allow_code)).get()
 
 
 def check(path: str | os.PathLike[str], overrides: Overrides = ()) -> tuple[list[Problem], list[Problem]]:
@@ -60,14 +71,14 @@ def check(path: str | os.PathLike[str], overrides: Overrides = ()) -> tuple[list
     return list(examined.errors), list(examined.warnings)
 
 
-def examine(path: str | os.PathLike[str], overrides: Overrides = ()) -> Examined:
+def examine(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_code: bool = False) -> Examined:
     """Like :func:`load`, but mistakes are returned, and warnings with their places."""
     place, shown = builtin.locate(os.fspath(path))
     try:
         raw = _bytes(place, shown)
     except ScenarioError as error:
         return Examined(None, error.problems, ())
-    return _judge(*yaml.read(raw, shown), overrides)
+    return _judge(*yaml.read(raw, shown), overrides, Code(allowed=allow_code, folder=place.parent))
 
 
 def _bytes(path: Path, shown: str) -> bytes:
@@ -94,7 +105,9 @@ def _missing(path: Path, shown: str) -> str:
     return f"no such file, and no built-in scenario of that name; {hint}"
 
 
-def _judge(data: object, places: Places, problems: list[Problem], overrides: Overrides) -> Examined:
+def _judge(
+    data: object, places: Places, problems: list[Problem], overrides: Overrides, code: Code | None = None
+) -> Examined:
     report = Report(places, problems)
     if data is None:
         empty = Problem(places.file, 0, 0, "is empty; a scenario begins with schema: 1")
@@ -106,7 +119,7 @@ def _judge(data: object, places: Places, problems: list[Problem], overrides: Ove
 
     data = apply_overrides(data, places, overrides)
     draft = read_draft(data, report)
-    members = check_rules(draft, report)
+    judged = check_rules(draft, report, code or Code())
     labels = set(places.labels.values())
     for problem in report.unknown:
         if problem.file in labels:  # the request is wrong, not the file
@@ -114,5 +127,7 @@ def _judge(data: object, places: Places, problems: list[Problem], overrides: Ove
     if report.errors:
         # A warning beside a mistake may be no more than its consequence.
         return Examined(None, tuple(sorted(report.errors)), ())
-    scenario = build(draft, members, tuple(problem.message for problem in report.warnings))
+    # Without their places, two may be the same.
+    warnings = tuple(dict.fromkeys(problem.message for problem in report.warnings))
+    scenario = build(draft, judged, warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

@@ -6,13 +6,16 @@ values from a file and reports every mistake before one exists.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from fractions import Fraction
 
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepperProfile
+from bussim.devices.talker import Saying
 from bussim.devices.user import Entry
+from bussim.devices.values import Noise as NoiseValue
+from bussim.devices.values import noise_key
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
@@ -115,24 +118,6 @@ class HmiSettings:
     timeout: int
     interval: int
     turnaround: int  # after a broadcast
-
-
-@dataclass(frozen=True, slots=True)
-class Saying:
-    """What a free-protocol device sends.
-
-    On its own: first at ``at``, then every ``every`` ticks (None: once), ``times`` times (None: for
-    ever), each time up to ``jitter`` later. Where ``reply_to`` is not empty: ``delay`` ticks after
-    these bytes have been heard.
-    """
-
-    data: bytes
-    at: int = 0
-    every: int | None = None
-    times: int | None = None
-    jitter: int = 0
-    reply_to: bytes = b""
-    delay: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -414,8 +399,40 @@ class Scenario:
     seed: int
     buses: tuple[Bus, ...]
     plcs: tuple[Plc, ...]
-    devices: tuple[BusDevice, ...] = ()
     noise: tuple[Noise, ...] = ()
     faults: tuple[Fault, ...] = ()
     warnings: tuple[str, ...] = ()
+    devices: tuple[BusDevice, ...] = ()
     source: dict[str, object] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        """Give the noise in register maps its keys: also a replaced seed draws other values."""
+        if any(isinstance(device.settings, MapSettings) for device in self.devices):
+            devices = tuple(_with_keys(device, self.seed) for device in self.devices)
+            object.__setattr__(self, "devices", devices)
+
+    def nodes_on(self, bus: str) -> tuple[str, ...]:
+        """What sits on a bus, in the order of its cable: PLCs' ports as in ``plcs``, then devices."""
+        names: list[str] = []
+        for plc in self.plcs:
+            ports = [spec.name for spec in plc.ports if spec.bus == bus]
+            if plc.seat is not None and plc.seat.bus == bus:
+                ports.append(plc.seat.port)
+            names += [plc.port_node(port) for port in sorted(ports)]
+        return (*names, *(device.name for device in self.devices if device.bus == bus))
+
+
+def _with_keys(device: BusDevice, seed: int) -> BusDevice:
+    """A device whose noise is named by the seed, itself and the address, not by its place in the file."""
+    if not isinstance(device.settings, MapSettings):
+        return device
+    entries = tuple(
+        replace(
+            entry,
+            value=replace(entry.value, key=noise_key(seed, device.name, entry.space.value, entry.address)),
+        )
+        if isinstance(entry.value, NoiseValue)
+        else entry
+        for entry in device.settings.entries
+    )
+    return replace(device, settings=replace(device.settings, entries=entries))

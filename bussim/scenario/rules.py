@@ -1,52 +1,78 @@
 """What one value cannot tell: whether the parts of a scenario fit each other.
 
-Mistakes and oddities of buses and PLCs are here, those of links in ``link_rules``, those of noise
-and faults in ``disturbance_rules``.
+Mistakes and oddities of names, buses and PLCs are here, the others in the modules that this one calls.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from bussim.line.characters import NN_LINE
+from bussim.line.characters import NN_LINE, LineTiming
 from bussim.plc.board import TAKE_PART, TIMEOUT_UNIT
-from bussim.plc.memory import Device, parse_device
+from bussim.plc.memory import Device
+from bussim.scenario.bus_rules import check_buses
+from bussim.scenario.code import Code
 from bussim.scenario.disturbance_rules import check_faults, check_noise
-from bussim.scenario.link_rules import check_bus_name, check_links
+from bussim.scenario.link_rules import check_links
+from bussim.scenario.nodes import Directory, lines_of
 from bussim.scenario.places import Path, Report
+from bussim.scenario.port_rules import FIRST_SPECIAL, check_link_bus, check_port_use, check_ports
+from bussim.scenario.register_rules import check_registers, named_device
 from bussim.scenario.schema import BusIn, PlcIn, SourceIn
 from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, device_name, friendly_registers, member_of
-from bussim.scenario.validate import Draft, Entry, T
-from bussim.scenario.wording import show, suggest
+from bussim.scenario.validate import Draft, Entry
+from bussim.scenario.wording import show
 from bussim.units import format_time
 
-#: The ports of the first board, the only ones that M8179 can select.
-LINK_PORTS = ("COM3", "COM4")
-_ALL_PORTS = ("COM1", "COM2", "COM3", "COM4", "COM5", "COM6")
-#: M8000 and D8000 on are special devices.
-FIRST_SPECIAL = 8000
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What the rules have made of a draft, for the builder."""
+
+    members: list[Member]
+    nodes: Directory
+    code: Code
 
 
-def check_rules(draft: Draft, report: Report) -> list[Member]:
-    """Judge a draft; returns the PLCs as links see them, in order, without those that cannot be read."""
-    _check_names(draft.buses, report)
-    _check_names(draft.plcs, report)
-    _check_names(draft.noise, report)
-    _check_names(draft.faults, report)
+def check_rules(draft: Draft, report: Report, code: Code) -> Judged:
+    """Judge a draft. PLCs and devices that cannot be read are left out of what is returned."""
+    owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]  # both name nodes of buses
+    sections: list[Iterable[Entry[Any]]] = [draft.buses, owners, draft.noise, draft.faults]
+    for section in sections:
+        _check_names(section, report)
     for bus in draft.buses:
         _check_bus(bus, report)
+    lines = lines_of(draft)
     members = [
-        _check_plc(entry, entry.value, draft.buses, report) for entry in draft.plcs if entry.value is not None
+        _check_plc(entry, entry.value, draft.buses, lines, report)
+        for entry in draft.plcs
+        if entry.value is not None
     ]
+    nodes = Directory(draft, members, lines)
+    if draft.devices:
+        from bussim.scenario.device_rules import check_device  # what only a scenario with devices pays
+
+        for entry in draft.devices:
+            if entry.value is not None:
+                check_device(entry, entry.value, draft.buses, code, report)
     check_links(draft, members, report)
+    check_buses(draft, nodes, report)
+    polled: set[str] = set()
+    if draft.polls:
+        from bussim.scenario.poll_rules import check_polls  # and one with polls
+
+        polled = check_polls(draft, members, nodes, code, report)
+    check_port_use(nodes, polled, report)
     duration = draft.document.duration if draft.document is not None else None
-    check_noise(draft, members, duration, report)
-    check_faults(draft, members, duration, report)
-    return members
+    check_noise(draft, nodes, duration, report)
+    check_faults(draft, nodes, duration, report)
+    return Judged(members, nodes, code)
 
 
-def _check_names(section: Iterable[Entry[T]], report: Report) -> None:
-    seen: dict[str, Entry[T]] = {}
+def _check_names(section: Iterable[Entry[Any]], report: Report) -> None:
+    seen: dict[str, Entry[Any]] = {}
     for entry in section:
         name = entry.name
         if name is None:
@@ -75,14 +101,20 @@ def _check_bus(entry: Entry[BusIn], report: Report) -> None:
         report.error((*entry.path, "format"), f"is {bus.format}, but {fixed}")
 
 
-def _check_plc(entry: Entry[PlcIn], plc: PlcIn, buses: Sequence[Entry[BusIn]], report: Report) -> Member:
-    _check_registers(entry, plc, report)
+def _check_plc(
+    entry: Entry[PlcIn],
+    plc: PlcIn,
+    buses: Sequence[Entry[BusIn]],
+    lines: Mapping[str, LineTiming],
+    report: Report,
+) -> Member:
+    check_registers((*entry.path, "registers"), plc.registers, report, link=True)
     _check_source_devices(entry, plc, report)
-    member = member_of(entry.path, plc)
-    _check_ports(entry, member, buses, report)
+    member = member_of(entry.path, plc, lines)
+    check_ports(entry, member, buses, report)
     if plc.nn is not None:
         _check_nn(entry, member, report)
-        _check_link_bus((*entry.path, "nn", "bus"), plc.nn.bus, buses, report)
+        check_link_bus((*entry.path, "nn", "bus"), plc.nn.bus, buses, report)
     elif member.takes_part and member.bus is None and not entry.lost("nn", "ports", "registers"):
         given = next(name for name in TAKE_PART if name in member.registers)
         selected = member.registers.get(PORT_DEVICE, 0)
@@ -95,48 +127,11 @@ def _check_plc(entry: Entry[PlcIn], plc: PlcIn, buses: Sequence[Entry[BusIn]], r
     return member
 
 
-def _check_link_bus(path: Path, name: str, buses: Sequence[Entry[BusIn]], report: Report) -> None:
-    bus = check_bus_name(path, name, buses, report)
-    lost = any(entry.name == name and entry.lost("nn") for entry in buses)
-    if bus is not None and not bus.nn and not lost:
-        report.error(path, f"is {name}, which is not an N:N link; give that bus nn: true")
-
-
-#: What the link writes: mirrors of its settings, times, counts and codes, and flags.
-_STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
-
-
-def _check_registers(entry: Entry[PlcIn], plc: PlcIn, report: Report) -> None:
-    path = (*entry.path, "registers")
-    seen: dict[Device, str] = {}
-    for name, value in plc.registers.items():
-        device = _device((*path, name), name, report)
-        if device is None:
-            continue
-        if device in seen:
-            report.error((*path, name), f"is the same device as {seen[device]}", key=True)
-        seen[device] = name
-        if not device.is_word and value not in (0, 1):
-            report.error((*path, name), f"is {value}, allowed 0, 1")
-        if any(
-            device.letter == letter and first <= device.address <= last for letter, first, last in _STATUS
-        ):
-            report.warn((*path, name), "is written by the link itself: the value given here is lost")
-
-
-def _device(path: Path, name: str, report: Report) -> Device | None:
-    try:
-        return parse_device(name)
-    except ValueError as error:
-        report.mistake(path, f"a device of {report.places.short_name(path[:-1])} {error}", key=True)
-        return None
-
-
 def _check_source_devices(entry: Entry[PlcIn], plc: PlcIn, report: Report) -> None:
     path = (*entry.path, "sources")
     seen: dict[Device, str] = {}
     for name, source in plc.sources.items():
-        device = _device((*path, name), name, report)
+        device = named_device((*path, name), name, report)
         if device is None:
             continue
         if device in seen:
@@ -157,30 +152,6 @@ def _check_source(path: Path, device: Device, source: SourceIn, report: Report) 
         report.error((*path, "constant"), f"is {source.constant}, allowed 0, 1 ({device} is a bit)")
     if source.ramp is not None:
         report.error((*path, "ramp"), f"needs a word; {device} is a bit", key=True)
-
-
-def _check_ports(entry: Entry[PlcIn], member: Member, buses: Sequence[Entry[BusIn]], report: Report) -> None:
-    plc, path = member.plc, (*entry.path, "ports")
-    for name, port in plc.ports.items():
-        if name not in _ALL_PORTS:
-            report.error((*path, name), f"is not a port; {suggest(name, LINK_PORTS)}", key=True)
-        elif name not in LINK_PORTS:
-            report.error((*path, name), "has no use in this version: N:N runs on COM3 or COM4", key=True)
-        elif not member.takes_part:
-            check_bus_name((*path, name, "bus"), port.bus, buses, report)
-            if not entry.lost("nn", "registers"):
-                report.warn(
-                    (*path, name),
-                    f"{plc.name} takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set): "
-                    f"its port {name} does nothing",
-                )
-        elif name != member.port:
-            check_bus_name((*path, name, "bus"), port.bus, buses, report)
-            report.warn((*path, name), f"port {name} of {plc.name} does nothing: M8179 selects {member.port}")
-        elif plc.nn is None:
-            _check_link_bus((*path, name, "bus"), port.bus, buses, report)
-        elif port.bus != plc.nn.bus:
-            report.error((*path, name, "bus"), f"is {port.bus}, but nn.bus is {plc.nn.bus}")
 
 
 def _check_nn(entry: Entry[PlcIn], member: Member, report: Report) -> None:

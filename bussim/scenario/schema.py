@@ -10,14 +10,17 @@ from typing import Annotated, Any, ClassVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
 from bussim.engines.nn.frames import MODES
+from bussim.plc.ports.cpavl import PROTOCOL_CODES
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, PROFILES, AbsentStation, Attempts, ErrorCount, Reply
 from bussim.scenario.fields import (
     Baud,
+    DeviceName,
     Flag,
     Format,
     Name,
     Positive,
     Time,
+    character,
     choice,
     fail,
     link_port,
@@ -30,7 +33,13 @@ from bussim.scenario.fields import (
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 #: How many of each a scenario may have.
-MAX_BUSES, MAX_PLCS, MAX_NOISE, MAX_FAULTS = 16, 64, 1000, 1000
+MAX_BUSES, MAX_PLCS, MAX_DEVICES, MAX_NOISE, MAX_FAULTS = 16, 64, 256, 1000, 1000
+#: How many polls a PLC or an HMI may have.
+MAX_POLLS = 200
+#: Station numbers of Modbus slaves.
+FIRST_STATION, LAST_STATION = 1, 247
+#: Units of CPAVL's interval and timeout words, which have 16 bits.
+INTERVAL_UNIT, CPAVL_TIMEOUT_UNIT, WORD_MAX = TICKS_PER_MS // 10, 10 * TICKS_PER_MS, 0xFFFF
 
 
 class Model(BaseModel):
@@ -62,6 +71,7 @@ class DocumentIn(Model):
     seed: Annotated[int, whole(0, 2**63 - 1)] = 1
     buses: list[Any]
     plcs: list[Any]
+    devices: list[Any] = []
     noise: list[Any] = []
     faults: list[Any] = []
 
@@ -186,12 +196,31 @@ class NNIn(Model):
     timeout: Time | None = None
 
 
-class PortIn(Model):
-    """What a port is wired to."""
+class CpavlIn(Model):
+    """Where a port's twenty words and bits lie."""
 
-    example = "{bus: link}"
+    example = "{words: D7900, bits: M2900}"
+
+    words: DeviceName | None = None
+    bits: DeviceName | None = None
+
+
+class PortIn(Model):
+    """What a port is wired to and what it does there: the friendly form of CPAVL's words."""
+
+    example = "{bus: feeder, protocol: modbus-rtu-master}"
 
     bus: Name
+    protocol: Annotated[str, choice(*PROTOCOL_CODES)] | None = None
+    station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] | None = None
+    timeout: Annotated[int, time(CPAVL_TIMEOUT_UNIT, WORD_MAX * CPAVL_TIMEOUT_UNIT)] | None = None
+    interval: Annotated[int, time(0, WORD_MAX * INTERVAL_UNIT)] | None = None
+    start: Annotated[int, character()] | None = None
+    end: Annotated[int, character()] | None = None
+    eight_bit: Flag | None = None
+    baud: Baud | None = None
+    format: Format | None = None
+    cpavl: CpavlIn | None = None
 
 
 class RampIn(Model):
@@ -232,6 +261,7 @@ class PlcIn(Model):
     nn: NNIn | None = None
     registers: dict[str, Annotated[int, whole(-32768, 65535)]] = {}
     ports: dict[str, PortIn] = {}
+    polls: list[Any] = []
     sources: dict[str, SourceIn] = {}
 
 

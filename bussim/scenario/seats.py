@@ -1,10 +1,11 @@
-"""What a PLC's entry means for the link: its profile, its registers, its seat.
+"""What a PLC's entry means: its profile, its registers, its seat on a link, its other ports.
 
 Rules judge these values and the builder puts them into the scenario, so that both mean the same.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
@@ -24,6 +25,7 @@ from bussim.plc.memory import parse_device
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
 from bussim.scenario.fields import exact
 from bussim.scenario.places import Path
+from bussim.scenario.port_seats import PortSeat, is_set_up, seat_port
 from bussim.scenario.schema import BusIn, NNIn, PlcIn, ProfileIn, TurnaroundIn
 from bussim.units import round_half_up
 
@@ -106,14 +108,21 @@ def device_name(name: str) -> str | None:
 
 def raw_registers(plc: PlcIn) -> dict[str, int]:
     """``registers`` by the devices' proper names, without names that are not devices."""
-    return {
-        proper: value for name, value in plc.registers.items() if (proper := device_name(name)) is not None
-    }
+    return raw_devices(plc.registers)
+
+
+def raw_devices(registers: Mapping[str, int]) -> dict[str, int]:
+    """Values by the devices' proper names, without names that are not devices."""
+    return {proper: value for name, value in registers.items() if (proper := device_name(name)) is not None}
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """One PLC as the link sees it. ``bus`` is None if it takes no part, or none is given for its port."""
+    """One PLC as its buses see it.
+
+    ``port`` and ``bus`` are those of the N:N link; ``bus`` is None if it takes no part, or none is
+    given for its port. ``ports`` are the others.
+    """
 
     path: Path
     plc: PlcIn
@@ -122,6 +131,7 @@ class Member:
     takes_part: bool
     port: str
     bus: str | None
+    ports: tuple[PortSeat, ...] = ()
 
     @property
     def name(self) -> str:
@@ -163,8 +173,8 @@ class Member:
         return self.path
 
 
-def member_of(path: Path, plc: PlcIn) -> Member:
-    """The meaning of a PLC's entry.
+def member_of(path: Path, plc: PlcIn, lines: Mapping[str, LineTiming]) -> Member:
+    """The meaning of a PLC's entry; ``lines`` are rate and format of the buses by name.
 
     ``nn`` of a master also stands for the defaults of what it leaves open, so that a scenario says
     with which settings it runs.
@@ -183,4 +193,13 @@ def member_of(path: Path, plc: PlcIn) -> Member:
     bus = plc.nn.bus if plc.nn is not None else None
     if bus is None and takes_part and port in plc.ports:
         bus = plc.ports[port].bus
-    return Member(path, plc, profile, dict(sorted(registers.items())), takes_part, port, bus)
+    seats = []
+    raw = registers
+    for name, given_port in sorted(plc.ports.items()):
+        if is_set_up(name, given_port) and not (takes_part and name == port):
+            line = lines.get(given_port.bus, PLAIN_LINE)
+            seat, added = seat_port((*path, "ports", name), plc.name, name, given_port, line, raw)
+            registers = {**registers, **added}
+            seats.append(seat)
+    ordered = dict(sorted(registers.items()))
+    return Member(path, plc, profile, ordered, takes_part, port, bus, tuple(seats))

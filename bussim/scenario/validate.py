@@ -7,9 +7,9 @@ leave that alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -18,9 +18,11 @@ from bussim.scenario.fields import EMPTY, OWN
 from bussim.scenario.places import Path, Report
 from bussim.scenario.schema import (
     MAX_BUSES,
+    MAX_DEVICES,
     MAX_FAULTS,
     MAX_NOISE,
     MAX_PLCS,
+    MAX_POLLS,
     BusIn,
     DocumentIn,
     Model,
@@ -29,12 +31,17 @@ from bussim.scenario.schema import (
 from bussim.scenario.wording import show, suggest
 from bussim.version import __version__
 
+if TYPE_CHECKING:
+    from bussim.scenario.device_schema import DeviceIn
+    from bussim.scenario.poll_schema import TransactionIn
+
 T = TypeVar("T", bound=Model)
 
 #: Keys that belong to a scenario but that this version cannot simulate.
-LATER = frozenset({"devices", "polls", "program", "inputs", "observe", "latency", "protocol"})
+LATER = frozenset({"program", "inputs", "observe", "latency"})
 #: Sections that may stand empty, as when all of their entries are commented out.
-_MAY_BE_EMPTY = frozenset({"noise", "faults", "registers", "ports", "sources"})
+_EMPTY_LISTS = frozenset({"devices", "polls", "noise", "faults"})
+_EMPTY_MAPPINGS = frozenset({"registers", "ports", "sources"})
 
 
 @dataclass(slots=True)
@@ -59,11 +66,16 @@ class Entry(Generic[T]):
 
 @dataclass(slots=True)
 class Draft:
-    """All that could be read. ``document`` is None if the top-level keys are wrong."""
+    """All that could be read. ``document`` is None if the top-level keys are wrong.
+
+    ``polls`` are those of each PLC and HMI, by the path of their owner.
+    """
 
     document: DocumentIn | None = None
     buses: list[Entry[BusIn]] = field(default_factory=list)
     plcs: list[Entry[PlcIn]] = field(default_factory=list)
+    devices: list[Entry[DeviceIn]] = field(default_factory=list)
+    polls: dict[Path, list[Entry[TransactionIn]]] = field(default_factory=dict)
     noise: list[Entry[NoiseIn]] = field(default_factory=list)
     faults: list[Entry[FaultIn]] = field(default_factory=list)
 
@@ -75,28 +87,50 @@ def read_draft(data: object, report: Report) -> Draft:
         report.mistake((), f"a scenario is a mapping with {DocumentIn.example}; this is {show(data)}")
         return draft
     draft.document, _ = _read(DocumentIn, data, (), report)
-    draft.buses = _section(BusIn, data, "buses", (1, MAX_BUSES), report)
-    draft.plcs = _section(PlcIn, data, "plcs", (1, MAX_PLCS), report)
-    draft.noise = _section(NoiseIn, data, "noise", (0, MAX_NOISE), report)
-    draft.faults = _section(FaultIn, data, "faults", (0, MAX_FAULTS), report)
+    draft.buses = _section(lambda _: BusIn, data, ("buses",), (1, MAX_BUSES), report)
+    draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (1, MAX_PLCS), report)
+    if data.get("devices"):
+        from bussim.scenario.device_schema import form_of  # what only a scenario with devices pays
+
+        draft.devices = _section(form_of, data, ("devices",), (0, MAX_DEVICES), report)
+    draft.noise = _section(lambda _: NoiseIn, data, ("noise",), (0, MAX_NOISE), report)
+    draft.faults = _section(lambda _: FaultIn, data, ("faults",), (0, MAX_FAULTS), report)
+    owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
+    for owner in owners:
+        if isinstance(owner.raw, dict) and owner.raw.get("polls"):
+            draft.polls[owner.path] = _polls(owner, report)
     return draft
 
 
+def _polls(owner: Entry[Any], report: Report) -> list[Entry[TransactionIn]]:
+    """The polls of a PLC or an HMI."""
+    from bussim.scenario.device_schema import HmiIn, form_of
+    from bussim.scenario.poll_schema import HmiPollIn, PollIn
+
+    if owner.path[0] == "devices" and form_of(owner.raw) is not HmiIn:
+        return []  # it has no polls, which was reported
+    form: type[TransactionIn] = PollIn if owner.path[0] == "plcs" else HmiPollIn
+    return _section(lambda _: form, owner.raw, (*owner.path, "polls"), (0, MAX_POLLS), report)
+
+
 def _section(
-    model: type[T], data: dict[str, Any], key: str, size: tuple[int, int], report: Report
+    form: Callable[[object], type[T]], owner: object, path: Path, size: tuple[int, int], report: Report
 ) -> list[Entry[T]]:
-    """The entries of one list of the scenario; its absence was reported with the top level."""
-    items = data.get(key)
+    """The entries of one list, at ``path``, of the scenario or of a part of it.
+
+    That it is missing, or no list, was reported with its owner.
+    """
+    items = owner.get(path[-1]) if isinstance(owner, dict) else None
     if not isinstance(items, list):
         return []
     least, most = size
     if not least <= len(items) <= most:
-        report.error((key,), f"has {len(items)} entries, allowed {least}..{most}")
+        report.error(path, f"has {len(items)} entries, allowed {least}..{most}")
         return []
     entries = []
     for index, item in enumerate(items):
-        value, cut = _read(model, item, (key, index), report)
-        entries.append(Entry((key, index), value, item, cut))
+        value, cut = _read(form(item), item, (*path, index), report)
+        entries.append(Entry((*path, index), value, item, cut))
     return entries
 
 
@@ -129,8 +163,10 @@ def _prepared(value: object, key: str | None = None) -> Any:
     if isinstance(value, list):
         return [_prepared(item) for item in value]
     if value is None:
-        if key in _MAY_BE_EMPTY:
-            return [] if key in ("noise", "faults") else {}
+        if key in _EMPTY_LISTS:
+            return []
+        if key in _EMPTY_MAPPINGS:
+            return {}
         return EMPTY
     return value
 
@@ -197,6 +233,8 @@ def _explain(model: type[Model], detail: Any, path: Path, data: object, report: 
 def _expected(model: type[Model], loc: Path, kind: str) -> str:
     if kind == "list_type":
         return "a list"
+    if kind == "string_type":
+        return "a text"
     owner = _model_at(model, loc)
     if kind.startswith("model") and owner is not None and owner.example:
         return owner.example
@@ -206,6 +244,8 @@ def _expected(model: type[Model], loc: Path, kind: str) -> str:
 def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
     key = str(loc[-1])
     owner = _model_at(model, loc[:-1])
+    if not getattr(owner, "known", True):
+        return  # a device of an unknown model, whose keys nobody knows
     if key in LATER:
         text = f"is not known to this version of bussim ({__version__})"
     else:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from fractions import Fraction
 
 from bussim.line.characters import LineTiming
-from bussim.plc.plc import Plc, PlcState
 from bussim.plc.streams import Streams
 from bussim.scenario import model
-from bussim.sim.bus import Bus
-from bussim.sim.disturb import Drop, FrameFault
-from bussim.sim.jabber import Jabber
 from bussim.sim.kernel import FAULT, Kernel
-from bussim.sim.port import Port
+from bussim.sim.units import PlcUnit, Unit
+from bussim.sim.wire.disturb import Drop, FrameFault
+from bussim.sim.wire.jabber import Jabber
+from bussim.sim.wire.line import Line
+from bussim.sim.wire.node import Node
 from bussim.trace import NoteRecord, Sink
 from bussim.units import format_time
 
@@ -21,36 +21,36 @@ Undo = Callable[[int], None]
 
 
 class FaultPlan:
-    """Begins and ends every fault of a scenario, and the PLCs' supply.
+    """Begins and ends every fault of a scenario, and the supply of PLCs and devices.
 
-    ``ports`` are the link ports by PLC name; a PLC outside of any link has none.
+    ``units`` are by the names of PLCs and devices, ``nodes`` by their own.
     """
 
     def __init__(
         self,
         scenario: model.Scenario,
         kernel: Kernel,
-        plcs: Mapping[str, Plc],
-        buses: Mapping[str, Bus],
-        ports: Mapping[str, Port],
+        units: Mapping[str, Unit],
+        buses: Mapping[str, Line],
+        nodes: Mapping[str, Node],
         streams: Streams,
         sink: Sink,
     ) -> None:
         self._kernel = kernel
-        self._plcs = plcs
+        self._units = units
         self._buses = buses
-        self._ports = ports
+        self._nodes = nodes
         self._streams = streams
         self._sink = sink
-        # Reasons why a PLC has no supply or is in STOP; several may overlap.
+        # Reasons why something has no supply or is in STOP; several may overlap.
         self._unpowered: dict[str, int] = {}
         self._stopped: dict[str, int] = {}
-        self._timings: dict[str, list[tuple[str, LineTiming | None, model.ClockPpm | None]]] = {}
         self._jabbers: dict[str, list[Jabber]] = {}
         self._cuts: dict[str, list[int]] = {name: [] for name in buses}
-        for plc in scenario.plcs:
-            self._unpowered[plc.name] = 1
-            kernel.at(plc.power_on, self._supply(plc.name, -1), FAULT)
+        supplied = [(plc.name, plc.power_on) for plc in scenario.plcs]
+        for name, since in (*supplied, *((device.name, device.power_on) for device in scenario.devices)):
+            self._unpowered[name] = 1
+            kernel.at(since, self._supply(name, -1), FAULT)
         for fault in scenario.faults:
             if fault.window.at < scenario.duration:
                 kernel.at(fault.window.at, self._beginning(fault), FAULT)
@@ -84,36 +84,41 @@ class FaultPlan:
         kind = fault.kind
         if isinstance(kind, model.CableCut):
             return self._cut_cable(kind, now)
-        plc = kind.node
         if isinstance(kind, model.PowerOff):
-            self._supply(plc, 1)(now)
-            return self._supply(plc, -1)
+            self._supply(kind.node, 1)(now)
+            return self._supply(kind.node, -1)
         if isinstance(kind, model.Stop):
-            self._switch(plc, 1)(now)
-            return self._switch(plc, -1)
+            self._switch(kind.node, 1)(now)
+            return self._switch(kind.node, -1)
         if isinstance(kind, model.BoardError):
-            self._plcs[plc].board_error(kind.port, kind.code)
-            return lambda _: self._plcs[plc].board_error_over(kind.port, kind.code)
-        port = self._ports.get(plc)
-        if port is None:
-            return None  # the rest are a link port's faults
+            return self._board_error(kind)
+        node = self._nodes.get(kind.node)
+        if node is None:
+            return None  # the rest are faults of a port, which a PLC may do without
         if isinstance(kind, model.Jabber):
-            return self._jabber(fault.name, port, now)
+            return self._jabber(fault.name, node, now)
         if isinstance(kind, (model.DropReply, model.LoseChar, model.InsertChar, model.FlipBits)):
-            return self._frame_fault(fault.name, port, kind)
-        return self._station_fault(fault.name, port, kind, now)
+            return self._frame_fault(fault.name, node, kind)
+        return self._node_fault(node, kind, now)
 
-    def _jabber(self, name: str, port: Port, now: int) -> Undo:
-        jabber = Jabber(port, self._kernel, self._streams.uniforms("jabber", name))
-        jabbers = self._jabbers.setdefault(port.name, [])
+    def _board_error(self, kind: model.BoardError) -> Undo:
+        unit = self._units[kind.node]
+        assert isinstance(unit, PlcUnit)  # noqa: S101 - narrows the type; only PLCs have boards
+        plc = unit.plc
+        plc.board_error(kind.port, kind.code)
+        return lambda _: plc.board_error_over(kind.port, kind.code)
+
+    def _jabber(self, name: str, node: Node, now: int) -> Undo:
+        jabber = Jabber(node, self._kernel, self._streams.uniforms("jabber", name))
+        jabbers = self._jabbers.setdefault(node.name, [])
         jabbers.append(jabber)
-        if port.plc.state is not PlcState.OFF:
+        if node.powered:
             jabber.begin(now)
 
         def well(now: int) -> None:
             jabbers.remove(jabber)
             jabber.end(now)
-            if jabbers and not port.jabbering and port.plc.state is not PlcState.OFF:
+            if jabbers and not node.jabbering and node.powered:
                 jabbers[0].begin(now)  # it jabbers on for another fault
 
         return well
@@ -135,46 +140,31 @@ class FaultPlan:
         return act
 
     def _apply_state(self, name: str, now: int) -> None:
-        port = self._ports.get(name)
-        plc = self._plcs[name]
+        unit = self._units[name]
         powered = self._unpowered[name] <= 0
-        running = powered and self._stopped.get(name, 0) <= 0
-        if plc.state is PlcState.RUN and not running:
-            if port is not None:
-                port.halt(now)
-            plc.stop(now)
-        if plc.state is not PlcState.OFF and not powered:
-            plc.power_off(now)
-            for jabber in self._jabbers.get(name, ()):
-                jabber.end(now)
-            if port is not None:
-                port.bus.ledger.forget(port.seat)
-        if plc.state is PlcState.OFF and powered:
-            plc.power_on()
-            for jabber in self._jabbers.get(name, ()):
-                jabber.begin(now)
-        if plc.state is PlcState.STOP and running:
-            if port is not None:
-                port.run(now)
-            else:
-                plc.run(now, traced=False)
+        was = unit.powered
+        unit.switch(now, powered=powered, running=self._stopped.get(name, 0) <= 0)
+        if powered is not was:
+            for node in unit.nodes:
+                for jabber in self._jabbers.get(node.name, ()):
+                    (jabber.begin if powered else jabber.end)(now)
 
     # -- single frames -------------------------------------------------------------------------------
 
     def _frame_fault(
         self,
         name: str,
-        port: Port,
+        node: Node,
         kind: model.DropReply | model.LoseChar | model.InsertChar | model.FlipBits,
     ) -> Undo:
-        disturber = port.bus.disturber
+        disturber = node.line.disturber
         item: Drop | FrameFault
         if isinstance(kind, model.DropReply):
-            item = Drop(port.seat, kind.count)
+            item = Drop(node.seat, kind.count)
         else:
             item = FrameFault(
                 action="flip",
-                seat=port.seat,
+                seat=node.seat,
                 receiver=kind.direction is model.Direction.RX,
                 left=kind.count,
                 draws=self._streams.uniforms("fault", name),
@@ -188,69 +178,54 @@ class FaultPlan:
         disturber.add(item)
         return lambda _: disturber.remove(item)
 
-    # -- a station's port ----------------------------------------------------------------------------
+    # -- a node's port -------------------------------------------------------------------------------
 
-    def _station_fault(
-        self,
-        name: str,
-        port: Port,
-        kind: model.Slow | model.LateRelease | model.WrongFormat | model.ClockPpm,
-        now: int,
+    @staticmethod
+    def _node_fault(
+        node: Node, kind: model.Slow | model.LateRelease | model.WrongFormat | model.ClockPpm, now: int
     ) -> Undo:
         if isinstance(kind, model.Slow):
             extra = kind.extra
-            port.extra_turnaround += extra
-            port.bus.audience_changed()
+            node.extra_turnaround += extra
+            node.line.audience_changed()
 
             def fast(now: int) -> None:
                 del now
-                port.extra_turnaround -= extra
-                port.bus.audience_changed()
+                node.extra_turnaround -= extra
+                node.line.audience_changed()
 
             return fast
         if isinstance(kind, model.LateRelease):
             by = kind.by
-            port.late_release += by
-            port.bus.audience_changed()
+            node.late_release += by
+            node.line.audience_changed()
 
             def prompt(now: int) -> None:
                 del now
-                port.late_release -= by
-                port.bus.audience_changed()
+                node.late_release -= by
+                node.line.audience_changed()
 
             return prompt
-        wrong = self._timings.setdefault(port.name, [])
-        entry = (
-            name,
-            kind.timing if isinstance(kind, model.WrongFormat) else None,
-            kind if isinstance(kind, model.ClockPpm) else None,
+        entry: tuple[LineTiming | None, Fraction] = (
+            (kind.timing, Fraction(0)) if isinstance(kind, model.WrongFormat) else (None, kind.ppm)
         )
-        wrong.append(entry)
-        self._retime(port, now)
+        node.timing_faults.append(entry)
+        node.retime(now)
 
         def right(now: int) -> None:
-            wrong.remove(entry)
-            self._retime(port, now)
+            node.timing_faults.remove(entry)
+            node.retime(now)
 
         return right
-
-    def _retime(self, port: Port, now: int) -> None:
-        """The port's timing with all the faults that are on: the latest format, clock errors added."""
-        timing = port.bus.timing
-        for _, other, _ in self._timings[port.name]:
-            timing = other or timing
-        for _, _, clock in self._timings[port.name]:
-            if clock is not None:
-                timing = replace(timing, ppm=timing.ppm + clock.ppm)
-        port.set_timing(timing, now)
 
     # -- the cable -----------------------------------------------------------------------------------
 
     def _cut_cable(self, kind: model.CableCut, now: int) -> Undo | None:
         bus = self._buses.get(kind.bus)
-        seat = self._ports[kind.after].seat if kind.after in self._ports else None
-        if bus is None or seat is None:
+        node = self._nodes.get(kind.after)
+        if bus is None or node is None:
             return None
+        seat = node.seat
         cuts = self._cuts[kind.bus]
         cuts.append(seat)
         bus.set_cuts(cuts, now)

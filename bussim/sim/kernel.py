@@ -13,12 +13,13 @@ import simpy
 from simpy.events import EventPriority
 
 #: Order of things at one tick (fixed by the model): faults, then what was completely heard, then
-#: what engines do at their deadlines, then transmissions. An END is no event; looked up at its tick
-#: it counts as done, so it lies between hearing and sending.
+#: what engines do at their deadlines, then ENDs, then transmissions. Most ENDs are no events; looked
+#: up at its tick such a one counts as done.
 FAULT: Final = EventPriority(1)
 HEARING: Final = EventPriority(2)
 DEADLINES: Final = EventPriority(3)
-SENDING: Final = EventPriority(4)
+END: Final = EventPriority(4)
+SENDING: Final = EventPriority(5)
 
 _UNSET = -1
 

@@ -4,18 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from bussim.devices.lx import LxMap
 from bussim.plc.board import D_STATION, bad_parameters, master_config, setting_values
 from bussim.plc.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
 from bussim.plc.plc import Plc
 from bussim.plc.streams import Streams
 from bussim.scenario import model
-from bussim.sim.bus import Bus
-from bussim.sim.disturb import Loss, PlacedNoise
+from bussim.sim import totals
 from bussim.sim.faults import FaultPlan
 from bussim.sim.kernel import Kernel
-from bussim.sim.port import Port
-from bussim.sim.reporter import Reporter
-from bussim.trace import LinkTotals, PlcTotals, RunTotals, Sink
+from bussim.sim.nn.bus import LinkBus
+from bussim.sim.nn.port import LinkPort
+from bussim.sim.nn.reporter import Reporter
+from bussim.sim.serial.bus import SerialBus
+from bussim.sim.serial.device import DeviceNode
+from bussim.sim.serial.node import SerialNode
+from bussim.sim.serial.plc_port import EndClock, PlcPort
+from bussim.sim.serial.reporter import SerialReporter
+from bussim.sim.units import DeviceUnit, PlcUnit, Unit
+from bussim.sim.wire.disturb import Loss, PlacedNoise
+from bussim.sim.wire.line import Line
+from bussim.sim.wire.node import Node
+from bussim.trace import LinkTotals, RunTotals, Sink
 
 Progress = Callable[[int, int], None]
 
@@ -23,27 +33,37 @@ _PROGRESS_STEPS = 400
 
 
 class Simulation:
-    """A scenario in simulated time. Times are ticks from the start."""
+    """A scenario in simulated time. Times are ticks from the start.
+
+    ``links`` are the N:N lines by name, ``serial_buses`` the others; ``nodes`` all that sits on them.
+    """
 
     def __init__(self, scenario: model.Scenario, sink: Sink) -> None:
         self._scenario = scenario
         self._sink = sink
         self.kernel = Kernel()
         streams = Streams(scenario.seed)
+        self._streams = streams
         self.plcs = {spec.name: _plc(spec, streams) for spec in scenario.plcs}
-        self.buses: dict[str, Bus] = {}
-        self.ports: dict[str, Port] = {}
+        self.links: dict[str, LinkBus] = {}
+        self.serial_buses: dict[str, SerialBus] = {}
+        self.nodes: dict[str, Node] = {}
+        self.serial_reporter = SerialReporter(sink)
         self._primaries: dict[str, str | None] = {}
         # By bus: the first PLC with each station number.
         self._names: dict[str, dict[int, str]] = {}
         for spec in scenario.buses:
             if spec.nn:
-                self._build_link(spec, streams)
+                self._build_link(spec)
+            else:
+                self._build_serial_bus(spec)
         for noise in scenario.noise:
-            self._place_noise(noise, streams)
-        self.faults = FaultPlan(scenario, self.kernel, self.plcs, self.buses, self.ports, streams, sink)
+            self._place_noise(noise)
+        self.units = self._build_units()
+        buses: dict[str, Line] = {**self.links, **self.serial_buses}
+        self.faults = FaultPlan(scenario, self.kernel, self.units, buses, self.nodes, streams, sink)
 
-    def _build_link(self, spec: model.Bus, streams: Streams) -> None:
+    def _build_link(self, spec: model.Bus) -> None:
         seated = [plc for plc in self._scenario.plcs if plc.seat and plc.seat.bus == spec.name]
         stations = {plc.name: plc.registers.get(f"D{D_STATION}", 0) for plc in seated}
         names: dict[int, str] = {}
@@ -54,34 +74,70 @@ class Simulation:
         self._primaries[spec.name] = primary
         longest = max((plc.profile.turnaround.longest for plc in seated), default=0)
         reporter = Reporter(spec.name, self._sink, names, primary, longest)
-        bus = Bus(spec.name, spec.timing, self.kernel, self._sink, reporter)
+        bus = LinkBus(spec.name, spec.timing, self.kernel, self._sink, reporter)
         ports = [
-            Port(self.plcs[plc.name], bus, seat, self.kernel, streams) for seat, plc in enumerate(seated)
+            LinkPort(self.plcs[plc.name], bus, seat, self.kernel, self._streams)
+            for seat, plc in enumerate(seated)
         ]
-        horizon = max((sum(port.plc.scan_under_link()) for port in ports), default=0)
+        horizon = max((port.plc.longest_scan() for port in ports), default=0)
         bus.connect(ports, horizon)
-        self.buses[spec.name] = bus
+        self.links[spec.name] = bus
         for port in ports:
-            self.ports[port.name] = port
+            self.nodes[port.name] = port
             port.plc.received = _visible(bus, port.seat)
+            port.plc.before_status = bus.gallery.sync
 
-    def _place_noise(self, noise: model.Noise, streams: Streams) -> None:
+    def _build_serial_bus(self, spec: model.Bus) -> None:
+        bus = SerialBus(spec.name, spec.timing, self._sink, self.serial_reporter)
+        nodes: list[SerialNode] = []
+        for plc in self._scenario.plcs:
+            for port in plc.ports:
+                if port.bus == spec.name:
+                    nodes.append(
+                        PlcPort(
+                            self.plcs[plc.name], port.name, bus, len(nodes), self.kernel, self.serial_reporter
+                        )
+                    )
+        for device in self._scenario.devices:
+            if device.bus == spec.name:
+                nodes.append(
+                    DeviceNode(device, bus, len(nodes), self.kernel, self.serial_reporter, self._streams)
+                )
+        bus.connect(nodes)
+        self.serial_buses[spec.name] = bus
+        self.nodes.update((node.name, node) for node in nodes)
+
+    def _build_units(self) -> dict[str, Unit]:
+        units: dict[str, Unit] = {}
+        for name, plc in self.plcs.items():
+            link = self.nodes.get(name)
+            ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
+            clock = EndClock(plc, self.kernel, ports) if ports else None
+            units[name] = PlcUnit(plc, link if isinstance(link, LinkPort) else None, ports, clock)
+        for device in self._scenario.devices:
+            node = self.nodes[device.name]
+            if isinstance(node, DeviceNode):
+                units[device.name] = DeviceUnit(node)
+        return units
+
+    def _place_noise(self, noise: model.Noise) -> None:
         target, kind, window = noise.target, noise.kind, noise.window
-        bus = self.buses.get(target.bus)
-        if bus is None:
+        line: Line | None = self.links.get(target.bus) or self.serial_buses.get(target.bus)
+        if line is None:
             return
-        seat = self.ports[target.station].seat if target.station is not None else None
+        streams = self._streams
+        seat = self.nodes[target.station].seat if target.station is not None else None
         if isinstance(kind, model.ReplyLoss):
             draws = {
                 port.seat: streams.uniforms("noise", noise.name, port.name)
-                for port in bus.ports
+                for port in line.ports
                 if seat in (None, port.seat)
             }
-            bus.disturber.add(Loss(seat, kind.probability, window.at, window.until, draws))
+            line.disturber.add(Loss(seat, kind.probability, window.at, window.until, draws))
             return
         process = BitNoise(noise.name, _rate(noise, streams), streams, window.at, window.until)
         receiver = seat is not None and target.direction is model.Direction.RX
-        bus.disturber.add(PlacedNoise(process, seat, receiver))
+        line.disturber.add(PlacedNoise(process, seat, receiver))
 
     @property
     def now(self) -> int:
@@ -95,22 +151,31 @@ class Simulation:
     def totals(self) -> RunTotals:
         """Counts so far; brings every PLC's memory up to its latest END."""
         now = self.now
-        for bus in self.buses.values():
+        for bus in (*self.links.values(), *self.serial_buses.values()):
             bus.close(now)
             for port in bus.ports:
                 port.drain(now)
         for plc in self.plcs.values():
             plc.sync(now)
             plc.cycle.count_up_to(now)
-        warnings = [w for bus in self.buses.values() for w in bus.reporter.warnings]
+        devices = tuple(
+            totals.device_totals(node, now) for node in self.nodes.values() if isinstance(node, DeviceNode)
+        )
+        warnings = [w for bus in self.links.values() for w in bus.reporter.warnings]
+        warnings += self.serial_reporter.warnings
         return RunTotals(
             duration=now,
-            links=tuple(self._link_totals(bus) for bus in self.buses.values()),
-            plcs=tuple(_plc_totals(plc) for plc in self.plcs.values()),
+            links=tuple(self._link_totals(bus) for bus in self.links.values()),
+            plcs=tuple(totals.plc_totals(plc) for plc in self.plcs.values()),
             warnings=tuple(dict.fromkeys((*self._scenario.warnings, *warnings))),
+            buses=tuple(totals.bus_totals(bus) for bus in self.serial_buses.values()),
+            ports=tuple(
+                totals.port_totals(node) for node in self.nodes.values() if isinstance(node, PlcPort)
+            ),
+            devices=devices,
         )
 
-    def _link_totals(self, bus: Bus) -> LinkTotals:
+    def _link_totals(self, bus: LinkBus) -> LinkTotals:
         primary_name = self._primaries[bus.name]
         reporter = bus.reporter
         polls = reporter.polls
@@ -122,7 +187,7 @@ class Simulation:
             config = master_config(spec.profile, setting_values(spec.profile, spec.registers))
             settings = config.settings
             errors = {k: errors.get(k, 0) for k in range(1, settings.slaves + 1)}
-            engine = self.ports[primary_name].plc.master
+            engine = self.plcs[primary_name].master
             if engine is not None:
                 polls += engine.polls
                 for station, codes in engine.failed_attempts.items():
@@ -157,12 +222,9 @@ def _accepted(spec: model.Plc) -> bool:
     return not bad_parameters(spec.profile, setting_values(spec.profile, spec.registers))
 
 
-def _visible(bus: Bus, seat: int) -> Callable[[int], Iterable[tuple[int, bytes]]]:
-    def received(end: int) -> Iterable[tuple[int, bytes]]:
-        bus.gallery.sync()  # the status that the PLC publishes next is its own engine's
-        return bus.ledger.visible(seat, end)
-
-    return received
+def _visible(bus: LinkBus, seat: int) -> Callable[[int, int], Iterable[tuple[int, bytes]]]:
+    ledger = bus.ledger
+    return lambda since, end: ledger.visible(seat, end, since)
 
 
 def _plc(spec: model.Plc, streams: Streams) -> Plc:
@@ -176,6 +238,9 @@ def _plc(spec: model.Plc, streams: Streams) -> Plc:
         sources=spec.sources,
         linked=spec.seat is not None,
         streams=streams,
+        ports=spec.ports,
+        polls=spec.polls,
+        maps=LxMap,
     )
 
 
@@ -190,17 +255,6 @@ def _rate(noise: model.Noise, streams: Streams) -> ErrorRate:
         phase = kind.phase if kind.phase is not None else int(next(draws) * kind.every)
         return ImpulseRate(kind.every, kind.width, kind.ber, noise.window.at + phase)
     raise TypeError(kind)
-
-
-def _plc_totals(plc: Plc) -> PlcTotals:
-    cycle = plc.cycle
-    return PlcTotals(
-        name=plc.name,
-        registers=plc.board.registers(),
-        scans=cycle.count,
-        scan_mean=cycle.total / cycle.count if cycle.count else None,
-        scan_max=cycle.longest if cycle.count else None,
-    )
 
 
 def simulate(scenario: model.Scenario, sink: Sink, *, progress: Progress | None = None) -> RunTotals:

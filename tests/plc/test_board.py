@@ -78,14 +78,6 @@ def test_a_bad_parameter_is_7348_or_7448(m8179: int, code: int) -> None:
     assert (found["M8063"], found["D8063"], found["M8191"]) == (1, code, 0)
 
 
-@pytest.mark.parametrize(("port", "code"), [("COM3", 7305), ("COM4", 7405), ("COM5", 7505), ("COM6", 7605)])
-def test_other_serial_errors_are_7xyy(port: str, code: int) -> None:
-    tested, memory = board()
-    tested.report_error(port, 5)
-    assert memory.word("D", 8063) == code
-    assert memory.get(Device("M", 8063)) == 1
-
-
 def test_a_master_mirrors_its_settings_and_a_slave_those_of_its_master() -> None:
     tested, memory = board(D8177=2, D8178=1)
     assert isinstance(tested.take_over(0, traced=False), Master)

@@ -149,3 +149,115 @@ def test_the_same_generator_gives_the_same_scans_however_they_are_asked_for(jitt
     other.count_up_to(2_950_000)
     one.count_up_to(2_950_000)
     assert (one.count, one.total, one.longest) == (other.count, other.total, other.longest)
+
+
+# -- load -----------------------------------------------------------------------------------------
+
+
+class Loads:
+    """The same scans by the definition: every scan's drawn length, and the load when it began."""
+
+    def __init__(self, ends: list[int]) -> None:
+        self.scans = [after - end for end, after in pairwise(ends)]
+        self.ends = [ends[0]]
+        self.extra = 0
+
+    def reach(self, tick: int) -> None:
+        while self.ends[-1] <= tick:
+            self.ends.append(self.ends[-1] + self.scans[len(self.ends) - 1] + self.extra)
+
+    def latest(self, tick: int) -> int | None:
+        self.reach(tick)
+        place = bisect_right(self.ends, tick)
+        return self.ends[place - 1] if place else None
+
+    def load(self, end: int, extra: int) -> None:
+        del self.ends[self.ends.index(end) + 1 :]
+        self.extra = extra
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    jitter=st.sampled_from([0, JITTER, MEAN - 1]),
+    seed=st.integers(0, 2**32),
+    steps=st.lists(
+        st.tuples(
+            st.integers(0, 3) | st.integers(0, 3 * 512 * MEAN),
+            st.sampled_from(["load", "latest", "before", "ahead", "count"]),
+            st.sampled_from([0, 0, 7, 200, 5000]),
+            st.integers(0, 200_000),
+        ),
+        max_size=30,
+    ),
+)
+def test_a_load_makes_the_scans_that_begin_under_it_longer(
+    jitter: int, seed: int, steps: list[tuple[int, str, int, int]]
+) -> None:
+    until = sum(step for step, *_ in steps) + 300_000
+    twin = ScanCycle(generator(seed))
+    model = Loads(all_ends(twin, twin.run(5, MEAN, jitter, 100), until))
+    cycle = ScanCycle(generator(seed))
+    cycle.run(5, MEAN, jitter, 100)
+    changed: list[int] = []
+    cycle.on_change = changed.append
+    now = 105
+    for step, question, extra, ahead in steps:
+        now += step
+        if question == "load":
+            now = cycle.next_end(now, now)
+            model.reach(now)
+            assert now in model.ends
+            told = len(changed)
+            cycle.set_load(now, extra)
+            assert changed[told:] == ([now] if extra != model.extra else [])
+            model.load(now, extra)
+        elif question == "latest":
+            assert cycle.latest_end(now) == model.latest(now)
+        elif question == "before":
+            assert cycle.latest_end(now - 1) == model.latest(now - 1)
+        elif question == "ahead":
+            model.reach(now + ahead)
+            assert cycle.next_end(now + ahead, now) == next(end for end in model.ends if end >= now + ahead)
+        else:
+            model.reach(now)
+            passed = model.ends[: bisect_right(model.ends, now)]
+            scans = [after - end for end, after in pairwise(passed)]
+            cycle.count_up_to(now)
+            assert (cycle.count, cycle.total, cycle.longest) == (
+                len(scans),
+                sum(scans),
+                max(scans, default=0),
+            )
+
+
+def test_the_load_ends_with_stop() -> None:
+    cycle = ScanCycle(generator())
+    cycle.run(0, MEAN, 0, 100)
+    cycle.set_load(cycle.next_end(1100, 1100), 50)  # ENDs at 100, 1100, 2150, 3200
+    cycle.stop(3200)
+    assert cycle.latest_end(9000) == 3200
+    assert (cycle.count, cycle.total, cycle.longest) == (3, 3100, 1050)
+    cycle.run(10_000, MEAN, 0, 0)
+    assert cycle.next_end(10_500, 10_000) == 11_000
+
+
+def test_a_load_is_set_at_an_end_of_a_running_plc() -> None:
+    cycle = ScanCycle(generator())
+    with pytest.raises(ValueError, match="no END"):
+        cycle.set_load(100, 5)
+    cycle.run(0, MEAN, 0, 100)
+    with pytest.raises(ValueError, match="tick 101 is no END"):
+        cycle.set_load(101, 5)
+    cycle.set_load(101, 0)  # no change, nothing to look for
+
+
+def test_memory_does_not_grow_under_load() -> None:
+    cycle = ScanCycle(generator())
+    cycle.run(0, MEAN, JITTER, 100)
+    sizes = []
+    for number in range(3000):
+        end = cycle.next_end(number * 20 * MEAN, number * 20 * MEAN)
+        cycle.set_load(end, (number + 1) % 3 * 10)
+        cycle.next_end(end + 100 * MEAN, end)
+        sizes.append(len(cycle._ends) + len(cycle._drawn))
+    assert max(sizes) < 2500

@@ -130,7 +130,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         added("faults:\n  - {flip_bits: {station: press2, bits: 5, frame: dta}}\n"),
         [
             "x.yaml:13:41: flip_bits.bits is 5, expected a list",
-            "x.yaml:13:51: flip_bits.frame is 'dta', allowed data, poll, parameters; did you mean data?",
+            "x.yaml:13:51: flip_bits.frame is 'dta', allowed data, poll, parameters, request, response; did you mean data?",
         ],
     ),
     "insert": (
@@ -162,9 +162,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "fault no link": (
         added("  - {name: press4}\nfaults:\n  - {drop_reply: press4}\n"),
-        [
-            "x.yaml:14:18: drop_reply is press4, which takes no part in N:N: there is nothing for drop_reply to act on"
-        ],
+        ["x.yaml:14:18: drop_reply is press4, which is on no bus: there is nothing for drop_reply to act on"],
     ),
 }
 

@@ -78,8 +78,8 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ["x.yaml:12:1: noises is not a key here; did you mean noise?"],
     ),
     "later key": (
-        added("devices: []\n"),
-        ["x.yaml:12:1: devices is not known to this version of bussim (0.1.0)"],
+        added("observe: []\n"),
+        ["x.yaml:12:1: observe is not known to this version of bussim (0.1.0)"],
     ),
     "later plc key": (
         changed("scan: 8 ms", "scan: 8 ms\n    program: x.il"),
@@ -244,7 +244,9 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "port COM2": (
         added("  - {name: press4, ports: {COM2: {bus: link}}}\n"),
-        ["x.yaml:12:28: ports.COM2 has no use in this version: N:N runs on COM3 or COM4"],
+        [
+            "x.yaml:12:40: ports.COM2.bus is link, an N:N link, which COM2 does not have: N:N runs on COM3 or COM4"
+        ],
     ),
     "port COM9": (
         added("  - {name: press4, ports: {COMM4: {bus: link}}}\n"),
@@ -252,7 +254,9 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "port protocol": (
         added("  - {name: press4, ports: {COM3: {bus: link, protocol: modbus-rtu-master}}}\n"),
-        ["x.yaml:12:46: ports.COM3.protocol is not known to this version of bussim (0.1.0)"],
+        [
+            "x.yaml:12:56: ports.COM3.protocol is modbus-rtu-master, but link is an N:N link, on which nothing else can run"
+        ],
     ),
     "register value": (
         added("  - {name: press4, registers: {D100: 70000}}\n"),

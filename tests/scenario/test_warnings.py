@@ -102,7 +102,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "a port without use": (
         added("  - {name: press4, ports: {COM3: {bus: link}}}\n"),
         [
-            "12:34: press4 takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set): its port COM3 does nothing"
+            "12:34: press4 takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set) and COM3 has no protocol: its port COM3 does nothing"
         ],
     ),
     "a port that is not selected": (
@@ -112,7 +112,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "a bus without a link": (
         changed("plcs:", "  - {name: spare}\n  - {name: spare2, nn: true}\nplcs:"),
         [
-            "6:5: nothing talks on spare: it is not an N:N link (nn: true)",
+            "6:5: nothing is on spare: no port of a PLC and no device",
             "7:5: no PLC is on spare2: nothing happens there",
         ],
     ),

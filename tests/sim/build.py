@@ -10,9 +10,21 @@ from typing import Any
 from bussim.line.characters import NN_LINE
 from bussim.plc.profiles import PROFILES, Profile, Turnaround
 from bussim.scenario import model
-from bussim.sim.bus import Bus
+from bussim.sim.nn.bus import LinkBus
 from bussim.sim.runner import Simulation
-from bussim.trace import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, RunTotals, ScanRecord
+from bussim.trace import (
+    AttemptRecord,
+    CycleRecord,
+    DeviceValueRecord,
+    FrameRecord,
+    FreeRecord,
+    LinkTotals,
+    NoteRecord,
+    PollRecord,
+    RunTotals,
+    ScanRecord,
+    TransactionRecord,
+)
 
 MS = 72_000
 SECOND = 72_000_000
@@ -67,6 +79,12 @@ class Recorder:
     failures: list[tuple[str, int, int, int]] = field(default_factory=list)
     notes: list[NoteRecord] = field(default_factory=list)
     refreshes: list[tuple[str, int, int, tuple[int, ...] | None]] = field(default_factory=list)
+    transactions: list[TransactionRecord] = field(default_factory=list)
+    turns: list[PollRecord] = field(default_factory=list)
+    cycles: list[CycleRecord] = field(default_factory=list)
+    said: list[FreeRecord] = field(default_factory=list)
+    values: list[DeviceValueRecord] = field(default_factory=list)
+    all_ends: dict[str, list[int]] = field(default_factory=dict)
 
     def scan(self, record: ScanRecord) -> None:
         self.scans.append(record)
@@ -82,6 +100,24 @@ class Recorder:
 
     def note(self, record: NoteRecord) -> None:
         self.notes.append(record)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        self.transactions.append(record)
+
+    def poll_turn(self, record: PollRecord) -> None:
+        self.turns.append(record)
+
+    def cycle(self, record: CycleRecord) -> None:
+        self.cycles.append(record)
+
+    def free(self, record: FreeRecord) -> None:
+        self.said.append(record)
+
+    def value(self, record: DeviceValueRecord) -> None:
+        self.values.append(record)
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        self.all_ends.setdefault(plc, []).extend(ticks)
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         self.refreshes.append((bus, source, tick, None if heard is None else tuple(sorted(heard))))
@@ -208,7 +244,7 @@ def registers_now(simulation: Simulation, plc: str) -> dict[str, int]:
     return found.board.registers()
 
 
-def bus_of(done: Done | Simulation) -> Bus:
+def bus_of(done: Done | Simulation) -> LinkBus:
     """The bus of a simulation of :func:`link`."""
     simulation = done.simulation if isinstance(done, Done) else done
-    return simulation.buses["link"]
+    return simulation.links["link"]

@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from bussim.plc.profiles import PROFILES
 from bussim.scenario import model
-from bussim.sim.port import Port
+from bussim.sim.nn.port import LinkPort
 
 from . import chance
 from .build import MS, Recorder, bus_of, link, plc, run, started
@@ -109,13 +109,13 @@ class Line(RuleBasedStateMachine):
         assert_ordered(self.record)
 
 
-def on_air(port: Port) -> int:
+def on_air(port: LinkPort) -> int:
     """Transmissions of a port that reach the line now."""
     tx = port.sending
     return int(tx is not None and not tx.silent and not tx.cut) + int(port.jabbering)
 
 
-def drivers(port: Port) -> int:
+def drivers(port: LinkPort) -> int:
     return on_air(port) + int(port.tail)
 
 

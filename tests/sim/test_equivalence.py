@@ -17,9 +17,10 @@ import pytest
 
 from bussim.plc.memory import BIT_RANGES, WORD_RANGES
 from bussim.scenario import model
-from bussim.sim.bus import Audience, Bus
 from bussim.sim.kernel import Timer
-from bussim.sim.port import Port
+from bussim.sim.nn.bus import LinkBus
+from bussim.sim.nn.port import LinkPort
+from bussim.sim.wire.line import Audience
 from bussim.trace import NoteRecord
 
 from . import chance
@@ -101,7 +102,7 @@ def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
     assert other.record.frames == other.record.attempts == []
 
 
-def _one_by_one(bus: Bus, sender: Port) -> Audience:
+def _one_by_one(bus: LinkBus, sender: LinkPort) -> Audience:
     """Everybody hears character by character."""
     hearers = [
         port
@@ -122,7 +123,7 @@ def _one_by_one(bus: Bus, sender: Port) -> Audience:
 )
 def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = chance.scenario(seed, SECONDS)
-    monkeypatch.setattr(Bus, "audience", _one_by_one)
+    monkeypatch.setattr(LinkBus, "audience", _one_by_one)
     simulation, record = started(scenario)
     bus_of(simulation).together = False
     simulation.run(scenario.duration)

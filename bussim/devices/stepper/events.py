@@ -97,3 +97,24 @@ class PoweredOn:
 StepperEvent = (
     MotorStarted | MotorStopped | OutputChanged | StepEntered | ProjectEnded | CommandRefused | PoweredOn
 )
+
+
+def in_words(event: StepperEvent) -> str:
+    """An event as a phrase, positions in units."""
+    match event:
+        case MotorStarted(_, job, direction, target):
+            way = "forward" if direction > 0 else "reverse"
+            aim = "" if target is None else f" to {target / 100:.2f}"
+            return f"starts {way}{aim} ({job.value})"
+        case MotorStopped(_, job, reason, position):
+            return f"stands at {position / 100:.2f} ({job.value}: {reason.value})"
+        case OutputChanged(_, output, on):
+            return f"output {output} {'on' if on else 'off'}"
+        case PoweredOn(_, station, baud):
+            return f"is on as station {station} at {baud} bps"
+        case StepEntered(_, step):
+            return f"step {step}"
+        case ProjectEnded(_, complete):
+            return "project done" if complete else "project broken off"
+        case CommandRefused(_, command, why):
+            return f"{command} refused: {why}"

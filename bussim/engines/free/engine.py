@@ -6,12 +6,12 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from bussim.engines.contract import DEADLINE, EVENTS, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, SERVE, TRANSMIT, RxChar, Transmit
 from bussim.engines.free.events import CharacterDamaged, Ended, FreeEvent, Received, Sent
 from bussim.engines.free.states import FREE, FreeInput, FreeState
 from bussim.engines.modbus.codes import PortError
 from bussim.line.characters import LineTiming
-from bussim.units import TICKS_PER_SECOND
+from bussim.units import TICKS_PER_SECOND, round_half_up
 
 #: Most bytes that one RS2 instruction sends or receives (PW10 board manual, section 5).
 MAX_BYTES = 256
@@ -43,7 +43,10 @@ class FreeConfig:
 
 
 class FreePort:
-    """One port under RS2 free protocol. See :mod:`bussim.engines.contract` for the methods."""
+    """One port under RS2 free protocol. See :mod:`bussim.engines.contract` for the methods.
+
+    The hint SERVE tells that a reception has begun, which a PLC shows from its next END on.
+    """
 
     __slots__ = (
         "_begun",
@@ -234,22 +237,21 @@ class FreePort:
         return self._complete(end, Ended.COUNT) if len(self._data) == self._expected else 0
 
     def _goes_on(self, start: int, end: int) -> int:
-        if self.state is FreeState.READY:
-            self._move(FreeInput.BEGUN)
-            self._start = start
         self._deadline = end + self.config.timeout
-        return DEADLINE
+        if self.state is FreeState.RECEIVING:
+            return DEADLINE
+        self._move(FreeInput.BEGUN)
+        self._start = start
+        return DEADLINE | SERVE
 
     def receive_frame(self, frame: FreeFrame, start: int, end: int) -> int:
         """Undamaged characters back to back; the same as one by one."""
-        timing = self.config.timing
-        hints = 0
-        for number, value in enumerate(frame.chars):
-            hints |= self.receive(
-                RxChar(value),
-                start + timing.characters(number),
-                end if number + 1 == len(frame.chars) else start + timing.characters(number + 1),
-            )
+        character = self.config.timing.character
+        hints, begun = 0, start
+        for number, value in enumerate(frame.chars, 1):
+            over = end if number == len(frame.chars) else start + round_half_up(character * number)
+            hints |= self.receive(RxChar(value), begun, over)
+            begun = over
         return hints
 
     def line_idle(self, now: int) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from enum import IntEnum, StrEnum
+from struct import pack, unpack_from
 from typing import Final, NamedTuple
 
 from bussim.engines.modbus.codes import ExceptionCode
@@ -173,12 +174,14 @@ def unpack_bits(data: bytes, quantity: int) -> tuple[int, ...]:
 
 def pack_words(words: Iterable[int]) -> bytes:
     """Registers as bytes, high byte first."""
-    return b"".join(word.to_bytes(2, "big") for word in words)
+    words = tuple(words)
+    return pack(f">{len(words)}H", *words)
 
 
 def unpack_words(data: bytes) -> tuple[int, ...]:
     """The registers of bytes, high byte first."""
-    return tuple(data[at] << 8 | data[at + 1] for at in range(0, len(data) - 1, 2))
+    count = len(data) // 2
+    return unpack_from(f">{count}H", data)
 
 
 def _word(pdu: bytes, at: int) -> int:
@@ -220,9 +223,9 @@ def encode_request(request: Request) -> bytes:
 
 
 def _check_words(*words: int) -> None:
-    for word in words:
-        if not 0 <= word <= 0xFFFF:
-            raise ValueError(f"{word} does not fit into 16 bits, allowed 0…65535")
+    if words and not (min(words) >= 0 and max(words) <= 0xFFFF):
+        bad = next(word for word in words if not 0 <= word <= 0xFFFF)
+        raise ValueError(f"{bad} does not fit into 16 bits, allowed 0…65535")
 
 
 def decode_request(pdu: bytes) -> Request | Malformed:

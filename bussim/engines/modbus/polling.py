@@ -21,7 +21,7 @@ class PollingMaster:
 
     __slots__ = ("_events", "_next", "list", "master", "wants_image")
 
-    def __init__(self, config: MasterConfig, polls: PollList) -> None:
+    def __init__(self, config: MasterConfig, polls: PollList[Poll]) -> None:
         for number, poll in enumerate(polls.polls):
             error = refusal(poll.station, poll.request, config.limits)
             if error is not None:
@@ -57,12 +57,17 @@ class PollingMaster:
 
     @property
     def heard(self) -> Adu | None:
-        """The latest sound frame that was completely heard; its ends are the master's."""
+        """The latest sound frame that was completely heard, whosever it is."""
         return self.master.heard
 
     @heard.setter
     def heard(self, value: Adu | None) -> None:
         self.master.heard = value
+
+    @property
+    def heard_start(self) -> int:
+        """Its first edge."""
+        return self.master.heard_start
 
     def start(self, now: int) -> int:
         """Power-on; returns hints."""

@@ -4,32 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 from bussim.engines.modbus.codes import PortError
 from bussim.engines.modbus.events import CycleEnded, PollEnded, PollEvent
 from bussim.engines.modbus.pdu import Request
 
 
+class Turn(Protocol):
+    """When an entry of a list has its turns. Times in ticks.
+
+    First ``at`` after the list's start, then every ``every`` ticks on that grid (0: again as soon as
+    the others had their turn), ``times`` times (None: for ever). A failed attempt is repeated up to
+    ``retries`` times.
+    """
+
+    @property
+    def at(self) -> int:
+        """When it is due first, from the list's start on."""
+
+    @property
+    def every(self) -> int:
+        """Its period, 0 for none."""
+
+    @property
+    def times(self) -> int | None:
+        """How many turns it has, None for no limit."""
+
+    @property
+    def retries(self) -> int:
+        """How often a failed attempt is repeated."""
+
+
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """One entry of a poll list.
-
-    ``every`` is its period in ticks, 0 for again as soon as the others had their turn; a failed
-    attempt is repeated at once, up to ``retries`` times.
-    """
+    """One entry of a poll list that is a Modbus transaction; see :class:`Turn`."""
 
     station: int
     request: Request
     every: int = 0
     retries: int = 0
+    at: int = 0
+    times: int | None = None
+    name: str = ""
 
 
-class PollList:
+TurnT = TypeVar("TurnT", bound=Turn)
+
+
+class PollList(Generic[TurnT]):
     """Deals out the polls of one port in turn; says nothing on the wire itself.
 
-    A poll is due at ``start`` and then every ``every`` ticks, on that grid: turns that could not be
-    begun before the next one came due are skipped, not caught up. Of several that are due the one
-    after the latest in the list is next.
+    Turns that could not be begun before the poll came due again are skipped, not caught up. Of
+    several that are due the one after the latest in the list is next. A cycle is over when every
+    poll without ``times`` had a turn: a poll with ``times`` is a command and no part of it.
     """
 
     __slots__ = (
@@ -37,56 +65,70 @@ class PollList:
         "_begun",
         "_cycle_start",
         "_cycles",
+        "_cyclic",
         "_due",
         "_last",
         "_late",
+        "_left",
         "_unseen",
         "polls",
         "running",
     )
 
-    def __init__(self, polls: Sequence[Poll], start: int = 0) -> None:
+    def __init__(self, polls: Sequence[TurnT], start: int = 0) -> None:
         self.polls = tuple(polls)
         #: Index of the poll whose turn it is, None between turns.
         self.running: int | None = None
-        self._due = [start] * len(self.polls)
-        self._last = len(self.polls) - 1
+        self._cyclic = frozenset(index for index, poll in enumerate(self.polls) if poll.times is None)
+        self._cycles = 0
         self._attempts = 0
         self._begun = 0
         self._late = 0
         self._cycle_start: int | None = None
-        self._cycles = 0
-        self._unseen = set(range(len(self.polls)))
+        self.drop(start)
+
+    @property
+    def attempt(self) -> int:
+        """The number of the running turn's attempt, from 1."""
+        return self._attempts
 
     def next_due(self) -> int | None:
-        """When :meth:`take` may be called next; None while a turn runs or the list is empty."""
-        return min(self._due) if self.running is None and self._due else None
+        """When :meth:`take` may be called next; None while a turn runs or nothing is due any more."""
+        if self.running is not None:
+            return None
+        return min((due for due in self._due if due is not None), default=None)
 
-    def take(self, now: int) -> Poll | None:
+    def take(self, now: int) -> TurnT | None:
         """Begin the turn that is next; None if none is due at ``now``."""
         if self.running is not None:
             return None
         count = len(self.polls)
         for step in range(1, count + 1):
             index = (self._last + step) % count
-            if self._due[index] <= now:
-                return self._begin(index, now)
+            due = self._due[index]
+            if due is not None and due <= now:
+                return self._begin(index, due, now)
         return None
 
-    def _begin(self, index: int, now: int) -> Poll:
+    def _begin(self, index: int, due: int, now: int) -> TurnT:
         poll = self.polls[index]
-        due = self._due[index]
         self._late = now - due
-        # The next point of the grid after now; without a period it is due again when it is over.
-        self._due[index] = due + ((now - due) // poll.every + 1) * poll.every if poll.every else now
+        left = self._left[index]
+        if left is not None:
+            self._left[index] = left = left - 1
+        if left == 0:
+            self._due[index] = None
+        else:
+            # The next point of the grid after now; without a period it is due again when it is over.
+            self._due[index] = due + ((now - due) // poll.every + 1) * poll.every if poll.every else now
         self.running = self._last = index
         self._begun = now
         self._attempts = 1
-        if self._cycle_start is None:
+        if self._cycle_start is None and index in self._cyclic:
             self._cycle_start = now
         return poll
 
-    def ended(self, now: int, error: PortError | None) -> tuple[Poll | None, tuple[PollEvent, ...]]:
+    def ended(self, now: int, error: PortError | None) -> tuple[TurnT | None, tuple[PollEvent, ...]]:
         """An attempt of the running turn was decided.
 
         Returns the poll to try again at once, or None, and what is over. Raises RuntimeError if no
@@ -100,21 +142,25 @@ class PollList:
             self._attempts += 1
             return poll, ()
         self.running = None
-        if not poll.every:
+        if not poll.every and self._due[index] is not None:
             self._due[index] = now
         events: list[PollEvent] = [PollEnded(now, index, self._begun, self._attempts, error, self._late)]
         self._unseen.discard(index)
-        if not self._unseen:
+        if index in self._cyclic and not self._unseen:
             begun = self._begun if self._cycle_start is None else self._cycle_start
             events.append(CycleEnded(now, self._cycles, now - begun))
             self._cycles += 1
-            self._cycle_start = None
-            self._unseen = set(range(len(self.polls)))
+            self._begin_cycle()
         return None, tuple(events)
 
-    def drop(self, now: int) -> None:
-        """The running turn is forgotten (STOP); every poll is due again from ``now`` on."""
-        self.running = None
-        self._due = [now] * len(self.polls)
+    def _begin_cycle(self) -> None:
         self._cycle_start = None
-        self._unseen = set(range(len(self.polls)))
+        self._unseen = set(self._cyclic)
+
+    def drop(self, now: int) -> None:
+        """The running turn is forgotten (STOP), and the list begins anew at ``now``."""
+        self.running = None
+        self._due = [None if poll.times == 0 else now + poll.at for poll in self.polls]
+        self._left = [poll.times for poll in self.polls]
+        self._last = len(self.polls) - 1
+        self._begin_cycle()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from bussim.engines.contract import EVENTS, OPEN, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import EVENTS, OPEN, SERVE, TRANSMIT, RxChar, Transmit
 from bussim.engines.modbus.adu import BROADCAST, FIRST_STATION, LAST_STATION, Adu, Damage
 from bussim.engines.modbus.codes import PortError, Rejection
 from bussim.engines.modbus.events import FrameRejected, RequestServed, SlaveEvent, StationRefused
@@ -206,10 +206,15 @@ class Slave:
         """Whether a request waits to be carried out: a driver of a ``driven`` slave calls :meth:`serve`."""
         return self.state is SlaveState.SERVING
 
+    @property
+    def reply(self) -> Adu | None:
+        """The reply that is due or being sent."""
+        return self._reply
+
     def _take_up(self, asked: _Asked, now: int) -> int:
         self._next = asked
         self._move(SlaveInput.REQUEST)
-        return 0 if self.config.driven else self.serve(now)
+        return SERVE if self.config.driven else self.serve(now)
 
     def serve(self, now: int) -> int:
         """Carry out the request that waits (a PLC: at END); returns hints. Nothing waits: 0."""

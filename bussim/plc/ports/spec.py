@@ -26,11 +26,12 @@ class PortSpec:
 class PollSpec:
     """A Modbus transaction that recurs: one RS2 instruction of a PLC, or one poll of an HMI.
 
-    ``device`` is the first device that is read into or written from (D for registers; D, M, S, Y for
-    coils; None for an HMI, which keeps what it read to itself). ``values``, for a write, are what is
-    written: moved to ``device`` first where there is one. It is due at ``at`` and then every
-    ``every`` ticks (0: as soon as the others had their turn), ``times`` times (None: for ever).
-    A failed attempt is repeated up to ``retries`` times.
+    ``device`` is the first device that is read into or written from: D for registers; for coils M, S,
+    Y, or D with sixteen packed in a word; X only to write from; None for an HMI, which keeps what it
+    read to itself. ``values``, for a write, are what is written: moved to ``device`` first where
+    there is one. It is due ``at`` ticks after RUN (an HMI: after power-on) and then every ``every``
+    ticks (0: as soon as the others had their turn), ``times`` times (None: for ever). A failed attempt is
+    repeated up to ``retries`` times.
     """
 
     name: str  # unique among the polls of its master
@@ -51,9 +52,10 @@ class PollSpec:
 class FreeSpec:
     """A free-protocol RS2 instruction: ``send_count`` bytes from ``send``, ``count`` bytes into ``device``.
 
-    ``data``, where not empty, is put into the send registers before each turn. Due as a
-    :class:`PollSpec` is; one that only receives (``send_count`` 0) stays driven, and its "reception
-    complete" is reset after every taken reception.
+    ``data``, where not empty, is put into the send registers before each turn (``send`` None: it is
+    sent from nowhere). Due as a :class:`PollSpec` is. One that only receives (``send_count`` 0) stays
+    driven from ``at`` on until it has received ``times`` times, and its "reception complete" is reset
+    after every taken reception; ``every`` means nothing to it.
     """
 
     name: str
@@ -66,3 +68,13 @@ class FreeSpec:
     every: int = 0
     at: int = 0
     times: int | None = None
+
+    @property
+    def sends(self) -> bool:
+        """Whether it has turns of its own, in which it sends."""
+        return self.send_count > 0
+
+    @property
+    def retries(self) -> int:
+        """None: a turn of the free protocol is not repeated."""
+        return 0

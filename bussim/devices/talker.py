@@ -1,0 +1,173 @@
+"""A device with a protocol of its own: it says fixed things, by the clock or in answer to what it hears."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from bussim.engines.contract import DEADLINE, EVENTS, TRANSMIT, RxChar, Transmit
+from bussim.engines.free.engine import FreeFrame
+from bussim.engines.free.events import FreeEvent, Sent
+from bussim.line.characters import LineTiming
+
+
+@dataclass(frozen=True, slots=True)
+class Saying:
+    """What a free-protocol device sends.
+
+    On its own: first at ``at``, then every ``every`` ticks (None: once), ``times`` times (None: for
+    ever), each time up to ``jitter`` later. Where ``reply_to`` is not empty: ``delay`` ticks after
+    these bytes have been heard.
+    """
+
+    data: bytes
+    at: int = 0
+    every: int | None = None
+    times: int | None = None
+    jitter: int = 0
+    reply_to: bytes = b""
+    delay: int = 0
+
+
+class Talker:
+    """The device's one port. See :mod:`bussim.engines.contract` for the methods.
+
+    ``draws`` are the streams of the sayings' jitter, in order. What falls due while something else is
+    being sent follows it. Characters with errors are heard with the value that they have.
+    """
+
+    def __init__(
+        self, sayings: Sequence[Saying], timing: LineTiming, draws: Sequence[Iterator[float]]
+    ) -> None:
+        self._sayings = tuple(sayings)
+        self._timing = timing
+        self._draws = draws
+        self.due = -1
+        self.due_counter = 0
+        self.wants_image = False
+        #: No frames are recognised here: always None.
+        self.heard: FreeFrame | None = None
+        self.heard_start = 0
+        self._events: deque[FreeEvent] = deque()
+        self._longest = max((len(saying.reply_to) for saying in self._sayings), default=0)
+        self._tail = b""
+        self._clock: list[int | None] = [None] * len(self._sayings)  # when each speaks next on its own
+        self._turns = [0] * len(self._sayings)
+        self._queue: deque[tuple[int, bytes]] = deque()  # (not before, data) behind what is due
+        self._begun = 0
+        self._out: bytes | None = None  # due or being sent
+        self._on = False
+
+    # -- supply --------------------------------------------------------------------------------
+
+    def start(self, now: int) -> int:
+        """Power-on: what was to be said at a tick that is over begins with the next turn."""
+        self._on = True
+        for number, saying in enumerate(self._sayings):
+            self._turns[number] = 0
+            if not saying.reply_to:
+                if saying.every and saying.at < now:
+                    self._turns[number] = -((saying.at - now) // saying.every)
+                self._clock[number] = self._next(number) if saying.every or saying.at >= now else None
+        return DEADLINE
+
+    def stop(self, now: int) -> int:
+        """Power-off."""
+        del now
+        self._on = False
+        self._tail = b""
+        self._queue.clear()
+        self._out = None
+        self.due = -1
+        self._clock = [None] * len(self._sayings)
+        return DEADLINE
+
+    def _next(self, number: int) -> int | None:
+        saying, turn = self._sayings[number], self._turns[number]
+        if saying.times is not None and turn >= saying.times:
+            return None
+        if turn and saying.every is None:
+            return None
+        late = int(next(self._draws[number]) * (saying.jitter + 1)) if saying.jitter else 0
+        return saying.at + turn * (saying.every or 0) + late
+
+    # -- listening -----------------------------------------------------------------------------
+
+    def receive(self, char: RxChar, start: int, end: int) -> int:
+        """One character."""
+        del start
+        if not self._longest or not self._on:
+            return 0
+        self._tail = (self._tail + bytes((char.value,)))[-self._longest :]
+        for saying in self._sayings:
+            if saying.reply_to and self._tail.endswith(saying.reply_to):
+                self._tail = b""
+                return self._say(saying.data, end + saying.delay)
+        return 0
+
+    def receive_frame(self, frame: FreeFrame, start: int, end: int) -> int:
+        """Undamaged characters back to back."""
+        hints = 0
+        if self._longest:
+            for number, value in enumerate(frame.chars, 1):
+                hints |= self.receive(RxChar(value), start, start + self._timing.characters(number))
+        del end
+        return hints
+
+    def line_idle(self, now: int) -> int:
+        """Nothing to do."""
+        del now
+        return 0
+
+    def deadline(self) -> int | None:
+        """When it speaks next on its own."""
+        return min((at for at in self._clock if at is not None), default=None)
+
+    def on_deadline(self, now: int) -> int:
+        """It is time to speak."""
+        hints = DEADLINE
+        for number, at in enumerate(self._clock):
+            if at is not None and at <= now:
+                self._turns[number] += 1
+                self._clock[number] = self._next(number)
+                hints |= self._say(self._sayings[number].data, now)
+        return hints
+
+    # -- sending -------------------------------------------------------------------------------
+
+    def _say(self, data: bytes, at: int) -> int:
+        if self._out is not None:
+            self._queue.append((at, data))
+            return 0
+        self._out = data
+        self.due = at
+        return TRANSMIT
+
+    def begin_transmit(self, now: int, image: bytes = b"", counter: int = 0) -> FreeFrame:
+        """What is due."""
+        del image, counter
+        if self._out is None:
+            raise RuntimeError("nothing waits to be sent")
+        self._begun = now
+        return FreeFrame(self._out)
+
+    def transmit_done(self, now: int) -> int:
+        """All has left."""
+        if self._out is None:
+            return 0
+        self._events.append(Sent(self._begun, now, self._out))
+        self._out = None
+        if self._queue:
+            at, data = self._queue.popleft()
+            return EVENTS | self._say(data, max(at, now))
+        return EVENTS
+
+    def poll(self) -> Transmit | FreeEvent | None:
+        """The next event, then what is to be sent."""
+        if self._events:
+            return self._events.popleft()
+        if self.due >= 0:
+            at, self.due = self.due, -1
+            return Transmit(at)
+        return None

@@ -1,0 +1,199 @@
+"""A PLC's port as Modbus master: RS2 instructions, and a poll list that drives them without a program.
+
+An instruction is executed in a scan, between two ENDs. Its request leaves at the END which ends that
+scan, or at the first one after the interval (CPAVL +2); its outcome is taken over at the first END after
+it was decided; the scan that begins there is the next one that can drive an instruction. So a
+transaction costs whole scans (PW10 board manual, section 5 and 6.2.2).
+
+Assumed, since the manual is silent: an instruction keeps the port as long as it is driven, and asks
+again each time; one that goes off before its request has left asks nothing; one that goes off later
+still takes its answer over. The request's operands are those of the latest execution before it leaves,
+a write's data those of the END at which it leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+from bussim.engines.modbus.codes import PortError
+from bussim.engines.modbus.events import CycleEnded, PollEnded, TransactionEnded
+from bussim.engines.modbus.master import Master, refusal
+from bussim.engines.modbus.pdu import READS, WRITES, Limits, Request
+from bussim.engines.modbus.polls import PollList
+from bussim.plc.ports.cpavl import COMMUNICATION_ERROR, RUNNING, TIMED_OUT
+from bussim.plc.ports.events import TransactionTaken, TurnEnded
+from bussim.plc.ports.places import fetch, fits, store
+from bussim.plc.ports.requests import make_request
+from bussim.plc.ports.rs2 import Call, Drive, Rs2, modbus_call
+from bussim.plc.ports.side import EngineItem
+from bussim.plc.ports.spec import PollSpec
+from bussim.plc.ports.status import PortStatus
+
+
+class MasterSide:
+    """See :class:`~bussim.plc.ports.side.Side`."""
+
+    def __init__(self, engine: Master, status: PortStatus, polls: Sequence[PollSpec], now: int) -> None:
+        self.engine = engine
+        self._status = status
+        self._list = PollList(polls, now)
+        self._owner: Hashable | None = None  # the instruction that is driven
+        self._call: Call | None = None  # executed, but its request has not left yet
+        self._earliest = now  # the END at which it may
+        self._running: Call | None = None  # its request has left
+        self._ended: TransactionEnded | None = None  # decided, but not taken over yet
+        status.set_bit(RUNNING, 0)
+        self._next_poll(now)
+
+    @property
+    def busy(self) -> bool:
+        """A request has left and its outcome is not taken over yet."""
+        return self._running is not None
+
+    def wanted_end(self, now: int) -> int | None:
+        """See the protocol."""
+        del now
+        if self._running is not None:
+            return None if self._ended is None else self._ended.end
+        if self._call is not None:
+            return max(self._earliest, self.engine.ready_at)
+        return self._list.next_due() if self._owner is None else None
+
+    def event(self, item: EngineItem, now: int) -> None:
+        """See the protocol."""
+        del now
+        if isinstance(item, TransactionEnded):
+            self._ended = item
+
+    def release(self, now: int) -> None:
+        """See the protocol."""
+        del now
+        self._status.set_bit(RUNNING, 0)
+
+    # -- instructions ------------------------------------------------------------------------------
+
+    def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
+        """See the protocol. An instruction that has the port and waits may change its operands."""
+        if self._owner is not None and self._owner != instruction:
+            return Drive.BUSY
+        self._owner = instruction
+        if self._running is None:
+            self._execute(modbus_call(operands, self._status.memory), now)
+        return Drive.RUNNING
+
+    def undrive(self, instruction: Hashable, now: int) -> None:
+        """See the protocol."""
+        del now
+        if self._owner == instruction:
+            self._owner = None
+            if self._call is not None:
+                self._call = None
+                self._status.set_bit(RUNNING, 0)
+
+    def _execute(self, call: Call, earliest: int) -> None:
+        self._call = call
+        self._earliest = earliest
+        self._status.set_bit(RUNNING, 1)
+
+    def _next_poll(self, now: int) -> None:
+        """The poll list executes for the scan that begins now."""
+        if self._owner is not None:
+            return
+        poll = self._list.take(now)
+        if poll is not None:
+            self._execute_poll(poll, now)
+
+    def _execute_poll(self, poll: PollSpec, now: int) -> None:
+        self._owner = poll
+        device, values = poll.device, poll.values
+        if device is not None and poll.function in WRITES and fits(device, poll.function, len(values)):
+            store(self._status.memory, device, poll.function, values)
+        call = Call(poll.station, poll.function, poll.address, poll.count, device, values)
+        self._execute(call, now + 1)
+
+    # -- END ---------------------------------------------------------------------------------------
+
+    def at_end(self, end: int) -> int:
+        """See the protocol."""
+        hints = 0
+        again: PollSpec | None = None
+        ended = self._ended
+        if ended is not None:
+            again = self._take_over(ended, end)
+        elif self._call is not None and max(self._earliest, self.engine.ready_at) <= end:
+            call, self._call = self._call, None
+            self._running = call
+            error = self._obstacle(call)
+            if error is None:
+                request = make_request(call.function, call.address, call.count, self._values(call))
+                hints = self.engine.submit(call.station, request, end)
+            else:
+                again = self._take_over(_unsent(call, error, end), end)
+        if again is not None:
+            self._execute_poll(again, end)
+        else:
+            self._next_poll(end)
+        return hints
+
+    def _obstacle(self, call: Call) -> PortError | None:
+        """Why RS2 cannot send a request.
+
+        Beside the engine's own reasons: data that do not lie in memory are beyond the map (2), and a
+        write whose poll has neither a device nor as many values as it writes cannot be taken (6).
+        """
+        error = refusal(call.station, Request(call.function, call.address, call.count), self._limits)
+        if error is not None:
+            return error
+        if call.device is not None:
+            return None if fits(call.device, call.function, call.count) else PortError.ADDRESS
+        if call.function in WRITES and len(call.values) != call.count:
+            return PortError.DATA
+        return None
+
+    @property
+    def _limits(self) -> Limits:
+        return self.engine.config.limits
+
+    def _values(self, call: Call) -> Sequence[int]:
+        if call.function not in WRITES:
+            return ()
+        if call.device is None:
+            return call.values
+        return fetch(self._status.memory, call.device, call.function, call.count)
+
+    def _take_over(self, ended: TransactionEnded, end: int) -> PollSpec | None:
+        """Results into memory; returns the poll that is to be tried again."""
+        call, error, status = self._running, ended.error, self._status
+        self._running = self._ended = None
+        response = ended.response
+        if response is not None and call is not None and call.device is not None and call.function in READS:
+            store(status.memory, call.device, call.function, response.values)
+        status.set_bit(RUNNING, 0)
+        status.set_bit(COMMUNICATION_ERROR, int(error is not None))
+        status.set_bit(TIMED_OUT, int(error is PortError.TIMEOUT))
+        if error is None:
+            status.good()
+        else:
+            status.failed(error, end)
+        return self._tell(ended, end)
+
+    def _tell(self, ended: TransactionEnded, end: int) -> PollSpec | None:
+        polls, events = self._list, self._status.events
+        if polls.running is None:
+            events.append(TransactionTaken(end, "", 1, ended))
+            return None
+        name = polls.polls[polls.running].name
+        events.append(TransactionTaken(end, name, polls.attempt, ended))
+        again, over = polls.ended(end, ended.error)
+        for item in over:
+            if isinstance(item, PollEnded):
+                events.append(TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late))
+            elif isinstance(item, CycleEnded):
+                events.append(item)
+        self._owner = None
+        return again
+
+
+def _unsent(call: Call, error: PortError, end: int) -> TransactionEnded:
+    request = Request(call.function, call.address, call.count)
+    return TransactionEnded(0, call.station, request, None, None, None, None, end, error, 0, None)

@@ -1,0 +1,41 @@
+"""What the three kinds of ports (Modbus master, Modbus slave, free protocol) have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Protocol
+
+from bussim.plc.ports.rs2 import Drive, Rs2
+
+#: Something that an engine reported; which, is the side's business.
+EngineItem = object
+
+
+class Side(Protocol):
+    """What a port does at END, from RUN to STOP. Times are ticks.
+
+    Within one END: what has been decided is taken over, what was executed in the scan that ends there
+    goes out, and the polls (a program of their own) execute for the scan that begins.
+    """
+
+    @property
+    def busy(self) -> bool:
+        """Whether a transaction or reception is under way."""
+
+    def wanted_end(self, now: int) -> int | None:
+        """The earliest tick from which an END matters; None: none does before something happens."""
+
+    def at_end(self, end: int) -> int:
+        """Carry out what happens at this END; returns hints for the engine."""
+
+    def event(self, item: EngineItem, now: int) -> None:
+        """The engine has reported something."""
+
+    def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
+        """An RS2 instruction is executed, its contact on."""
+
+    def undrive(self, instruction: Hashable, now: int) -> None:
+        """An RS2 instruction is executed, its contact off."""
+
+    def release(self, now: int) -> None:
+        """STOP or power-off."""

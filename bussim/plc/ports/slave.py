@@ -1,0 +1,64 @@
+"""A PLC's port as Modbus slave: its requests are carried out, and answered, at END (LX slave note)."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+from bussim.engines.modbus.slave import Slave
+from bussim.engines.modbus.states import SlaveState
+from bussim.line.characters import LineTiming
+from bussim.plc.ports.rs2 import Drive, Rs2
+from bussim.plc.ports.side import EngineItem
+from bussim.units import round_half_up
+
+_BUSY = frozenset((SlaveState.SERVING, SlaveState.ANSWERING, SlaveState.SENDING))
+
+
+class SlaveSide:
+    """See :class:`~bussim.plc.ports.side.Side`. Damaged frames and refused requests raise no port error."""
+
+    def __init__(self, engine: Slave, timing: LineTiming) -> None:
+        self.engine = engine
+        self._character = timing.character
+        self._over = 0  # when the reply will have left, if nothing holds it up
+        self._latest = -1  # END
+
+    @property
+    def busy(self) -> bool:
+        """From a request's reception until its reply has left."""
+        return self.engine.state in _BUSY
+
+    def wanted_end(self, now: int) -> int | None:
+        """See the protocol."""
+        if self.engine.waiting:
+            return now
+        return max(self._over, self._latest + 1) if self.busy else None
+
+    def at_end(self, end: int) -> int:
+        """See the protocol."""
+        engine = self.engine
+        self._latest = end
+        hints = 0
+        while engine.waiting:  # after a broadcast the next request may wait already
+            hints |= engine.serve(end)
+        reply = engine.reply
+        if reply is not None and hints:
+            self._over = engine.due + round_half_up(self._character * len(reply.chars))
+        return hints
+
+    def event(self, item: EngineItem, now: int) -> None:
+        """Nothing to do: what a slave reports is no matter of END."""
+        del item, now
+
+    def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
+        """No RS2 on a slave's port."""
+        del instruction, operands, now
+        return Drive.REFUSED
+
+    def undrive(self, instruction: Hashable, now: int) -> None:
+        """Nothing to do."""
+        del instruction, now
+
+    def release(self, now: int) -> None:
+        """Nothing to do."""
+        del now

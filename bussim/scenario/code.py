@@ -1,0 +1,58 @@
+"""The functions of the user that a scenario names: only with permission, as nothing else runs code."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+class Code:
+    """Finds ``module:function``. ``allowed``: the user has said --allow-code.
+
+    Modules are looked for beside the scenario (``folder``), where the program was started, and then
+    wherever Python finds its own; one that is loaded stays loaded.
+    """
+
+    def __init__(self, *, allowed: bool = False, folder: Path | None = None) -> None:
+        self.allowed = allowed
+        self._places = (
+            [str(place.resolve()) for place in (folder, Path.cwd()) if place is not None] if allowed else []
+        )
+        self._found: dict[str, Callable[[int], int]] = {}
+
+    def find(self, name: str) -> Callable[[int], int]:
+        """The function. Raises ValueError with a message for the user."""
+        if not self.allowed:
+            raise ValueError(f"is {name}, which would run Python code: that takes --allow-code")
+        if name not in self._found:
+            self._found[name] = self._load(name)
+        return self._found[name]
+
+    def _load(self, name: str) -> Callable[[int], int]:
+        module, _, function = name.partition(":")
+        try:
+            with self._path():
+                found = getattr(importlib.import_module(module), function, None)
+        except ModuleNotFoundError as error:
+            raise ValueError(f"is {name}, but there is no module {error.name}") from None
+        except Exception as error:  # whatever a user's module does when it is loaded
+            what = f"{type(error).__name__}: {error}"[:200]
+            raise ValueError(f"is {name}, but loading {module} fails: {what}") from None
+        if not callable(found):
+            what = "has no" if found is None else "has something else as"
+            raise ValueError(f"is {name}, but {module} {what} function {function}")  # noqa: TRY004
+        return found  # type: ignore[no-any-return] # what it returns is judged whenever it is called
+
+    @contextmanager
+    def _path(self) -> Iterator[None]:
+        added = [place for place in self._places if place not in sys.path]
+        sys.path[:0] = added
+        try:
+            yield
+        finally:
+            for place in added:
+                if place in sys.path:
+                    sys.path.remove(place)

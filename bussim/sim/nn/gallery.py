@@ -1,0 +1,170 @@
+"""Slaves that hear everything alike, told of it once.
+
+Nearly always every slave of a link has heard the same frames, all of them ordinary: then what each
+has in mind of the link is the same, and one state stands for all. Anything else (a repeat, a missing
+answer, a flag, damage) dissolves the gallery, and every slave's own engine hears for itself again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from bussim.engines.nn.codes import NOT_IN_NETWORK
+from bussim.engines.nn.frames import DATA, POLL, Frame
+from bussim.engines.nn.slave import NOBODY, Listening, Slave
+
+if TYPE_CHECKING:
+    from bussim.sim.nn.port import LinkPort
+
+
+class Gallery:
+    """The members are slaves in calm whose listening states are equal; it knows nothing of frames' origin.
+
+    A member's engine lags behind until :meth:`sync`.
+    """
+
+    __slots__ = (
+        "_block_size",
+        "_counter",
+        "_current",
+        "_data_counter",
+        "_data_start",
+        "_flagged",
+        "_heard_master",
+        "_longest",
+        "_longest_at",
+        "_outcome",
+        "_pending_counter",
+        "_watchdog",
+        "by_station",
+        "members",
+        "pending",
+    )
+
+    def __init__(self) -> None:
+        self.members: tuple[LinkPort, ...] = ()
+        #: The member with a station number.
+        self.by_station: dict[int, LinkPort] = {}
+        self._flagged: set[int] = set()
+        self._current: int | None = None
+        self._longest = -1
+        self._longest_at = 0
+        self._block_size = -1
+        self._watchdog = 0
+        self._take(Listening(NOBODY, 0, 0, 0, 0, None, 0))
+
+    def _take(self, state: Listening) -> None:
+        (
+            self.pending,
+            self._pending_counter,
+            self._outcome,
+            self._counter,
+            self._heard_master,
+            self._data_start,
+            self._data_counter,
+        ) = state
+
+    def form(self, ports: Sequence[LinkPort]) -> None:
+        """Take in those of these ports whose slaves are calm and agree with the first such one."""
+        slaves = [port.engine for port in ports if isinstance(port.engine, Slave)]
+        if len({slave.config.station for slave in slaves}) < len(slaves):
+            return  # two stations with one number do not hear alike
+        state: Listening | None = None
+        members: list[LinkPort] = []
+        by_station: dict[int, LinkPort] = {}
+        flagged: set[int] = set()
+        for port in ports:
+            engine = port.engine
+            if not isinstance(engine, Slave) or not engine.calm or engine.settings is None:
+                continue
+            if state is None:
+                state = engine.listening
+                if state.pending >= 0:
+                    return
+                self._block_size = engine.block_size
+            elif engine.listening != state or engine.block_size != self._block_size:
+                continue
+            members.append(port)
+            by_station[engine.config.station] = port
+            flagged.update(number for number, on in enumerate(engine.status.flags) if on)
+        if state is None or len(members) < 2:
+            return
+        self.members, self.by_station, self._flagged = tuple(members), by_station, flagged
+        self._take(state)
+        self._current, self._longest = None, -1
+        self._watchdog = min(e.watchdog for e in slaves if e.watchdog)
+
+    @property
+    def deadline(self) -> int:
+        """When the first member's watchdog on the master expires if nothing more is heard."""
+        return self._heard_master + self._watchdog
+
+    def dissolve(self) -> tuple[LinkPort, ...]:
+        """Bring every member's engine up to date and let it go; returns the former members."""
+        members = self.members
+        self.sync()
+        self.members = ()
+        self.by_station = {}
+        return members
+
+    def sync(self) -> None:
+        """Bring every member's engine up to date."""
+        state = Listening(
+            self.pending,
+            self._pending_counter,
+            self._outcome,
+            self._counter,
+            self._heard_master,
+            self._data_start,
+            self._data_counter,
+        )
+        for port in self.members:
+            engine = port.engine
+            if not isinstance(engine, Slave):
+                continue
+            engine.listen_on(state)
+            if self._current is not None:
+                engine.status.measured(self._longest, self._longest_at)
+                engine.status.current = self._current
+        self._current, self._longest = None, -1
+
+    def expects(self, station: int) -> bool:
+        """Whether a first poll of this station and its reply are ordinary while no poll is pending."""
+        return bool(self.members) and station not in self._flagged
+
+    def hear(self, frame: Frame, start: int, end: int) -> bool:
+        """A frame that all members hear; returns whether it was an ordinary one, now heard.
+
+        If not, nothing has changed: dissolve and tell everybody.
+        """
+        kind = frame.kind
+        if kind == POLL:
+            pending, station = self.pending, frame.station
+            if pending >= 0 or (station == ~pending and frame.counter == self._pending_counter):
+                return False
+            self._heard_master = end
+            self._counter = self._pending_counter = frame.counter
+            self.pending = station
+            self._outcome = NOT_IN_NETWORK
+            return True
+        if kind != DATA or len(frame.data) != self._block_size:
+            return False
+        station = frame.station
+        if station:
+            if station != self.pending or frame.counter != self._pending_counter or station in self._flagged:
+                return False
+            self.pending = ~station
+            return True
+        if self.pending >= 0:
+            return False
+        self._heard_master = end
+        counter = frame.counter
+        if self._data_start is not None and counter == (self._data_counter + 1) & 15:
+            duration = start - self._data_start
+            self._current = duration
+            if duration > self._longest:
+                self._longest, self._longest_at = duration, start
+        self._data_start = start
+        self._data_counter = self._counter = counter
+        return True

@@ -1,0 +1,160 @@
+"""A PLC's port on an N:N link."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from bussim.engines.contract import STORED, TRANSMIT
+from bussim.engines.nn.events import NnEvent
+from bussim.engines.nn.frames import QUIET_CHARS
+from bussim.engines.nn.master import Master
+from bussim.line.characters import LineTiming
+from bussim.plc.board import LinkEngine
+from bussim.plc.plc import Plc, PlcState
+from bussim.plc.profiles import Reply
+from bussim.plc.streams import Streams
+from bussim.plc.turnaround import Turnarounds
+from bussim.sim.kernel import Kernel
+from bussim.sim.wire.node import Node
+
+if TYPE_CHECKING:
+    from bussim.sim.nn.bus import LinkBus
+
+_IDLE = b""
+_ONLY_TRANSMIT = TRANSMIT | STORED
+
+
+class LinkPort(Node):
+    """The port that M8179 selects. Its node is named as the PLC."""
+
+    __slots__ = (
+        "_longest_turnaround",
+        "_turnarounds",
+        "_waits",
+        "bus",
+        "engine",
+        "is_master",
+        "plc",
+        "replies_at_end",
+        "reporter",
+    )
+
+    def __init__(self, plc: Plc, bus: LinkBus, seat: int, kernel: Kernel, streams: Streams) -> None:
+        self.plc = plc
+        self.bus = bus
+        super().__init__(plc.name, bus, seat, kernel)
+        #: The link's engine; None unless the PLC is in RUN with good parameters.
+        self.engine: LinkEngine | None = None
+        self.is_master = False
+        self.reporter = bus.reporter
+        self.replies_at_end = plc.profile.reply is Reply.END
+        self._turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
+        self._longest_turnaround = plc.profile.turnaround.longest
+        # Replies that wait for an END: when each was ready, and its counter.
+        self._waits: list[tuple[int, int]] = []
+        if self.replies_at_end:
+            plc.cycle.on_change = self._ends_moved
+
+    def quiet(self, timing: LineTiming) -> int:
+        """Two characters (assumed; see the link's frames)."""
+        return timing.characters(QUIET_CHARS)
+
+    def understands(self, sender: Node) -> bool:
+        """Always: a link has no other frames than its own."""
+        del sender
+        return True
+
+    def report(self, item: NnEvent, now: int) -> None:
+        """To the bus's reporter."""
+        self.reporter.engine_event(self, item, now)
+
+    @property
+    def powered(self) -> bool:
+        """Whether the PLC has a supply."""
+        return self.plc.state is not PlcState.OFF
+
+    def run(self, engine: LinkEngine | None, first_end: int, now: int) -> None:
+        """The PLC is in RUN: it listens, and a master begins after its first END."""
+        self.engine = engine
+        self.is_master = isinstance(engine, Master)
+        if engine is None:
+            self.reporter.refused(now, self.plc)
+            return
+        self.bus.audience_changed()
+        self.handle(engine.start(first_end if self.is_master else now), now)
+        self.bus.join_midway(self, now)
+
+    def halt(self, now: int) -> None:
+        """STOP or power-off."""
+        super().halt(now)
+        self._waits.clear()
+
+    # -- the engine's wishes -----------------------------------------------------------------------
+
+    def handle(self, hints: int, now: int) -> None:
+        """Look at what the engine asks for."""
+        engine = self.engine
+        if engine is not None and hints | STORED == _ONLY_TRANSMIT:
+            at, engine.due = engine.due, -1
+            self.appoint(at, engine.due_counter)
+            return
+        super().handle(hints, now)
+
+    def _on_deadline(self, now: int) -> None:
+        if self not in self.bus.gallery.members:  # the gallery watches for all its members
+            super()._on_deadline(now)
+
+    # -- sending -----------------------------------------------------------------------------------
+
+    def turnaround(self) -> int:
+        """Draw the next reply's turnaround, in ticks."""
+        return self._turnarounds.draw() + self.extra_turnaround
+
+    @property
+    def prompt(self) -> bool:
+        """Whether its frames leave when its engine wants them, and its driver goes off with their end."""
+        return not (self.jabbering or self.late_release or self.replies_at_end or self.tail)
+
+    @property
+    def longest_turnaround(self) -> int:
+        """The longest turnaround that can be drawn now, in ticks."""
+        return self._longest_turnaround + self.extra_turnaround
+
+    def appoint(self, at: int, counter: int) -> None:
+        """A frame is to be sent from ``at`` on; a slave adds its turnaround."""
+        if not self.is_master:
+            at += self.turnaround()
+            if self.replies_at_end:
+                self._waits.append((at, counter))
+                at = self.plc.cycle.next_end(at, self._kernel.now)
+        super().appoint(at, counter)
+
+    def _on_start(self, now: int) -> None:
+        engine = self.engine
+        if self.sending is not None or engine is None:
+            return  # what falls due while it sends follows at once: see _on_end
+        bus, pending = self.bus, self.pending
+        counter = pending.pop(0)[2]
+        if self._waits:
+            self._waits.remove(next(wait for wait in self._waits if wait[1] == counter))
+        if self.is_master and bus.lane.exchange(self, now):
+            return
+        if pending:
+            self._start_timer.set(max(pending[0][0], now))
+        if bus.disturber.replies_at_risk and not self.is_master and bus.reply_vanishes(self, now):
+            return
+        image = self.plc.image_at(now) if engine.wants_image else _IDLE
+        self._begin(engine.begin_transmit(now, image, counter), now)
+
+    def _ends_moved(self, end: int) -> None:
+        """The PLC's scans after ``end`` take another time: replies that wait for END are appointed anew."""
+        waits, now = self._waits, self._kernel.now
+        if not waits:
+            return
+        next_end = self.plc.cycle.next_end
+        self.pending[:] = sorted(
+            (max(next_end(max(ready, end), now), now), order, counter)
+            for order, (ready, counter) in enumerate(waits)
+        )
+        self._sequence = len(waits)
+        self._start_timer.set(self.pending[0][0])

@@ -1,0 +1,189 @@
+"""From what the engines of one bus report to the run's records and totals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from bussim.engines.nn.codes import MEANINGS
+from bussim.engines.nn.events import (
+    AllHealthy,
+    AttemptEnded,
+    MasterWatchdog,
+    NnEvent,
+    ParametersRefused,
+    ParametersTaken,
+    PolledWithoutParameters,
+    ScanEnded,
+    StationBack,
+    StationLost,
+)
+from bussim.engines.nn.master import Master
+from bussim.plc.board import (
+    D_STATION,
+    D_TIMEOUT,
+    SERIAL_ERROR,
+    bad_parameters,
+    refusal,
+    selected_port,
+)
+from bussim.plc.plc import Plc
+from bussim.trace import AttemptRecord, NoteRecord, ScanRecord, Sink
+from bussim.units import format_ms
+
+if TYPE_CHECKING:
+    from bussim.sim.nn.port import LinkPort
+
+
+class Reporter:
+    """Writes one bus's records. ``names`` are the first PLC with each station number.
+
+    Answers later than ``longest_turnaround`` ticks are worth naming. A bus with several masters is
+    reported as its ``primary`` one sees it: the first along the cable.
+    """
+
+    def __init__(
+        self, bus: str, sink: Sink, names: dict[int, str], primary: str | None, longest_turnaround: int
+    ) -> None:
+        self._longest_turnaround = longest_turnaround
+        self._bus = bus
+        self._sink = sink
+        self._names = names
+        self._primary = primary
+        # Link scans so far, over all RUNs of the primary master.
+        self._scans = 0
+        self.healthy_at: int | None = None
+        #: What finished engines of the primary master counted.
+        self.polls = 0
+        self.failed_attempts: dict[int, Counter[int]] = {}
+        self.station_errors: Counter[int] = Counter()
+        #: Things worth telling the user after the run, each once.
+        self.warnings: list[str] = []
+
+    def _note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
+        self._sink.note(NoteRecord(tick, kind, where, text, detail))
+
+    def _warn(self, text: str) -> None:
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+    def station_label(self, station: int) -> str:
+        """``station 1 (press2)``."""
+        name = self._names.get(station)
+        return f"station {station} ({name})" if name else f"station {station}"
+
+    # -- engines -----------------------------------------------------------------------------------
+
+    def engine_event(self, port: LinkPort, event: NnEvent, now: int) -> None:
+        """An engine reported something."""
+        if isinstance(event, (ScanEnded, AttemptEnded, AllHealthy)):
+            if port.name == self._primary:
+                self._master_event(event)
+        elif isinstance(event, StationLost):
+            self._lost(port, event)
+        elif isinstance(event, StationBack):
+            label = self.station_label(event.station)
+            self._note(event.tick, "recovered", port.name, f"{label} answers again", station=event.station)
+        elif isinstance(event, MasterWatchdog):
+            self._note(event.tick, "watchdog", port.name, "the master's frames stopped")
+        elif isinstance(event, PolledWithoutParameters):
+            self._note(event.tick, "no_parameters", port.name, "polled before it had parameters")
+        elif isinstance(event, ParametersTaken):
+            port.plc.parameters(event.settings, now)
+            self._note(event.tick, "parameters", port.name, "took the master's parameters")
+        elif isinstance(event, ParametersRefused):
+            port.plc.refuse(now)
+            text = f"mode {event.settings.mode} of the master does not exist on {port.plc.profile.name}"
+            self._note(now, "refused", port.name, text)
+            self._warn(f"{port.name}: {text}; it takes no part in the link")
+
+    def _master_event(self, event: ScanEnded | AttemptEnded | AllHealthy) -> None:
+        sink = self._sink
+        if isinstance(event, ScanEnded):
+            sink.scan(
+                ScanRecord(
+                    self._bus,
+                    self._scans,
+                    event.start,
+                    event.duration,
+                    event.attempts,
+                    len(event.failures),
+                    len(event.in_error),
+                    self._cause(event),
+                )
+            )
+            self._scans += 1
+        elif isinstance(event, AttemptEnded):
+            if event.code:
+                sink.failed(self._bus, event.end, event.station, event.code)
+            if sink.traced:
+                sink.attempt(self._attempt(event))
+        else:
+            if self.healthy_at is None:
+                self.healthy_at = event.tick
+            self._note(event.tick, "healthy", self._bus, "every slave answers and no flag is on")
+
+    def _attempt(self, event: AttemptEnded) -> AttemptRecord:
+        return AttemptRecord(
+            self._bus,
+            event.start,
+            event.end,
+            event.station,
+            event.number,
+            MEANINGS[event.code] if event.code else "ok",
+            event.code,
+            None if event.reply is None else event.reply - event.polled,
+        )
+
+    def _lost(self, port: LinkPort, event: StationLost) -> None:
+        if not event.new:
+            return
+        label = self.station_label(event.station)
+        text = f"{label}: code {event.code:02X}, {MEANINGS[event.code]}"
+        self._note(event.tick, "station_error", port.name, text, station=event.station, code=event.code)
+
+    def _cause(self, event: ScanEnded) -> str:
+        """Why a scan took longer than the plain one, in words."""
+        reasons: list[str] = []
+        for station in dict.fromkeys(station for station, _ in event.failures):
+            failed = [code for number, code in event.failures if number == station]
+            label, count = self.station_label(station), len(failed)
+            if len(set(failed)) == 1:
+                codes = f"all {failed[0]:02X}" if count > 1 else f"{failed[0]:02X}"
+            else:
+                codes = ", ".join(f"{code:02X}" for code in failed)
+            if station in event.in_error:
+                attempts = "attempt" if count == 1 else "attempts"
+                reasons.append(f"{label}: {count} {attempts}, {codes}")
+            else:
+                attempts = "attempt" if count == 1 else "attempts"
+                reasons.append(f"{label}: {count} failed {attempts} before the answer, {codes}")
+        if event.parameters:
+            reasons.append("parameter frame")
+        station, waited = event.slowest
+        if waited > self._longest_turnaround:
+            reasons.append(f"{self.station_label(station)} answered {format_ms(waited)} after its poll")
+        return "; ".join(reasons)
+
+    def refused(self, now: int, plc: Plc) -> None:
+        """A PLC went to RUN without an engine: its parameters are bad."""
+        values = {address: plc.memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
+        text = refusal(plc.name, bad_parameters(plc.profile, values), selected_port(plc.memory))
+        self._note(now, "refused", plc.name, text, D8063=plc.memory.word("D", SERIAL_ERROR))
+        self._warn(text)
+
+    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
+        """A receiver believed a frame that nobody sent."""
+        text = f"took a damaged frame of {sender} for a valid {what} frame"
+        self._note(tick, "undetected", receiver, text, sender=sender)
+
+    # -- totals ------------------------------------------------------------------------------------
+
+    def retire(self, port: LinkPort) -> None:
+        """An engine ends: add up what the primary master counted."""
+        engine = port.engine
+        if isinstance(engine, Master) and port.name == self._primary:
+            self.polls += engine.polls
+            for station, by_code in engine.failed_attempts.items():
+                self.failed_attempts.setdefault(station, Counter()).update(by_code)
+            self.station_errors.update(engine.station_errors)

@@ -1,0 +1,196 @@
+"""The device models behind their nodes: which engine a device runs, and what it has to say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from bussim.devices.lx import LxMap
+from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.stepper.device import Stepper
+from bussim.devices.stepper.events import in_words
+from bussim.devices.talker import Talker
+from bussim.devices.user import UserMap
+from bussim.devices.v80 import V80
+from bussim.engines.modbus.master import MasterConfig
+from bussim.engines.modbus.polling import PollingMaster
+from bussim.engines.modbus.polls import PollList
+from bussim.engines.modbus.server import RegisterMap
+from bussim.engines.modbus.slave import Slave, SlaveConfig
+from bussim.line.characters import LineTiming
+from bussim.plc.memory import Memory, parse_device
+from bussim.plc.ports.requests import poll_of
+from bussim.plc.streams import Streams
+from bussim.scenario import model
+from bussim.sim.serial.reporter import SerialReporter
+
+
+class Behaviour:
+    """What is peculiar to a device. The node asks for its engine whenever the supply comes."""
+
+    def __init__(self, spec: model.BusDevice, streams: Streams) -> None:
+        del streams
+        self.spec = spec
+
+    def power_on(self, now: int) -> tuple[Any, LineTiming]:
+        """The supply comes: the engine, not started, and the rate and format that it uses."""
+        raise NotImplementedError
+
+    def power_off(self, now: int) -> None:
+        """The supply goes."""
+
+    def state(self, now: int) -> dict[str, int]:
+        """What is worth telling of it at the end."""
+        del now
+        return {}
+
+    def tell(self, reporter: SerialReporter) -> None:
+        """Report what the device itself has to say."""
+
+
+class _SlaveDevice(Behaviour):
+    """A register map without a life of its own, made anew at power-on."""
+
+    def map(self) -> RegisterMap:
+        """The map at power-on."""
+        raise NotImplementedError
+
+    def power_on(self, now: int) -> tuple[Any, LineTiming]:
+        """The engine over a fresh map."""
+        del now
+        return self.engine(self.map(), self.spec.station or 0, self.spec.timing), self.spec.timing
+
+    def engine(self, registers: RegisterMap, station: int, timing: LineTiming) -> Slave:
+        """The slave engine at a station and rate."""
+        spec = self.spec
+        profile = DEVICE_PROFILES[spec.model]
+        config = SlaveConfig(
+            profile.framing(spec.mode, timing),
+            delay=spec.delay,
+            driven=isinstance(spec.settings, model.LxSettings),
+            backlog=profile.backlog,
+        )
+        return Slave(config, {station: registers})
+
+
+class _Lx(_SlaveDevice):
+    """A PLC of which only its slave port is simulated."""
+
+    def map(self) -> RegisterMap:
+        settings = self.spec.settings
+        assert isinstance(settings, model.LxSettings)  # noqa: S101 - narrows the type; see _MODELS
+        memory = Memory()
+        for name, value in settings.registers.items():
+            memory.set(parse_device(name), value)
+        return LxMap(memory)
+
+
+class _V80(_SlaveDevice):
+    """A V80 or PPC."""
+
+    def map(self) -> RegisterMap:
+        settings = self.spec.settings
+        assert isinstance(settings, model.V80Settings)  # noqa: S101 - narrows the type; see _MODELS
+        device = V80()
+        for (space, address), value in settings.items.items():
+            device.set(space, address, value)
+        return device
+
+
+class _Map(_SlaveDevice):
+    """A register map that the scenario defines."""
+
+    _map: UserMap | None = None
+
+    def map(self) -> RegisterMap:
+        settings = self.spec.settings
+        assert isinstance(settings, model.MapSettings)  # noqa: S101 - narrows the type; see _MODELS
+        self._map = UserMap(settings.entries, settings.functions)
+        return self._map
+
+    def tell(self, reporter: SerialReporter) -> None:
+        name = self.spec.name
+        while self._map is not None and (failure := self._map.poll()) is not None:
+            reporter.note(failure.tick, "value_failed", name, f"{failure.name}: {failure.error}")
+            reporter.warn(f"{name}: the function of {failure.name} failed: {failure.error}")
+
+
+class _StepperDevice(_SlaveDevice):
+    """The controller lives on without supply: what was saved stays, and the axis stands where it was."""
+
+    def __init__(self, spec: model.BusDevice, streams: Streams) -> None:
+        super().__init__(spec, streams)
+        settings = spec.settings
+        assert isinstance(settings, model.StepperSettings)  # noqa: S101 - narrows the type; see _MODELS
+        self._stepper = Stepper(spec.station or 1, spec.timing.baud, settings.switches, settings.profile)
+        for name, value in settings.registers.items():
+            self._stepper.parameters[name] = value
+        self._stepper.parameters.save()
+        if spec.power_on > 0:
+            self._stepper.power_off(0)
+
+    def power_on(self, now: int) -> tuple[Any, LineTiming]:
+        stepper, spec = self._stepper, self.spec
+        stepper.power_on(now)
+        timing = LineTiming(stepper.baud, spec.timing.format, spec.timing.ppm)
+        return self.engine(stepper, stepper.station, timing), timing
+
+    def power_off(self, now: int) -> None:
+        self._stepper.power_off(now)
+
+    def state(self, now: int) -> dict[str, int]:
+        stepper = self._stepper
+        stepper.advance(now)
+        names = ("position", "running", "arrived", "running_step")
+        found = {name: stepper.value(name, now) for name in names}
+        position = found["position"]
+        found["position"] = position - (1 << 32) if position >> 31 else position
+        return {**found, "station": stepper.station, "baud": stepper.baud}
+
+    def tell(self, reporter: SerialReporter) -> None:
+        while (event := self._stepper.poll()) is not None:
+            reporter.note(event.tick, "device", self.spec.name, in_words(event))
+
+
+class _Hmi(Behaviour):
+    """A master that works through its polls without a scan."""
+
+    def power_on(self, now: int) -> tuple[Any, LineTiming]:
+        spec, settings = self.spec, self.spec.settings
+        assert isinstance(settings, model.HmiSettings)  # noqa: S101 - narrows the type; see _MODELS
+        framing = DEVICE_PROFILES["map"].framing(spec.mode, spec.timing)
+        config = MasterConfig(framing, settings.timeout, settings.interval, settings.turnaround)
+        polls = PollList([poll_of(poll) for poll in settings.polls], now)
+        return PollingMaster(config, polls), spec.timing
+
+
+class _Free(Behaviour):
+    """A device with a protocol of its own."""
+
+    def __init__(self, spec: model.BusDevice, streams: Streams) -> None:
+        super().__init__(spec, streams)
+        settings = spec.settings
+        assert isinstance(settings, model.FreeSettings)  # noqa: S101 - narrows the type; see _MODELS
+        self._sayings = settings.sayings
+        self._draws: list[Iterator[float]] = [
+            streams.uniforms("saying", spec.name, number) for number in range(len(settings.sayings))
+        ]
+
+    def power_on(self, now: int) -> tuple[Any, LineTiming]:
+        del now
+        return Talker(self._sayings, self.spec.timing, self._draws), self.spec.timing
+
+
+_MODELS: dict[str, type[Behaviour]] = {
+    "lx": _Lx,
+    "v80": _V80,
+    "map": _Map,
+    "stepper": _StepperDevice,
+    "hmi": _Hmi,
+    "free": _Free,
+}
+
+
+def behaviour(spec: model.BusDevice, streams: Streams) -> Behaviour:
+    """The model of a device."""
+    return _MODELS[spec.model](spec, streams)

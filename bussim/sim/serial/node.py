@@ -1,0 +1,179 @@
+"""A node that speaks Modbus or a protocol of its own: what PLC ports and devices have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from bussim.engines.contract import OPEN
+from bussim.engines.free.engine import FreePort
+from bussim.engines.modbus.events import RequestServed
+from bussim.engines.modbus.master import Master
+from bussim.engines.modbus.polling import PollingMaster
+from bussim.engines.modbus.slave import Slave
+from bussim.line.characters import LineTiming
+from bussim.sim.kernel import HEARING, Kernel
+from bussim.sim.serial.bus import Reply, SerialBus
+from bussim.sim.wire.node import Node
+
+if TYPE_CHECKING:
+    from bussim.sim.serial.reporter import SerialReporter
+
+#: Requests whose truth is kept until their replies begin.
+_MOST_SERVED = 64
+
+
+class SerialNode(Node):
+    """One seat of a serial bus.
+
+    ``kind`` names its frames ("request", "response" or "data"), ``tongue`` its protocol ("modbus-rtu",
+    "modbus-ascii", "free"): both follow from its engine. ``delays``, where given, draw what is added
+    to a reply's delay, uniform below ``jitter`` ticks.
+    """
+
+    __slots__ = (
+        "_delays",
+        "_heard_until",
+        "_jitter",
+        "_served",
+        "_silence_timer",
+        "bus",
+        "kind",
+        "reporter",
+        "request_chars",
+        "tongue",
+    )
+
+    def __init__(
+        self,
+        name: str,
+        bus: SerialBus,
+        seat: int,
+        kernel: Kernel,
+        reporter: SerialReporter,
+        *,
+        delays: Iterator[float] | None = None,
+        jitter: int = 0,
+    ) -> None:
+        super().__init__(name, bus, seat, kernel)
+        self.bus = bus
+        self.reporter = reporter
+        self.kind = "data"
+        self.tongue = "free"
+        #: Characters of the latest request that it sent.
+        self.request_chars = 0
+        self._delays = delays if jitter else None
+        self._jitter = jitter
+        self._silence_timer = kernel.timer(self._on_silence, HEARING)
+        self._heard_until = 0
+        # By the number of a request: its first edge, and when its values were taken.
+        self._served: dict[int, tuple[int, int]] = {}
+
+    # -- what it speaks ----------------------------------------------------------------------------
+
+    def speak(self, engine: Any, timing: LineTiming, now: int) -> None:
+        """From now on its engine is this one, at this rate and format; it is not started yet."""
+        self.engine = engine
+        self._served.clear()
+        if isinstance(engine, (Slave, Master, PollingMaster)):
+            master = engine.master if isinstance(engine, PollingMaster) else engine
+            self.tongue = f"modbus-{master.config.framing.mode.value.lower()}"
+            self.kind = "response" if isinstance(engine, Slave) else "request"
+        else:
+            self.tongue, self.kind = "free", "data"
+        self.home_timing = timing
+        self.retime(now)
+
+    def quiet(self, timing: LineTiming) -> int:
+        """The silence that its engine waits for; two characters where it waits for none."""
+        quiet: int = getattr(self.engine, "quiet", 0)
+        return quiet or timing.characters(2)
+
+    def understands(self, sender: Node) -> bool:
+        """Whether whole frames of another node are frames of its own protocol (free: any bytes)."""
+        if isinstance(self.engine, FreePort):
+            return True
+        return isinstance(sender, SerialNode) and sender.tongue == self.tongue
+
+    # -- the engine's wishes -----------------------------------------------------------------------
+
+    def handle(self, hints: int, now: int) -> None:
+        """Look at what the engine asks for."""
+        if hints & OPEN:
+            # An open ear watches for the silence itself.
+            if not self.ear.is_open and self not in self.bus.waiting:
+                self._heard_until = now
+                self.bus.waiting.add(self)
+                self._silence_timer.set(now + self.quiet(self.timing))
+            hints &= ~OPEN
+        super().handle(hints, now)
+
+    def _on_silence(self, now: int) -> None:
+        engine = self.engine
+        if self in self.bus.waiting and engine is not None:
+            self.bus.waiting.discard(self)
+            self.handle(engine.line_idle(now), now)
+
+    def catch_up(self, now: int) -> None:
+        """What a master or a free port makes of its deadline depends on the characters so far."""
+        self.bus.hear_so_far(self, now)
+
+    def listen_on(self) -> None:
+        """Something begins before the silence is over: the ear takes it from where the frame ended."""
+        self.bus.waiting.discard(self)
+        self._silence_timer.cancel()
+        self.ear.hold(self._heard_until)
+
+    def halt(self, now: int) -> None:
+        """STOP or power-off."""
+        super().halt(now)
+        self.bus.waiting.discard(self)
+        self._silence_timer.cancel()
+
+    def report(self, item: Any, now: int) -> None:
+        """An engine's event."""
+        if isinstance(item, RequestServed) and not item.broadcast:
+            served = self._served
+            served[item.number] = (item.start, item.tick)
+            if len(served) > _MOST_SERVED:
+                del served[next(iter(served))]
+        self.take(item, now)
+
+    def take(self, item: Any, now: int) -> None:
+        """What becomes of an event."""
+        raise NotImplementedError
+
+    # -- sending -----------------------------------------------------------------------------------
+
+    def appoint(self, at: int, counter: int) -> None:
+        """A frame is to be sent from ``at`` on; a reply takes its own time."""
+        if self.kind == "response":
+            at += self.extra_turnaround
+            if self._delays is not None:
+                at += int(next(self._delays) * (self._jitter + 1))
+        super().appoint(at, counter)
+
+    def _on_start(self, now: int) -> None:
+        engine = self.engine
+        if self.sending is not None or engine is None:
+            return  # what falls due while it sends follows at once: see _on_end
+        pending = self.pending
+        counter = pending.pop(0)[2]
+        if pending:
+            self._start_timer.set(max(pending[0][0], now))
+        bus = self.bus
+        replies = self.kind == "response"
+        if replies and bus.disturber.replies_at_risk and bus.reply_vanishes(self, now):
+            self.handle(engine.give_up_reply(now), now)
+            return
+        frame = engine.begin_transmit(now, b"", counter)
+        self.bus.waiting.discard(self)
+        self._begin(frame, now)
+        tx = self.sending
+        if replies:
+            asked = self._served.pop(counter, None)
+            if asked is not None and tx is not None:
+                bus.replied(Reply(now, tx.end, *asked, len(frame.chars)))
+            self.reporter.answered(self)
+        else:
+            self.request_chars = len(frame.chars)

@@ -1,0 +1,115 @@
+"""A PLC's port beside its link, and the clock that carries out the ENDs which its ports wait for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from bussim.engines.contract import SERVE
+from bussim.engines.modbus.events import CycleEnded, FrameRejected, RequestServed, StationRefused
+from bussim.plc.plc import Plc, PlcState
+from bussim.plc.ports.board import PortBoard
+from bussim.plc.ports.events import (
+    FreeReceived,
+    FreeSent,
+    PortErrorRaised,
+    TransactionTaken,
+    TurnEnded,
+)
+from bussim.sim.kernel import END, Kernel
+from bussim.sim.serial.bus import SerialBus
+from bussim.sim.serial.node import SerialNode
+from bussim.sim.serial.reporter import SerialReporter
+
+
+class PlcPort(SerialNode):
+    """One port of a PLC: what CPAVL and RS2 make of it is its board's business."""
+
+    __slots__ = ("board", "clock", "plc")
+
+    def __init__(
+        self, plc: Plc, port: str, bus: SerialBus, seat: int, kernel: Kernel, reporter: SerialReporter
+    ) -> None:
+        super().__init__(f"{plc.name}.{port}", bus, seat, kernel, reporter)
+        self.plc = plc
+        self.board: PortBoard = plc.boards[port]
+        self.clock: EndClock | None = None
+
+    @property
+    def powered(self) -> bool:
+        """Whether the PLC has a supply."""
+        return self.plc.state is not PlcState.OFF
+
+    def run(self, now: int) -> None:
+        """The PLC is in RUN and its parameters were taken over."""
+        engine, settings = self.board.engine, self.board.settings
+        if engine is not None and settings is not None:
+            self.speak(engine, settings.timing, now)
+            self.handle(engine.start(now), now)
+        self.tell()
+
+    def handle(self, hints: int, now: int) -> None:
+        """Look at what the engine asks for; a request waits for END."""
+        super().handle(hints, now)
+        if hints & SERVE:
+            self.look(now)
+
+    def look(self, now: int) -> None:
+        """An END may be wanted now."""
+        if self.clock is not None:
+            self.clock.look(now)
+
+    def take(self, item: Any, now: int) -> None:
+        """To the board, which END concerns."""
+        if isinstance(item, (RequestServed, FrameRejected, StationRefused)) and self.kind == "response":
+            self.reporter.slave_event(self, item)
+        self.board.event(item, now)
+        self.tell()
+        self.look(now)
+
+    def tell(self) -> None:
+        """Report what the board has to say."""
+        reporter = self.reporter
+        while (event := self.board.poll()) is not None:
+            if isinstance(event, TransactionTaken):
+                reporter.transaction(self, event.ended, event.poll, event.attempt, event.taken)
+            elif isinstance(event, TurnEnded):
+                reporter.turn(self, event)
+            elif isinstance(event, CycleEnded):
+                reporter.cycle(self, event)
+            elif isinstance(event, FreeSent):
+                reporter.sent(self, event.sent, event.poll)
+            elif isinstance(event, FreeReceived):
+                reporter.received(self, event.received, event.poll, event.damaged)
+            elif isinstance(event, PortErrorRaised):
+                reporter.port_error(self, event)
+
+
+class EndClock:
+    """Carries out those ENDs of a PLC that some port of it waits for."""
+
+    def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort]) -> None:
+        self._plc = plc
+        self._ports = {port.board.spec.name: port for port in ports}
+        self._timer = kernel.timer(self._on_end, END)
+        for port in self._ports.values():
+            port.clock = self
+
+    def look(self, now: int) -> None:
+        """Arm the timer for the next END that is waited for."""
+        at = self._plc.wanted_end(now)
+        if at is None:
+            self._timer.cancel()
+        elif self._timer.at != at:
+            self._timer.set(at)
+
+    def stop(self) -> None:
+        """STOP or power-off: no END happens any more."""
+        self._timer.cancel()
+
+    def _on_end(self, now: int) -> None:
+        hints = self._plc.end(now)
+        for name, port in self._ports.items():
+            port.handle(hints.get(name, 0), now)
+            port.tell()
+        self.look(now)

@@ -1,0 +1,172 @@
+"""From what the nodes of the serial buses report to the run's records and totals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from bussim.engines.free.events import Received, Sent
+from bussim.engines.modbus.codes import MEANINGS
+from bussim.engines.modbus.events import (
+    CycleEnded,
+    FrameRejected,
+    RequestServed,
+    StationRefused,
+    TransactionEnded,
+)
+from bussim.plc.ports.events import PortErrorRaised, TurnEnded
+from bussim.trace import CycleRecord, FreeRecord, NoteRecord, PollRecord, Sink, TransactionRecord
+
+if TYPE_CHECKING:
+    from bussim.sim.serial.node import SerialNode
+
+
+@dataclass(slots=True)
+class SlaveCounts:
+    """What one node has counted as a slave."""
+
+    requests: int = 0
+    answered: int = 0
+    broadcasts: int = 0
+    exceptions: Counter[int] = field(default_factory=Counter)
+    rejected: Counter[str] = field(default_factory=Counter)
+
+
+class SerialReporter:
+    """Writes the records of all serial buses."""
+
+    def __init__(self, sink: Sink) -> None:
+        self._sink = sink
+        self._slaves: dict[str, SlaveCounts] = {}
+        #: Port errors of PLCs by node and code.
+        self.errors: dict[str, Counter[int]] = {}
+        #: Things worth telling the user after the run, each once.
+        self.warnings: list[str] = []
+
+    def note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
+        """Anything worth a line."""
+        self._sink.note(NoteRecord(tick, kind, where, text, detail))
+
+    def warn(self, text: str) -> None:
+        """Tell the user after the run, once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+    def counts(self, node: str) -> SlaveCounts:
+        """What a node has counted as a slave so far."""
+        return self._slaves.setdefault(node, SlaveCounts())
+
+    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
+        """A receiver believed a frame that nobody sent."""
+        text = f"took a damaged frame of {sender} for a valid {what} frame"
+        self.note(tick, "undetected", receiver, text, sender=sender)
+
+    # -- slaves ------------------------------------------------------------------------------------
+
+    def slave_event(self, node: SerialNode, event: RequestServed | FrameRejected | StationRefused) -> None:
+        """A slave's engine reported something."""
+        counts = self.counts(node.name)
+        if isinstance(event, RequestServed):
+            if event.broadcast:
+                counts.broadcasts += 1
+                return
+            counts.requests += 1
+            if event.exception:
+                counts.exceptions[event.exception] += 1
+        elif isinstance(event, FrameRejected):
+            counts.rejected[event.reason.value] += 1
+        else:
+            text = f"station {event.station} is outside 1..247: it stays silent"
+            self.note(event.tick, "refused", node.name, text)
+            self.warn(f"{node.name}: {text}")
+
+    def answered(self, node: SerialNode) -> None:
+        """A slave's reply begins."""
+        self.counts(node.name).answered += 1
+
+    # -- masters -----------------------------------------------------------------------------------
+
+    def transaction(
+        self, node: SerialNode, event: TransactionEnded, poll: str, attempt: int, taken: int
+    ) -> None:
+        """The outcome of a master's transaction was taken over at ``taken``."""
+        request = event.request
+        reply = None if event.answer_start is None else node.bus.reply_at(event.answer_start)
+        mismatched = reply is not None and reply.asked != event.sent
+        if event.error is None:
+            outcome = "ok"
+        elif event.exception:
+            outcome = "exception"
+        else:
+            outcome = MEANINGS[event.error]
+        true = reply is not None and not mismatched and event.error is None
+        self._sink.transaction(
+            TransactionRecord(
+                bus=node.bus.name,
+                master=node.name,
+                poll=poll,
+                attempt=attempt,
+                station=event.station,
+                function=request.function,
+                address=request.address,
+                quantity=request.quantity,
+                sent=event.sent,
+                asked=event.asked,
+                answer_start=event.answer_start,
+                answer_end=event.answer_end,
+                end=event.end,
+                taken=taken,
+                outcome=outcome,
+                error=None if event.error is None else int(event.error),
+                exception=event.exception,
+                served=reply.served if reply is not None and true else None,
+                mismatched=mismatched,
+                chars=(node.request_chars if event.sent is not None else 0) + (reply.chars if reply else 0),
+            )
+        )
+        if mismatched:
+            text = f"took an answer to an earlier request for that to station {event.station}"
+            self.note(event.end, "mismatched", node.name, text, station=event.station)
+
+    def turn(self, node: SerialNode, turn: TurnEnded) -> None:
+        """A poll's turn is over, and its last answer taken over."""
+        code = None if turn.error is None else int(turn.error)
+        self._sink.poll_turn(
+            PollRecord(
+                node.bus.name, node.name, turn.poll, turn.start, turn.end, turn.attempts, code, turn.late
+            )
+        )
+
+    def cycle(self, node: SerialNode, cycle: CycleEnded) -> None:
+        """A poll list has gone round."""
+        begun = cycle.tick - cycle.duration
+        self._sink.cycle(CycleRecord(node.bus.name, node.name, cycle.number, begun, cycle.duration))
+
+    def port_error(self, node: SerialNode, event: PortErrorRaised) -> None:
+        """A PLC's port has set M8063 and D8063 = 7xyy."""
+        errors = self.errors.setdefault(node.name, Counter())
+        code = int(event.error)
+        errors[code] += 1
+        if event.text:
+            text = f"refuses its parameters ({event.text}): M8063 on, D8063 = {event.code}, and it is silent"
+            self.note(event.tick, "refused", node.name, text, D8063=event.code)
+            self.warn(f"{node.name} {text}")
+        elif errors[code] == 1:
+            text = f"first error {event.code}: {MEANINGS[code]}"
+            self.note(event.tick, "port_error", node.name, text, code=code)
+
+    # -- free protocol -----------------------------------------------------------------------------
+
+    def sent(self, node: SerialNode, sent: Sent, poll: str) -> None:
+        """A node has sent bytes of a protocol of its own."""
+        self._sink.free(
+            FreeRecord(node.bus.name, node.name, poll, "sent", sent.start, sent.end, sent.chars, "", 0)
+        )
+
+    def received(self, node: SerialNode, received: Received, poll: str, damaged: int) -> None:
+        """A PLC's port has received bytes."""
+        start, end, data, ended = received.start, received.tick, received.data, received.ended.value
+        self._sink.free(
+            FreeRecord(node.bus.name, node.name, poll, "received", start, end, data, ended, damaged)
+        )

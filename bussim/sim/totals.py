@@ -1,0 +1,71 @@
+"""What PLCs, ports, devices and buses have counted at the end of a run."""
+
+from __future__ import annotations
+
+from bussim.plc.plc import Plc
+from bussim.sim.serial.bus import SerialBus
+from bussim.sim.serial.device import DeviceNode
+from bussim.sim.serial.plc_port import PlcPort
+from bussim.trace import BusTotals, DeviceTotals, PlcTotals, PortTotals
+
+
+def plc_totals(plc: Plc) -> PlcTotals:
+    """A PLC's scans and registers."""
+    cycle = plc.cycle
+    return PlcTotals(
+        name=plc.name,
+        registers=plc.board.registers(),
+        scans=cycle.count,
+        scan_mean=cycle.total / cycle.count if cycle.count else None,
+        scan_max=cycle.longest if cycle.count else None,
+    )
+
+
+def bus_totals(bus: SerialBus) -> BusTotals:
+    """A bus beside the link."""
+    return BusTotals(
+        bus=bus.name,
+        baud=bus.timing.baud,
+        format=str(bus.timing.format),
+        nodes=tuple(node.name for node in bus.ports),
+        busy=bus.busy,
+        frames=bus.frames,
+        collisions=bus.collisions,
+        undetected=bus.undetected_frames,
+    )
+
+
+def port_totals(port: PlcPort) -> PortTotals:
+    """A PLC's port beside its link."""
+    counts, settings = port.reporter.counts(port.name), port.board.settings
+    slave = port.kind == "response"
+    return PortTotals(
+        node=port.name,
+        plc=port.plc.name,
+        port=port.board.spec.name,
+        bus=port.bus.name,
+        protocol=settings.protocol if settings is not None else None,
+        station=settings.station if settings is not None and slave else None,
+        errors=dict(port.reporter.errors.get(port.name, {})),
+        requests=counts.requests,
+        answered=counts.answered,
+        exceptions=dict(counts.exceptions),
+        rejected=dict(counts.rejected),
+    )
+
+
+def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
+    """A device; what is worth telling of its state is that at ``now``."""
+    counts, spec = node.reporter.counts(node.name), node.spec
+    return DeviceTotals(
+        name=spec.name,
+        model=spec.model,
+        bus=spec.bus,
+        station=spec.station,
+        requests=counts.requests,
+        answered=counts.answered,
+        broadcasts=counts.broadcasts,
+        exceptions=dict(counts.exceptions),
+        rejected=dict(counts.rejected),
+        state=node.state(now),
+    )

@@ -1,0 +1,96 @@
+"""What is switched on and off as one: a PLC with all its ports, or a device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from bussim.plc.plc import Plc, PlcState
+from bussim.sim.nn.port import LinkPort
+from bussim.sim.serial.device import DeviceNode
+from bussim.sim.serial.plc_port import EndClock, PlcPort
+from bussim.sim.wire.node import Node
+
+
+class Unit(Protocol):
+    """Something with a supply of its own."""
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """Its nodes on buses."""
+
+    @property
+    def powered(self) -> bool:
+        """Whether it has a supply now."""
+
+    def switch(self, now: int, *, powered: bool, running: bool) -> None:
+        """Go to this state."""
+
+
+class PlcUnit:
+    """A PLC with its port on the link, if it has one, and its other ports."""
+
+    def __init__(
+        self, plc: Plc, link: LinkPort | None, ports: Sequence[PlcPort], clock: EndClock | None
+    ) -> None:
+        self.plc = plc
+        self.link = link
+        self.ports = tuple(ports)
+        self._clock = clock
+        self.nodes: tuple[Node, ...] = (*((link,) if link is not None else ()), *self.ports)
+
+    @property
+    def powered(self) -> bool:
+        """Whether it has a supply now."""
+        return self.plc.state is not PlcState.OFF
+
+    def switch(self, now: int, *, powered: bool, running: bool) -> None:
+        """Go to this state: STOP before the supply goes, the supply before RUN."""
+        plc = self.plc
+        if plc.state is PlcState.RUN and not (running and powered):
+            for node in self.nodes:
+                node.halt(now)
+            if self._clock is not None:
+                self._clock.stop()
+            plc.stop(now)
+            for port in self.ports:
+                port.tell()
+        if plc.state is not PlcState.OFF and not powered:
+            plc.power_off(now)
+            if self.link is not None:
+                self.link.bus.ledger.forget(self.link.seat)
+        if plc.state is PlcState.OFF and powered:
+            plc.power_on()
+        if plc.state is PlcState.STOP and running and powered:
+            self._run(now)
+
+    def _run(self, now: int) -> None:
+        link = self.link
+        engine, first_end = self.plc.run(now, traced=link is not None and link.bus.sink.traced)
+        if link is not None:
+            link.run(engine, first_end, now)
+        for port in self.ports:
+            port.run(now)
+        if self._clock is not None:
+            self._clock.look(now)
+
+
+class DeviceUnit:
+    """A device: it runs whenever it has a supply."""
+
+    def __init__(self, node: DeviceNode) -> None:
+        self.node = node
+        self.nodes: tuple[Node, ...] = (node,)
+
+    @property
+    def powered(self) -> bool:
+        """Whether it has a supply now."""
+        return self.node.powered
+
+    def switch(self, now: int, *, powered: bool, running: bool) -> None:
+        """Go to this state; a device has no STOP."""
+        del running
+        if self.node.powered and not powered:
+            self.node.power_off(now)
+        elif powered and not self.node.powered:
+            self.node.power_on(now)

@@ -1,0 +1,1 @@
+"""A half-duplex line and what sits on it, whatever protocol is spoken."""

@@ -1,0 +1,255 @@
+"""One seat of a line: it runs a protocol engine in simulated time.
+
+A node keeps its engine's appointments: deadlines, and frames at their start and end. It is also where
+a station's own faults sit. What is peculiar to a protocol stands in its subclasses.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from dataclasses import replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Transmit
+from bussim.line.characters import LineTiming
+from bussim.sim.kernel import DEADLINES, HEARING, SENDING, Kernel
+from bussim.sim.wire.ear import Ear
+from bussim.sim.wire.transmission import Transmission
+
+if TYPE_CHECKING:
+    from bussim.sim.wire.line import Line
+
+
+class Node:
+    """One seat. ``seat`` is its place in cable order, from 0; ``name`` is unique in the scenario."""
+
+    __slots__ = (
+        "_deadline_timer",
+        "_end_timer",
+        "_kernel",
+        "_release_timer",
+        "_sequence",
+        "_start_timer",
+        "ear",
+        "engine",
+        "extra_turnaround",
+        "home_timing",
+        "jabbering",
+        "late_release",
+        "line",
+        "name",
+        "nominal",
+        "pending",
+        "seat",
+        "sending",
+        "tail",
+        "timing",
+        "timing_faults",
+    )
+
+    def __init__(self, name: str, line: Line, seat: int, kernel: Kernel) -> None:
+        self.name = name
+        self.line = line
+        self.seat = seat
+        self._kernel = kernel
+        #: Rate, format and clock as the node is set, and as they are now with its faults.
+        self.home_timing = line.timing
+        self.timing = line.timing
+        #: Another format or rate in force (None: not), and parts per million of clock error, each of a fault.
+        self.timing_faults: list[tuple[LineTiming | None, Fraction]] = []
+        #: Whether it sends and receives with the line's own rate, format and clock.
+        self.nominal = True
+        #: None unless the node is switched on and its engine runs. Its frames are its own protocol's.
+        self.engine: Any = None
+        self.ear = Ear(self, kernel, self.timing)
+        #: The frame that it is sending, if its driver is on for one.
+        self.sending: Transmission | None = None
+        #: Its driver is still on after a frame (late release).
+        self.tail = False
+        self.jabbering = False
+        self.extra_turnaround = 0
+        self.late_release = 0
+        self.pending: list[tuple[int, int, int]] = []  # (start, order, counter) of what is to be sent
+        self._sequence = 0
+        self._start_timer = kernel.timer(self._on_start, SENDING)
+        self._end_timer = kernel.timer(self._on_end, HEARING)
+        self._release_timer = kernel.timer(self._on_release, HEARING)
+        self._deadline_timer = kernel.timer(self._on_deadline, DEADLINES)
+
+    # -- what a protocol says ----------------------------------------------------------------------
+
+    def quiet(self, timing: LineTiming) -> int:
+        """The silence that ends what is half heard, in ticks, with a receiver of this timing."""
+        raise NotImplementedError
+
+    def understands(self, sender: Node) -> bool:
+        """Whether this node's engine can be told of a whole frame of another node."""
+        raise NotImplementedError
+
+    def report(self, item: Any, now: int) -> None:
+        """Its engine reported something; a transmission is no report."""
+        raise NotImplementedError
+
+    # -- state -------------------------------------------------------------------------------------
+
+    @property
+    def now(self) -> int:
+        """The current tick."""
+        return self._kernel.now
+
+    @property
+    def driving(self) -> bool:
+        """Whether its driver is on: it hears nothing then."""
+        return self.sending is not None or self.tail or self.jabbering
+
+    @property
+    def powered(self) -> bool:
+        """Whether it has a supply."""
+        raise NotImplementedError
+
+    def halt(self, now: int) -> None:
+        """STOP or power-off: silent and deaf at once; a frame on the wire is cut at this tick."""
+        engine = self.engine
+        if engine is not None:
+            self.line.retire(self)
+            engine.stop(now)
+            self.drain(now)
+        self.engine = None
+        self.pending.clear()
+        self._start_timer.cancel()
+        self._deadline_timer.cancel()
+        self.ear.close()
+        if self.sending is not None:
+            self._end_timer.cancel()
+            self.line.cut(self, now)
+            self.sending = None
+        if self.tail:
+            self._release_timer.cancel()
+            self.tail = False
+            self.line.driver_off(self, now)
+        self.line.audience_changed()
+
+    def retime(self, now: int) -> None:
+        """Send and receive as it is set, with the faults that are on: the latest format, clock errors added.
+
+        What is being received is lost.
+        """
+        timing = self.home_timing
+        for other, _ in self.timing_faults:
+            timing = other or timing
+        for _, ppm in self.timing_faults:
+            timing = replace(timing, ppm=timing.ppm + ppm)
+        self.timing = timing
+        self.nominal = timing == self.line.timing
+        self.line.relisten(self, timing, now)
+        self.line.audience_changed()
+
+    # -- the engine's wishes -----------------------------------------------------------------------
+
+    def handle(self, hints: int, now: int) -> None:
+        """Look at what the engine asks for."""
+        engine = self.engine
+        if engine is None:
+            return
+        if hints & OPEN:
+            self.ear.hold(now)
+        if hints & EVENTS:
+            self.drain(now)
+        if hints & TRANSMIT and engine.due >= 0:
+            at, engine.due = engine.due, -1
+            self.appoint(at, engine.due_counter)
+        if hints & DEADLINE:
+            self.watch()
+
+    def drain(self, now: int) -> None:
+        """Report the engine's events; a transmission among them is appointed."""
+        engine = self.engine
+        while engine is not None:
+            item = engine.poll()
+            if item is None:
+                return
+            if isinstance(item, Transmit):
+                self.appoint(item.at, item.counter)
+            else:
+                self.report(item, now)
+                engine = self.engine
+
+    def watch(self) -> None:
+        """Arm the deadline's timer unless it comes up earlier anyway: one lazy watchdog a node."""
+        engine = self.engine
+        at = engine.deadline() if engine is not None else None
+        timer = self._deadline_timer
+        if at is not None and (timer.at < 0 or at < timer.at):
+            timer.set(max(at, self._kernel.now))
+
+    def _on_deadline(self, now: int) -> None:
+        engine = self.engine
+        if engine is None:
+            return
+        at = engine.deadline()
+        if at is not None and at <= now:
+            self.catch_up(now)
+            at = engine.deadline()
+        if at is None:
+            return
+        if at > now:
+            self._deadline_timer.set(at)
+            return
+        self.handle(engine.on_deadline(now), now)
+        self.watch()
+
+    def catch_up(self, now: int) -> None:
+        """Before a deadline: an engine that judges by what was heard so far is told of it."""
+
+    # -- sending -----------------------------------------------------------------------------------
+
+    def appoint(self, at: int, counter: int) -> None:
+        """A frame is to be sent from ``at`` on."""
+        pending = self.pending
+        now = self._kernel.now
+        if at < now:
+            at = now
+        if pending:
+            self._sequence += 1
+            insort(pending, (at, self._sequence, counter))
+            self._start_timer.set(pending[0][0])
+        else:
+            pending.append((at, 0, counter))
+            self._start_timer.chain(at)
+
+    def _on_start(self, now: int) -> None:
+        raise NotImplementedError
+
+    def _begin(self, frame: Any, now: int) -> None:
+        """The driver is switched on for a frame."""
+        line = self.line
+        if self.ear.is_open:
+            self.ear.close()
+        if self.tail:
+            self._release_timer.cancel()
+            self.tail = False
+            line.driver_kept(now)
+        self.sending = tx = line.begin(self, frame, now)
+        self._end_timer.chain(tx.end)
+
+    def _on_end(self, now: int) -> None:
+        tx = self.sending
+        if tx is None:
+            return
+        self.sending = None
+        if self.late_release and not (self.jabbering or tx.silent or tx.cut):
+            self.tail = True
+            self._release_timer.set(now + self.late_release)
+        self.line.finish(self, tx, now)
+        engine = self.engine
+        if engine is not None:
+            hints = engine.transmit_done(now)
+            if hints:
+                self.handle(hints, now)
+            if self.pending:
+                self._start_timer.set(max(self.pending[0][0], now))
+
+    def _on_release(self, now: int) -> None:
+        self.tail = False
+        self.line.driver_off(self, now)

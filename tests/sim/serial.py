@@ -1,0 +1,133 @@
+"""Buses beside the link from values, without YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.talker import Saying
+from bussim.engines.modbus.adu import Mode
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.plc.ports.cpavl import (
+    END,
+    FORMAT,
+    INTERVAL,
+    PROTOCOL,
+    PROTOCOL_CODES,
+    START,
+    STATION,
+    TIMEOUT,
+    default_places,
+)
+from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
+from bussim.plc.profiles import PROFILES
+from bussim.scenario import model
+from tests.sim.build import MS, SECOND, Done, Recorder, run
+
+__all__ = ["MS", "SECOND", "Done", "Recorder", "device", "hmi", "poll", "run", "serial_bus", "talker"]
+
+PLAIN = LineTiming(9600, CharFormat(8, "N", 1))
+
+
+def device(name: str, kind: str = "v80", station: int = 1, **given: Any) -> model.BusDevice:
+    """A slave; ``settings`` default to the model's own."""
+    settings = {
+        "v80": model.V80Settings(),
+        "stepper": model.StepperSettings(),
+        "lx": model.LxSettings(model.Scan(5 * MS)),
+    }.get(kind)
+    timing = given.pop("timing", PLAIN)
+    values: dict[str, Any] = {
+        "bus": "bus",
+        "mode": Mode.RTU,
+        "delay": DEVICE_PROFILES[kind].delay,
+        "jitter": 0,
+        "settings": settings,
+    }
+    return model.BusDevice(name=name, model=kind, station=station, timing=timing, **{**values, **given})
+
+
+def poll(
+    name: str = "p", station: int = 1, function: int = 3, address: int = 0, count: int = 1, **given: Any
+) -> PollSpec:
+    return PollSpec(name, "", station, function, address, count, **given)
+
+
+def hmi(
+    name: str, *polls: PollSpec, timeout: int = 100 * MS, interval: int = 5 * MS, **given: Any
+) -> model.BusDevice:
+    settings = model.HmiSettings(tuple(polls), timeout, interval, 100 * MS)
+    values: dict[str, Any] = {"bus": "bus", "mode": Mode.RTU, "timing": PLAIN, "delay": 0, "jitter": 0}
+    return model.BusDevice(name=name, model="hmi", station=None, settings=settings, **{**values, **given})
+
+
+def talker(name: str, *sayings: Saying, **given: Any) -> model.BusDevice:
+    values: dict[str, Any] = {"bus": "bus", "mode": Mode.RTU, "timing": PLAIN, "delay": 0, "jitter": 0}
+    return model.BusDevice(
+        name=name, model="free", station=None, settings=model.FreeSettings(sayings), **{**values, **given}
+    )
+
+
+def serial_bus(
+    devices: Sequence[model.BusDevice],
+    plcs: Sequence[model.Plc] = (),
+    *,
+    seconds: float = 5,
+    seed: int = 1,
+    timing: LineTiming = PLAIN,
+    noise: Sequence[model.Noise] = (),
+    faults: Sequence[model.Fault] = (),
+) -> model.Scenario:
+    """One bus named ``bus``."""
+    return model.Scenario(
+        name="serial",
+        duration=round(seconds * SECOND),
+        seed=seed,
+        buses=(model.Bus("bus", False, timing),),
+        plcs=tuple(plcs),
+        noise=tuple(noise),
+        faults=tuple(faults),
+        devices=tuple(devices),
+    )
+
+
+MASTER, SLAVE, FREE = "modbus-rtu-master", "modbus-rtu-slave", "free"
+
+
+def port(
+    name: str, protocol: str, bus: str = "bus", *, station: int = 1, timeout: int = 10, **words: int
+) -> tuple[PortSpec, dict[str, int]]:
+    """A port and the registers that set it up; ``timeout`` is CPAVL +9 (× 10 ms)."""
+    first, bits = default_places(name)
+    values = {PROTOCOL: PROTOCOL_CODES[protocol], STATION: station, TIMEOUT: timeout}
+    offsets = {"form": FORMAT, "interval": INTERVAL, "start": START, "end": END}
+    values |= {offsets[key]: value for key, value in words.items()}
+    return PortSpec(name, bus, first, bits), {f"D{first.address + at}": value for at, value in values.items()}
+
+
+def plc(
+    name: str,
+    *ports: tuple[PortSpec, dict[str, int]],
+    polls: Sequence[PollSpec | FreeSpec] = (),
+    scan: int = 8 * MS,
+    jitter: int = 0,
+    phase: int | None = None,
+    registers: dict[str, int] | None = None,
+    **given: Any,
+) -> model.Plc:
+    """A PLC with ports beside any link."""
+    values = dict(registers or {})
+    for _, words in ports:
+        values |= words
+    return model.Plc(
+        name=name,
+        profile=given.pop("profile", PROFILES["pw10"]),
+        scan=model.Scan(scan, jitter),
+        seat=given.pop("seat", None),
+        registers=values,
+        phase=phase,
+        ports=tuple(spec for spec, _ in ports),
+        polls=tuple(polls),
+        **given,
+    )
