@@ -465,7 +465,7 @@
         if (to < min || from > max) continue;
         const look = this.data.looks[kind], colour = this.colour(kind);
         const left = u.valToPos(Math.max(from, min), "x", true), right = u.valToPos(Math.min(to, max), "x", true);
-        const over = kind === "damage" || kind === "heard damage";
+        const over = kind === "damage" || kind === "heard damage" || kind === "lost";
         const wide = Math.max(right - left, (over ? 3 : 1) * ratio), high = tall * look.height, top = bbox.top + tall * (lane + 0.5) - high / 2;
         ctx.fillStyle = ctx.strokeStyle = colour;
         ctx.lineWidth = ratio;
