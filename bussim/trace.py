@@ -294,6 +294,7 @@ class PortTotals:
     answered: int
     exceptions: dict[int, int]  # slave: exception code → answers with it
     rejected: dict[str, int]  # slave: reason → frames ignored
+    timeout: int | None = None  # ticks, of a Modbus master
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,6 +311,7 @@ class DeviceTotals:
     exceptions: dict[int, int]
     rejected: dict[str, int]
     state: dict[str, int]  # what is worth telling of the model itself, such as the stepper's position
+    timeout: int | None = None  # ticks, of a Modbus master
 
 
 @dataclass(frozen=True, slots=True)

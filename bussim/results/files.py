@@ -86,7 +86,7 @@ class RunFolder:
                 _clear(self._part)
                 self._part.mkdir()
                 self._lock = _write_marker(self._part, _MARKER_TEXT)
-            self.rows = FileRows(self._part, scans=rows, traced=traced, fmt=fmt, header=header)
+            self.rows = FileRows(self._part, rows=rows, traced=traced, fmt=fmt, header=header)
         except OSError as error:
             raise UsageError(f"{target}: cannot be written: {_reason(error)}") from error
 

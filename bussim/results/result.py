@@ -29,6 +29,15 @@ class StoredRows(Protocol):
     def exchanges(self) -> pd.DataFrame:
         """One row an attempt."""
 
+    def transactions(self) -> pd.DataFrame:
+        """One row a Modbus transaction."""
+
+    def free(self) -> pd.DataFrame:
+        """One row a message of the free protocol."""
+
+    def values(self) -> pd.DataFrame:
+        """One row a change of an observed device."""
+
     def trace(self) -> list[dict[str, Any]]:
         """One object a line of the trace."""
 
@@ -76,6 +85,34 @@ class Result:
         Raises UsageError if the run was not traced.
         """
         return self._rows.exchanges()
+
+    @cached_property
+    def transactions(self) -> pd.DataFrame:
+        """One row an attempt of a Modbus master, in the order in which they were taken over.
+
+        Columns: bus, master, poll, attempt, station, function, address, count, sent_s, asked_s,
+        answered_s, end_s, taken_s (first edge and last stop bit of the request, last stop bit of
+        what decided it, decision, take-over at END), response_ms, outcome, error (yy of D8063 =
+        7xyy), exception, mismatched. Raises UsageError if the run kept no rows.
+        """
+        return self._rows.transactions()
+
+    @cached_property
+    def free(self) -> pd.DataFrame:
+        """One row a message of the free protocol, sent or received.
+
+        Columns: bus, node, poll, direction, start_s, end_s, bytes (hexadecimal), ended, damaged
+        (characters). Raises UsageError if the run kept no rows.
+        """
+        return self._rows.free()
+
+    @cached_property
+    def values(self) -> pd.DataFrame:
+        """One row a change of an observed device: time_s, plc, device, value.
+
+        Raises UsageError if the run kept no rows.
+        """
+        return self._rows.values()
 
     @cached_property
     def trace(self) -> list[dict[str, Any]]:
