@@ -24,6 +24,9 @@ COMMANDS = {
     "plot": "Draw the link scan times of one run or several.",
     "timeline": "Draw a bus like a logic analyser.",
     "report": "Write a page on one run, or compare several.",
+    "poll": "Poll Modbus stations on a serial port.",
+    "sniff": "Listen to a line, or read a recording of one.",
+    "fit": "Estimate a scenario from a recording.",
 }
 
 #: Exit codes: a failed run, bad input, interrupted from the keyboard.

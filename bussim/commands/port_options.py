@@ -1,0 +1,80 @@
+"""Options that all commands on real ports share, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from bussim.errors import UsageError
+
+if TYPE_CHECKING:
+    from bussim.line.characters import CharFormat
+    from bussim.live.options import PortOptions
+
+FuncT = TypeVar("FuncT", bound=Callable[..., Any])
+
+_PARITIES = {"none": "N", "even": "E", "odd": "O", "n": "N", "e": "E", "o": "O"}
+
+
+def port_options(function: FuncT) -> FuncT:
+    """Add ``--tolerance``, ``--echo`` and ``--rs485``."""
+    for option in reversed(
+        (
+            click.option(
+                "--tolerance",
+                metavar="T",
+                default="20 ms",
+                show_default=True,
+                help="Silence inside a frame that the system may have made.",
+            ),
+            click.option("--echo", is_flag=True, help="The adapter hears what it sends."),
+            click.option(
+                "--rs485",
+                type=click.Choice(["adapter", "driver", "rts"]),
+                default="adapter",
+                show_default=True,
+                help="Who switches the direction of the RS485 line.",
+            ),
+        )
+    ):
+        function = option(function)
+    return function
+
+
+def options_of(*, tolerance: str, echo: bool, rs485: str, paced: bool = False) -> PortOptions:
+    """The settings that these options ask for. Raises UsageError."""
+    from bussim.live.options import Direction, PortOptions
+
+    return PortOptions(
+        tolerance=time_of("--tolerance", tolerance), echo=echo, paced=paced, direction=Direction(rs485)
+    )
+
+
+def time_of(option: str, text: str) -> int:
+    """The ticks of an option's time, not below 0. Raises UsageError."""
+    from bussim.units import parse_time
+
+    try:
+        ticks = parse_time(text)
+    except ValueError as error:
+        raise UsageError(f"{option} {error}") from error
+    if ticks < 0:
+        raise UsageError(f"{option} is {text}, which lies in the past")
+    return ticks
+
+
+def format_of(
+    default: CharFormat, *, data_bits: int | None, parity: str | None, stop_bits: int | None
+) -> CharFormat:
+    """A character format, what is not given as in the default. Raises UsageError."""
+    from bussim.line.characters import CharFormat
+
+    letter = default.parity
+    if parity is not None:
+        found = _PARITIES.get(parity.lower())
+        if found is None:
+            raise UsageError(f"the parity is {parity!r}, allowed are none, even and odd")
+        letter = found
+    return CharFormat(data_bits or default.data_bits, letter, stop_bits or default.stop_bits)

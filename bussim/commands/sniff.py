@@ -1,0 +1,260 @@
+"""``bussim sniff``: listen to a line, or read a recording of one."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.commands.port_options import format_of, options_of, port_options, time_of
+from bussim.errors import UsageError
+
+if TYPE_CHECKING:
+    from bussim.commands.sniff_tally import Tally
+    from bussim.line.characters import LineTiming
+    from bussim.live.recordings.sources import Kind
+    from bussim.live.sniff.heard import Protocol
+    from bussim.live.sniff.listener import Listener
+    from bussim.results.files import RunFolder
+    from bussim.trace import TraceBus
+
+_PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
+
+
+@click.command()
+@click.argument("source", metavar="URL|FILE")
+@click.option(
+    "--protocol",
+    type=click.Choice(_PROTOCOLS),
+    default="auto",
+    show_default=True,
+    help="What is spoken; auto: what is recognised.",
+)
+@click.option(
+    "-b", "baud", metavar="N", type=click.IntRange(1, 4_000_000), help="Rate (38400; Modbus 19200)."
+)
+@click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits (7; RTU 8).")
+@click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits (1).")
+@click.option("-P", "parity", metavar="P", help="Parity: none, even (default) or odd.")
+@click.option("--bus", metavar="NAME", help="Name of the bus (line); in a trace: which one (the first).")
+@click.option("--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file.")
+@click.option("--bridge", metavar="URL", help="Hand every byte on to this port, and back: listen in between.")
+@click.option("--duration", metavar="T", help="Listen so long (default: until Ctrl-C).")
+@click.option("--out", metavar="DIR", help="Record: write a folder as of a run, with its trace.")
+@click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was heard as JSON.")
+@port_options
+def command(
+    source: str,
+    *,
+    protocol: str,
+    baud: int | None,
+    data_bits: int | None,
+    stop_bits: int | None,
+    parity: str | None,
+    bus: str | None,
+    channel: str | None,
+    bridge: str | None,
+    duration: str | None,
+    out: str | None,
+    force: bool,
+    as_json: bool,
+    tolerance: str,
+    echo: bool,
+    rs485: str,
+) -> None:
+    """Listen to a line and show frames, errors, response times, link scan times and load.
+
+    URL is a port (COM7, /dev/ttyUSB0, socket://HOST:PORT, pty); FILE is a run's folder or trace.jsonl,
+    a pcapng file, a sigrok session (.sr), or a text file of lines "seconds hexbytes". Nothing is ever
+    sent, except with --bridge.
+    """
+    from bussim.line.characters import CharFormat, LineTiming
+    from bussim.live.recordings.sources import Kind, kind_of
+    from bussim.live.sniff.heard import Protocol
+
+    known = None if protocol == "auto" else Protocol(protocol)
+    timing = _line(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
+    options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
+    limit = None if duration is None else time_of("--duration", duration)
+    kind = kind_of(Path(source)) if _is_recording(source) else None
+    if kind is not None and bridge is not None:
+        raise UsageError("--bridge joins two ports; a recording has none")
+    names: dict[int, str] = {}
+    if kind is Kind.TRACE:
+        known_bus, exact = _bus_of(source, bus)
+        bus = known_bus.name
+        timing = LineTiming(known_bus.baud, CharFormat.parse(known_bus.format))
+        names = {number: node for node, number in reversed(known_bus.stations.items())}
+    else:
+        bus = bus or "line"
+        exact = kind in (Kind.SIGROK, Kind.PCAPNG)
+    gap = options.tolerance if kind in (None, Kind.RAW) else 0
+    with ExitStack() as stack:
+        session = _Session(stack, bus, timing, known, gap, names, exact=exact, out=out, force=force)
+        if kind is None:
+            from bussim.commands.sniff_port import listen
+
+            ended = listen(source, bridge, timing, options, session.listener, limit, session.display(as_json))
+        else:
+            ended = _read(Path(source), kind, session.listener, channel, limit)
+        session.finish(source, ended, as_json=as_json)
+
+
+class _Session:
+    """Listener, counts and folder of one command."""
+
+    def __init__(
+        self,
+        stack: ExitStack,
+        bus: str,
+        timing: LineTiming,
+        protocol: Protocol | None,
+        tolerance: int,
+        names: dict[int, str],
+        *,
+        exact: bool,
+        out: str | None,
+        force: bool,
+    ) -> None:
+        from bussim.commands.sniff_tally import Tally
+        from bussim.line.characters import NN_LINE
+        from bussim.live.sniff.heard import Protocol
+        from bussim.live.sniff.link import station_name
+        from bussim.live.sniff.listener import Listener
+        from bussim.results.files import RunFolder
+        from bussim.trace import TraceBus, TraceHeader
+
+        self.exact = exact
+        self.folder: RunFolder | None = None
+        if out is not None:
+            link = protocol is Protocol.NN or (protocol is None and timing == NN_LINE)
+            stations = {name: number for number, name in sorted(names.items())}
+            line = TraceBus(bus, link, timing.baud, str(timing.format), tuple(stations), stations)
+            header = TraceHeader(buses=(line,), scenario=bus, exact=exact)
+            folder = RunFolder(Path(out), rows=True, traced=True, fmt="csv", force=force, header=header)
+            self.folder = stack.enter_context(folder)
+        rows = self.folder.rows if self.folder is not None else None
+        master = names.get(0, station_name(0))
+        self.tally: Tally = Tally(traced=rows is not None, rows=rows, bus_of={master: bus})
+        self.listener: Listener = Listener(
+            bus, timing, self.tally, tolerance=tolerance, protocol=protocol, names=names
+        )
+
+    def display(self, as_json: bool) -> Callable[[int], object] | None:  # noqa: FBT001 (private)
+        """What shows the state at a tick, None where there is nobody to see it."""
+        if as_json or not sys.stdout.isatty():
+            return None
+        from bussim.commands.sniff_tally import show
+
+        return lambda now: show(self.listener, self.tally, now, exact=self.exact)
+
+    def finish(self, source: str, duration: int, *, as_json: bool) -> None:
+        """Nothing more will be heard: print, and complete the folder."""
+        from bussim.commands.console import wide_console
+        from bussim.commands.sniff_tally import show, to_json
+
+        self.listener.close()
+        duration = max(duration, self.listener.last)
+        if self.folder is not None:
+            self._record(source, duration)
+        if as_json:
+            found = to_json(self.listener, self.tally, duration, exact=self.exact)
+            click.echo(json.dumps({"source": source, **found}, ensure_ascii=False, allow_nan=False, indent=2))
+            return
+        wide_console().print(show(self.listener, self.tally, duration, exact=self.exact))
+        if self.folder is not None:
+            click.echo(f"recorded: {self.folder.target}")
+
+    def _record(self, source: str, duration: int) -> None:
+        from bussim.results.record import RunRecord
+        from bussim.results.summary import summarise
+        from bussim.version import __version__
+
+        assert self.folder is not None  # noqa: S101 - narrows the type
+        warnings = () if self.exact else ("times are the operating system's, not the wire's",)
+        totals = self.listener.totals(duration, warnings)
+        links = self.tally.links(totals)
+        summary = summarise(totals, links, scenario=self.listener.bus, seed=0)
+        record = RunRecord(summary, duration, links, tuple(self.tally.notes), self.tally.left_out)
+        text = f"# Recorded by bussim {__version__} from {source}; bussim fit makes a scenario of it.\n"
+        self.folder.finish(record, text)
+
+
+def _bus_of(source: str, name: str | None) -> tuple[TraceBus, bool]:
+    """The bus of a trace (of that name, else the first), and whether its times are exact."""
+    from bussim.results.trace_file import read_trace
+
+    trace = read_trace(source)
+    if name is None and trace.header.buses:
+        return trace.header.buses[0], trace.header.exact
+    return trace.bus(name or "line"), trace.header.exact
+
+
+def _is_recording(source: str) -> bool:
+    """Whether a source is a file or folder, and not a device of the system."""
+    path = Path(source)
+    return path.is_dir() or path.is_file()
+
+
+def _line(
+    protocol: Protocol | None,
+    baud: int | None,
+    *,
+    data_bits: int | None,
+    parity: str | None,
+    stop_bits: int | None,
+) -> LineTiming:
+    """Rate and format: what is given, the rest as usual for the protocol (auto: the N:N link)."""
+    from bussim.engines.modbus.adu import Mode
+    from bussim.line.characters import NN_LINE, LineTiming
+    from bussim.live.modbus import STANDARD_FORMATS
+    from bussim.live.sniff.heard import Protocol
+
+    if protocol in (None, Protocol.NN):
+        usual, rate = NN_LINE.format, NN_LINE.baud
+    else:
+        usual = STANDARD_FORMATS[Mode.RTU if protocol is Protocol.RTU else Mode.ASCII]
+        rate = 19200
+    fmt = format_of(usual, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
+    return LineTiming(baud or rate, fmt)
+
+
+def _read(path: Path, kind: Kind, listener: Listener, channel: str | None, limit: int | None) -> int:
+    """Read a recording up to a tick; returns when it ends."""
+    from bussim.live.recordings.sources import Kind, characters
+
+    if kind is Kind.TRACE:
+        return _read_trace(path, listener, limit)
+    last = 0
+    for chars in characters(path, kind, listener.timing, channel=channel):
+        if limit is not None and chars[-1][2] > limit:
+            return limit
+        last = chars[-1][2]
+        listener.chars(chars)
+    return last
+
+
+def _read_trace(path: Path, listener: Listener, limit: int | None) -> int:
+    from bussim.live.recordings.frames import heard_of
+    from bussim.results.trace_file import read_trace
+    from bussim.trace import FrameRecord
+
+    trace = read_trace(path)
+    last = 0
+    frames: Iterator[FrameRecord] = trace.of(FrameRecord, bus=listener.bus)
+    for record in frames:
+        if limit is not None and record.end > limit:
+            return limit
+        heard = heard_of(record)
+        if heard is not None:
+            listener.heard(heard)
+        last = max(last, record.end)
+    if limit is None and trace.header.duration is not None:
+        last = max(last, trace.header.duration)
+    return last

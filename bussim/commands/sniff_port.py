@@ -1,0 +1,95 @@
+"""The part of ``bussim sniff`` that listens to a port."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bussim.live.arrival import Arrivals
+from bussim.live.clock import Clock
+from bussim.live.runner import PATIENCE
+from bussim.live.stopping import Stopping
+from bussim.live.wire import Wire
+from bussim.units import TICKS_PER_MS
+
+if TYPE_CHECKING:
+    from bussim.line.characters import LineTiming
+    from bussim.live.options import PortOptions
+    from bussim.live.sniff.listener import Listener
+
+#: Pictures of the table a second.
+_PICTURES = 4
+#: How long one side of a bridge is waited for before the other one has its turn.
+_TURN = TICKS_PER_MS // 4
+
+
+def listen(
+    url: str,
+    bridge: str | None,
+    timing: LineTiming,
+    options: PortOptions,
+    listener: Listener,
+    limit: int | None,
+    picture: Callable[[int], Any] | None,
+) -> int:
+    """Listen until ``limit`` ticks have passed or Ctrl-C; returns the ticks that it took.
+
+    ``picture`` gives what to show at a tick, None: nothing is shown.
+    """
+    clock = Clock()
+    wires = [
+        Wire(each, timing, options, clock=clock, report=lambda text: click.echo(text, err=True))
+        for each in ([url] if bridge is None else [url, bridge])
+    ]
+    with ExitStack() as stack:
+        stop = stack.enter_context(Stopping())
+        for wire in wires:
+            wire.open()
+            stack.callback(wire.close)
+        for wire in wires:
+            if wire.name != wire.url:
+                click.echo(f"listening on {wire.name}", err=True)
+        live = _live(stack) if picture is not None else None
+        arrivals, shown = Arrivals(timing), 0
+        while not stop() and (limit is None or clock.now() < limit):
+            now = clock.now()
+            if live is not None and picture is not None and now >= shown:
+                live.update(picture(now), refresh=True)
+                shown = now + 72_000_000 // _PICTURES
+            end = now + PATIENCE if limit is None else min(now + PATIENCE, limit)
+            if not _hear(wires, arrivals, listener, end):
+                listener.idle(clock.now())
+        if live is not None and picture is not None:
+            live.update("")
+    return clock.now()
+
+
+def _hear(wires: list[Wire], arrivals: Arrivals, listener: Listener, until: int) -> bool:
+    """Wait for characters, at the longest up to a tick; hand them on where two wires are bridged."""
+    if len(wires) == 1:
+        data = wires[0].read(until)
+        if data:
+            listener.chars(arrivals.lump(data, wires[0].clock.now()))
+        return bool(data)
+    clock = wires[0].clock
+    while clock.now() < until:
+        heard = False
+        for wire, other in (wires, wires[::-1]):
+            data = wire.read(min(until, clock.now() + _TURN))
+            if data:
+                arrived = clock.now()
+                other.write(data)
+                listener.chars(arrivals.lump(data, arrived))
+                heard = True
+        if heard:
+            return True
+    return False
+
+
+def _live(stack: ExitStack) -> Any:
+    from rich.live import Live
+
+    return stack.enter_context(Live(auto_refresh=False, transient=True))

@@ -1,0 +1,211 @@
+"""Opens what a URL names: a serial port, a socket, a loop or a new pseudo-terminal.
+
+======================  ========================================================================
+URL                     what it is
+======================  ========================================================================
+``COM7``, ``/dev/…``    a serial port of this computer
+``socket://HOST:PORT``  raw bytes over TCP (a device server); rate and format are the server's
+``rfc2217://HOST:PORT`` a remote serial port with rate and format (RFC 2217)
+``loop://``             what is sent is received
+``pty``, ``pty:PATH``   a new pseudo-terminal, with a link PATH to it that stays the same
+======================  ========================================================================
+
+and everything else that pyserial's ``serial_for_url`` knows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+import time
+from pathlib import Path
+from typing import Protocol
+
+import serial
+from serial.rs485 import RS485Settings
+
+from bussim.errors import UsageError
+from bussim.line.characters import LineTiming
+from bussim.live.options import Direction, PortOptions
+
+if sys.platform == "win32":
+    _SETTING_ERRORS: tuple[type[Exception], ...] = ()
+else:
+    import termios
+
+    #: What setting parity or 7 data bits raises on a pseudo-terminal.
+    _SETTING_ERRORS = (termios.error,)
+
+#: Errors that mean that a port is gone (SerialException is an OSError).
+LOST_ERRORS: tuple[type[Exception], ...] = (OSError, *_SETTING_ERRORS)
+
+#: Bytes read at once. More stay with the system, so that memory is bounded whatever comes.
+LUMP = 4096
+#: Seconds between two looks at a port that cannot be waited for.
+_LOOK = 0.0005
+#: Seconds after which a write that makes no progress is given up.
+_WRITE_TIMEOUT = 1.0
+
+
+class Endpoint(Protocol):
+    """An open port. Every method may raise one of :data:`LOST_ERRORS`: then the port is gone."""
+
+    name: str  # what the other side connects to, or the URL
+    instant: bool  # bytes take no time
+    warnings: tuple[str, ...]
+
+    def read(self, timeout: float) -> bytes:
+        """What has come, as soon as something has; empty after ``timeout`` seconds."""
+
+    def write(self, data: bytes) -> int:
+        """Send; returns how many bytes were taken. The rest is lost."""
+
+    def close(self) -> None:
+        """Close it; never raises."""
+
+
+def open_endpoint(url: str, line: LineTiming, options: PortOptions) -> Endpoint:
+    """Open what a URL names.
+
+    Raises UsageError for what cannot be meant, one of :data:`LOST_ERRORS` for what is not there.
+    """
+    if url == "pty" or url.startswith("pty:"):
+        if sys.platform == "win32":
+            raise UsageError("Windows has no pseudo-terminals; use a pair of virtual ports (com0com)")
+        from bussim.live.pseudo import PseudoTerminal
+
+        return PseudoTerminal(url.partition(":")[2] or None)
+    return SerialEndpoint(url, line, options)
+
+
+class SerialEndpoint:
+    """A port that pyserial opens."""
+
+    def __init__(self, url: str, line: LineTiming, options: PortOptions) -> None:
+        self.name = url
+        self.instant = _is_instant(url)
+        self.warnings: tuple[str, ...] = ()
+        self._rts = options.direction is Direction.RTS
+        try:
+            self._port = _open(url, line, plain=False)
+        except _SETTING_ERRORS:
+            if line.format.data_bits == 8 and line.format.parity == "N":
+                raise
+            self._port = _open(url, line, plain=True)
+            missing = (
+                f"{url} has neither parity nor 7 data bits, as pseudo-terminals have not: "
+                f"it is used with 8N{line.format.stop_bits} instead of {line.format}"
+            )
+            self.warnings = (missing,)
+        if options.direction is Direction.DRIVER:
+            self._set_direction(url)
+        if self._rts:
+            self._port.rts = False
+        self._handle = _handle(self._port)
+
+    def _set_direction(self, url: str) -> None:
+        try:
+            self._port.rs485_mode = RS485Settings()
+        except (ValueError, NotImplementedError, AttributeError) as error:
+            self.close()
+            raise UsageError(
+                f"the driver of {url} cannot switch an RS485 direction ({error}); "
+                "most adapters switch by themselves (adapter), else try rts"
+            ) from error
+
+    def read(self, timeout: float) -> bytes:
+        """See the protocol."""
+        if self._handle is None:
+            return self._look(timeout)
+        ready, _, _ = select.select((self._handle,), (), (), timeout)
+        if not ready:
+            return b""
+        data = os.read(self._handle, LUMP)
+        if not data:
+            raise OSError("the other side has closed the connection")
+        return data
+
+    def _look(self, timeout: float) -> bytes:
+        """For Windows and for ports that are no file: look again and again."""
+        until = time.perf_counter() + timeout
+        while True:
+            data = self._port.read(LUMP)
+            left = until - time.perf_counter()
+            if data or left <= 0:
+                return bytes(data)
+            time.sleep(min(left, _LOOK))
+
+    def write(self, data: bytes) -> int:
+        """See the protocol."""
+        try:
+            if not self._rts:
+                return self._port.write(data) or 0
+            self._port.rts = True
+            try:
+                taken = self._port.write(data) or 0
+                self._port.flush()
+            finally:
+                self._port.rts = False
+        except serial.SerialTimeoutException:
+            return 0
+        return taken
+
+    def close(self) -> None:
+        """See the protocol."""
+        with contextlib.suppress(*LOST_ERRORS, AttributeError):
+            self._port.close()
+
+
+def _open(url: str, line: LineTiming, *, plain: bool) -> serial.Serial:
+    fmt = line.format
+    device = "://" not in url
+    try:
+        port = serial.serial_for_url(
+            url,
+            do_not_open=True,
+            baudrate=line.baud,
+            bytesize=8 if plain else fmt.data_bits,
+            parity="N" if plain else fmt.parity,
+            stopbits=fmt.stop_bits,
+            timeout=0,
+            write_timeout=_WRITE_TIMEOUT if device else None,  # no others know it
+        )
+    except ValueError as error:
+        raise UsageError(f"{url!r} is no port that can be opened: {error}") from error
+    if device and not _is_instant(url):
+        port.exclusive = True  # two programs on one port take each other's bytes away
+    try:
+        port.open()
+    except ValueError as error:
+        raise UsageError(f"{url} cannot be used with {line.baud} {fmt}: {error}") from error
+    return port
+
+
+def _is_instant(url: str) -> bool:
+    if "://" in url:
+        return not url.startswith("rfc2217://")
+    return os.path.realpath(url).startswith("/dev/pts/")
+
+
+def _handle(port: serial.Serial) -> int | None:
+    """The file to wait for, None where there is none."""
+    if sys.platform == "win32":
+        return None
+    try:
+        return int(port.fileno())
+    except (OSError, AttributeError):
+        return None
+
+
+def why_not(url: str, error: Exception) -> str:
+    """Why a port could not be opened, with the ports that are here."""
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    text = f"{url} cannot be opened: {reason}"
+    if "://" in url or Path(url).exists():
+        return text
+    from serial.tools.list_ports import comports
+
+    here = sorted(str(port.device) for port in comports())
+    return f"{text}; {'ports here: ' + ', '.join(here) if here else 'no serial port was found here'}"

@@ -1,0 +1,102 @@
+"""Faults of a served slave: what happens to its next replies, as told beforehand."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+
+from bussim.engines.contract import Transmit
+from bussim.engines.modbus.adu import Adu, Mode, encode_adu
+from bussim.engines.modbus.codes import ExceptionCode
+from bussim.engines.modbus.pdu import EXCEPTION_BIT, encode_exception
+from bussim.live.runner import Handling
+
+
+class ReplyFault(StrEnum):
+    """What can happen to a reply."""
+
+    DROP = "drop_reply"  # it is never sent
+    CORRUPT = "corrupt_check"  # its CRC or LRC is wrong
+    DELAY = "delay"  # it comes later
+    WRONG_STATION = "wrong_station"  # it carries the number of the next station
+    EXCEPTION = "exception"  # it refuses the request, which was carried out all the same
+    TRUNCATE = "truncate"  # its second half is missing
+
+
+@dataclass(frozen=True, slots=True)
+class Injected:
+    """One fault of one reply. ``by`` are ticks of a delay, ``code`` is an exception code."""
+
+    kind: ReplyFault
+    by: int = 0
+    code: int = ExceptionCode.DEVICE_FAILURE
+
+
+class FaultyReplies(Handling):
+    """Sends replies as they are, but for the faults that wait: each befalls one reply, in order.
+
+    Faults may be added from another thread.
+    """
+
+    def __init__(self, mode: Mode) -> None:
+        self._mode = mode
+        self._waiting: deque[Injected] = deque()
+        self._lock = threading.Lock()
+        self._now: dict[int, Injected] = {}  # by the counter of the reply
+        self._last = 0
+        #: Faults that have happened, by kind.
+        self.happened: dict[ReplyFault, int] = {}
+
+    def inject(self, fault: Injected, count: int = 1) -> None:
+        """Let the next ``count`` replies that have no fault yet have this one."""
+        with self._lock:
+            self._waiting.extend([fault] * count)
+
+    def clear(self) -> None:
+        """Forget the faults that have not happened yet."""
+        with self._lock:
+            self._waiting.clear()
+
+    @property
+    def waiting(self) -> int:
+        """Faults that have not happened yet."""
+        return len(self._waiting)
+
+    def when(self, transmit: Transmit, now: int) -> int | None:
+        """See the base class."""
+        with self._lock:
+            fault = self._waiting.popleft() if self._waiting else None
+        self._last = transmit.counter
+        if fault is None:
+            return transmit.at
+        self.happened[fault.kind] = self.happened.get(fault.kind, 0) + 1
+        if fault.kind is ReplyFault.DROP:
+            return None
+        self._now[transmit.counter] = fault
+        return max(transmit.at, now) + fault.by if fault.kind is ReplyFault.DELAY else transmit.at
+
+    def chars(self, frame: Adu) -> bytes:
+        """See the base class. One reply is due at a time, so it is the one planned last."""
+        fault = self._now.pop(self._last, None)
+        if fault is None or fault.kind is ReplyFault.DELAY:
+            return frame.chars
+        if fault.kind is ReplyFault.CORRUPT:
+            return _corrupted(self._mode, frame)
+        if fault.kind is ReplyFault.WRONG_STATION:
+            return encode_adu(self._mode, frame.station % 247 + 1, frame.pdu).chars
+        if fault.kind is ReplyFault.TRUNCATE:
+            return frame.chars[: max(1, len(frame.chars) // 2)]
+        return encode_adu(
+            self._mode, frame.station, encode_exception(frame.pdu[0] & ~EXCEPTION_BIT, fault.code)
+        ).chars
+
+
+def _corrupted(mode: Mode, frame: Adu) -> bytes:
+    chars = bytearray(frame.chars)
+    if mode is Mode.RTU:
+        chars[-1] ^= 0xFF
+    else:  # the second digit of the LRC, which stays a digit
+        chars[-3] = ord("1") if chars[-3] == ord("0") else ord("0")
+    return bytes(chars)

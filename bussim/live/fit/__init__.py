@@ -1,0 +1,1 @@
+"""Estimates, from what a listener heard, of what the model needs."""

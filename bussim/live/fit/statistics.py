@@ -1,0 +1,216 @@
+"""Estimates with their confidence intervals, and the distance of two samples.
+
+Written here because what is needed of scipy are four formulas: the regularised incomplete beta
+function (continued fraction, Numerical Recipes, 6.4), Clopper and Pearson's interval (Biometrika 26,
+1934), a likelihood interval for one parameter, and the Kolmogorov-Smirnov distance with its
+asymptotic law (Numerical Recipes, 14.3).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, expm1, fsum, inf, isfinite, lgamma, log, log1p, sqrt
+from statistics import NormalDist
+
+#: How often an interval covers the truth.
+CONFIDENCE = 0.95
+_NORMAL = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
+#: Half of chi-square's 95 % point with one degree of freedom: the fall of the log likelihood.
+_FALL = _NORMAL**2 / 2
+_STEPS = 200
+_TINY = 1e-300
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value with its 95 % confidence interval (None where nothing tells it) and its sample size."""
+
+    value: float
+    low: float | None
+    high: float | None
+    count: int
+
+    def covers(self, value: float) -> bool:
+        """Whether a value lies in the interval."""
+        return self.low is not None and self.high is not None and self.low <= value <= self.high
+
+
+def mean(values: Sequence[float]) -> Estimate:
+    """The mean of many values, with the normal law's interval. Raises ValueError without any."""
+    count = len(values)
+    if not count:
+        raise ValueError("no values")
+    middle = fsum(values) / count
+    if count == 1:
+        return Estimate(middle, None, None, 1)
+    spread = sqrt(fsum((value - middle) ** 2 for value in values) / (count - 1))
+    half = _NORMAL * spread / sqrt(count)
+    return Estimate(middle, middle - half, middle + half, count)
+
+
+def proportion(hits: int, trials: int) -> Estimate:
+    """A probability from ``hits`` of ``trials``, with Clopper and Pearson's exact interval."""
+    if not 0 <= hits <= trials or not trials:
+        raise ValueError(f"{hits} of {trials}")
+    tail = (1 - CONFIDENCE) / 2
+    low, high = 0.0, 1.0
+    if hits:
+        low = _solve(lambda p: beta_law(p, hits, trials - hits + 1) - tail)
+    if hits < trials:
+        high = _solve(lambda p: beta_law(p, hits + 1, trials - hits) - (1 - tail))
+    return Estimate(hits / trials, low, high, trials)
+
+
+def _solve(rising: Callable[[float], float]) -> float:
+    """Where a function that rises over 0…1 crosses zero."""
+    low, high = 0.0, 1.0
+    for _ in range(_STEPS):
+        middle = (low + high) / 2
+        if rising(middle) < 0:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2
+
+
+def beta_law(x: float, a: float, b: float) -> float:
+    """The regularised incomplete beta function: P(B <= x) for B ~ Beta(a, b)."""
+    if x <= 0:
+        return 0.0
+    if x >= 1:
+        return 1.0
+    front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x))
+    if x < (a + 1) / (a + b + 2):
+        return front * _fraction(x, a, b) / a
+    return 1 - front * _fraction(1 - x, b, a) / b
+
+
+def _fraction(x: float, a: float, b: float) -> float:
+    """Lentz's evaluation of the continued fraction."""
+    c, d = 1.0, 1 - (a + b) * x / (a + 1)
+    d = 1 / (d if abs(d) > _TINY else _TINY)
+    result = d
+    for m in range(1, 100_000):
+        for term in (
+            m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m)),
+            -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1)),
+        ):
+            d = 1 + term * d
+            d = 1 / (d if abs(d) > _TINY else _TINY)
+            c = 1 + term / c
+            c = c if abs(c) > _TINY else _TINY
+            result *= c * d
+        if abs(c * d - 1) < 1e-14:
+            break
+    return result
+
+
+def bit_error_rate(frames: Mapping[int, tuple[int, int]]) -> Estimate | None:
+    """The bit error rate from frames by their size in bits: how many were sound and how many damaged.
+
+    A frame of n bits is sound with probability (1 - ber)^n: the most likely rate, and the interval in
+    which the likelihood falls by less than chi-square's 95 % point. None without frames.
+    """
+    sound = {bits: counts[0] for bits, counts in frames.items()}
+    damaged = {bits: counts[1] for bits, counts in frames.items() if counts[1]}
+    count = sum(sound.values()) + sum(damaged.values())
+    if not count:
+        return None
+
+    def likelihood(rate: float) -> float:
+        whole = log1p(-rate)
+        total = fsum(number * bits * whole for bits, number in sound.items())
+        return total + fsum(number * log(-expm1(bits * whole)) for bits, number in damaged.items())
+
+    if not damaged:
+        high = _FALL / sum(bits * number for bits, number in sound.items())
+        return Estimate(0.0, 0.0, high, count)
+    if not any(sound.values()):
+        return Estimate(0.5, None, 0.5, count)
+    best = _highest(likelihood, 1e-15, 0.5)
+    least = likelihood(best) - _FALL
+    low = _crossing(lambda rate: likelihood(rate) - least, 1e-15, best)
+    high = _crossing(lambda rate: least - likelihood(rate), best, 0.5)
+    return Estimate(best, low, high, count)
+
+
+def _highest(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function with one hill is highest, by golden section on a logarithmic scale."""
+    golden = (sqrt(5) - 1) / 2
+    a, b = log(low), log(high)
+    for _ in range(_STEPS):
+        c, d = b - golden * (b - a), a + golden * (b - a)
+        if function(exp(c)) >= function(exp(d)):
+            b = d
+        else:
+            a = c
+    return exp((a + b) / 2)
+
+
+def _crossing(rising: Callable[[float], float], low: float, high: float) -> float:
+    a, b = log(low), log(high)
+    for _ in range(_STEPS):
+        middle = (a + b) / 2
+        if rising(exp(middle)) < 0:
+            a = middle
+        else:
+            b = middle
+    return exp((a + b) / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How well two samples, or a sample and a law, agree: their largest distance and how likely it is."""
+
+    distance: float
+    p: float
+
+
+def compare(first: Sequence[float], second: Sequence[float]) -> Fit:
+    """The Kolmogorov-Smirnov distance of two samples. Raises ValueError if one is empty.
+
+    ``p`` is the probability of at least this distance if both came from one law (for independent
+    samples; with many equal values it is too large, never too small).
+    """
+    if not first or not second:
+        raise ValueError("an empty sample")
+    one, two = sorted(first), sorted(second)
+    distance = max(
+        abs(bisect_right(one, value) / len(one) - bisect_right(two, value) / len(two))
+        for value in {*one, *two}
+    )
+    return Fit(distance, _kolmogorov(distance, len(one) * len(two) / (len(one) + len(two))))
+
+
+def against_uniform(values: Sequence[float], low: float, high: float) -> Fit:
+    """The distance of a sample from the uniform law over ``low`` … ``high``."""
+    ordered, count = sorted(values), len(values)
+    span = high - low
+    distance = 0.0
+    for place, value in enumerate(ordered):
+        law = min(1.0, max(0.0, (value - low) / span)) if span > 0 else 1.0
+        distance = max(distance, abs(law - place / count), abs((place + 1) / count - law))
+    return Fit(distance, _kolmogorov(distance, count))
+
+
+def _kolmogorov(distance: float, size: float) -> float:
+    root = sqrt(size)
+    z = (root + 0.12 + 0.11 / root) * distance
+    if z < 0.2:
+        return 1.0
+    total = 2 * fsum((-1) ** (k - 1) * exp(-2 * (k * z) ** 2) for k in range(1, 101))
+    return min(1.0, max(0.0, total))
+
+
+def median(values: Sequence[int]) -> int:
+    """The middle one of whole numbers, the lower of two. Raises ValueError without any."""
+    if not values:
+        raise ValueError("no values")
+    return sorted(values)[(len(values) - 1) // 2]
+
+
+def finite(value: float | None) -> float | None:
+    """A number that JSON can hold."""
+    return value if value is not None and isfinite(value) and value not in (inf, -inf) else None

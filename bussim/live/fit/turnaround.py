@@ -1,0 +1,48 @@
+"""The law of a station's turnaround, from measured ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bussim.live.fit.statistics import Fit, against_uniform
+
+#: A uniform law is kept unless a sample is less likely than this under it.
+_DOUBT = 0.01
+#: Values of a measured law.
+_VALUES = 32
+#: So many are compared at most: with more every real sample differs from every law.
+_COMPARED = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Mean and jitter in ticks, or, where a uniform law does not describe it, ``values`` of equal weight.
+
+    ``fit`` is the distance of the sample from the uniform law.
+    """
+
+    mean: int
+    jitter: int
+    values: tuple[int, ...]
+    fit: Fit
+
+
+def law_of(turnarounds: Sequence[int]) -> Law:
+    """The law of at least one turnaround (ticks).
+
+    The ends of a uniform law are those of the sample, moved outwards by what its size hides on the average;
+    its middle is the sample's mean.
+    """
+    count = len(turnarounds)
+    middle = sum(turnarounds) / count
+    low, high = min(turnarounds), max(turnarounds)
+    half = (high - low) / 2 * ((count + 1) / (count - 1) if count > 1 else 1)
+    half = min(half, middle)  # no turnaround is below 0
+    step = -(-count // _COMPARED)
+    fit = against_uniform(turnarounds[::step], middle - half, middle + half)
+    values: tuple[int, ...] = ()
+    if fit.p < _DOUBT and low < high:
+        ordered = sorted(turnarounds)
+        values = tuple(ordered[(2 * number + 1) * count // (2 * _VALUES)] for number in range(_VALUES))
+    return Law(round(middle), round(half), values, fit)

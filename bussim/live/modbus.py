@@ -1,0 +1,97 @@
+"""Modbus masters and slaves on real ports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.framing import Framing
+from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
+from bussim.engines.modbus.master import MasterConfig
+from bussim.engines.modbus.polling import PollingMaster
+from bussim.engines.modbus.polls import Poll, PollList
+from bussim.engines.modbus.server import RegisterMap
+from bussim.engines.modbus.slave import Slave, SlaveConfig
+from bussim.errors import UsageError
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.runner import EngineRunner, Handling
+from bussim.live.wire import Wire
+
+#: What the standard asks for: RTU 8E1, ASCII 7E1.
+STANDARD_FORMATS = {Mode.RTU: CharFormat(8, "E", 1), Mode.ASCII: CharFormat(7, "E", 1)}
+
+
+@dataclass(frozen=True, slots=True)
+class LiveFraming:
+    """How a port frames in real time.
+
+    ``framing`` is what the engine's reader judges by, its silences lengthened by the tolerance of
+    the port; ``quiet`` is the protocol's own silence behind a frame.
+    """
+
+    framing: Framing
+    quiet: int
+
+    @classmethod
+    def of(cls, mode: Mode, wire: Wire, rule: GapRule = STANDARD_GAPS) -> LiveFraming:
+        """The framing of a mode on a wire. Raises UsageError where the format has not the bits for it."""
+        if mode is Mode.ASCII:
+            framing = Framing.ascii()
+        else:
+            try:
+                framing = Framing.rtu(wire.timing, rule)
+            except ValueError as error:
+                raise UsageError(str(error)) from error
+        tolerance = wire.options.tolerance
+        longer = replace(framing, quiet=framing.quiet + tolerance, inner=framing.inner + tolerance)
+        return cls(longer, framing.quiet)
+
+
+def line_of(mode: Mode, baud: int, fmt: CharFormat | None = None) -> LineTiming:
+    """The line of a mode: the standard's format where none is given."""
+    return LineTiming(baud, fmt or STANDARD_FORMATS[mode])
+
+
+def slave_runner(
+    wire: Wire,
+    mode: Mode,
+    maps: Mapping[int, RegisterMap],
+    *,
+    delay: int = 0,
+    rule: GapRule = STANDARD_GAPS,
+    handling: Handling | None = None,
+) -> EngineRunner:
+    """Devices by station number as slaves on a wire. ``delay``: ticks from a request's end to its reply."""
+    live = LiveFraming.of(mode, wire, rule)
+    engine = Slave(SlaveConfig(live.framing, delay=delay), maps)
+    return EngineRunner(engine, wire, quiet=live.quiet, mode=mode, handling=handling)
+
+
+def master_runner(
+    wire: Wire,
+    mode: Mode,
+    polls: PollList[Poll],
+    *,
+    timeout: int,
+    interval: int = 0,
+    turnaround: int | None = None,
+    rule: GapRule = STANDARD_GAPS,
+    handling: Handling | None = None,
+) -> EngineRunner:
+    """A master that works through a poll list on a wire. Raises UsageError for what it cannot send.
+
+    Times in ticks. ``interval`` is the pause from one transaction's end to the next request; an RTU
+    master never makes it shorter than the silence that ends a frame. The timeout is the system's:
+    a response that has begun by then is waited for.
+    """
+    live = LiveFraming.of(mode, wire, rule)
+    silent = live.quiet if mode is Mode.RTU else 0
+    config = MasterConfig(live.framing, timeout, max(interval, silent), begun_holds=True)
+    if turnaround is not None:
+        config = replace(config, turnaround=turnaround)
+    try:
+        engine = PollingMaster(config, polls)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    return EngineRunner(engine, wire, quiet=live.quiet, mode=mode, handling=handling)

@@ -1,0 +1,83 @@
+"""A poll list on a real port: turns as they end, and a stop when every poll had its turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from bussim.engines.modbus.events import FrameRejected, PollEnded, TransactionEnded
+from bussim.engines.modbus.polls import Poll
+from bussim.live.runner import Handling
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A turn of a poll: its place in the list, and its attempts, the last of which decided it."""
+
+    index: int
+    poll: Poll
+    attempts: tuple[TransactionEnded, ...]
+    ended: PollEnded
+
+    @property
+    def last(self) -> TransactionEnded:
+        """The attempt that decided it."""
+        return self.attempts[-1]
+
+    @property
+    def answered(self) -> bool:
+        """Whether the station answered at all, be it with an exception."""
+        return self.last.error is None or self.last.exception > 0
+
+    @property
+    def response(self) -> int | None:
+        """Ticks from the end of the request to the end of its answer, None without one."""
+        last = self.last
+        if not self.answered or last.asked is None or last.answer_end is None:
+            return None
+        return last.answer_end - last.asked
+
+
+class PollTurns(Handling):
+    """Puts the attempts of a polling master together to turns; ``on_turn`` is told of each.
+
+    With ``rounds`` :attr:`done` becomes true when every poll has had so many turns.
+    """
+
+    def __init__(
+        self, polls: Sequence[Poll], on_turn: Callable[[Turn], None], rounds: int | None = None
+    ) -> None:
+        self._polls = polls
+        self._on_turn = on_turn
+        self._rounds = rounds
+        self._attempts: list[TransactionEnded] = []
+        self._turns = [0] * len(polls)
+        #: Frames on the wire that were no answers, by reason.
+        self.rejected: dict[str, int] = {}
+
+    @property
+    def done(self) -> bool:
+        """Whether every poll has had its turns; one with ``times`` may have fewer."""
+        rounds = self._rounds
+        if rounds is None:
+            return all(
+                poll.times is not None and turns >= poll.times
+                for poll, turns in zip(self._polls, self._turns, strict=True)
+            )
+        return all(
+            turns >= (rounds if poll.times is None else min(rounds, poll.times))
+            for poll, turns in zip(self._polls, self._turns, strict=True)
+        )
+
+    def event(self, event: object, now: int) -> None:
+        """See the base class."""
+        del now
+        if isinstance(event, TransactionEnded):
+            self._attempts.append(event)
+        elif isinstance(event, FrameRejected):
+            self.rejected[event.reason] = self.rejected.get(event.reason, 0) + 1
+        elif isinstance(event, PollEnded):
+            attempts, self._attempts = tuple(self._attempts), []
+            if attempts:
+                self._turns[event.index] += 1
+                self._on_turn(Turn(event.index, self._polls[event.index], attempts, event))

@@ -1,0 +1,70 @@
+"""A new pseudo-terminal as a port (POSIX): what opens its other end finds a serial port."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+from pathlib import Path
+
+from bussim.errors import UsageError
+from bussim.live.endpoints import LUMP
+
+assert sys.platform != "win32"  # noqa: S101 - tells the type checker; nothing imports this there
+
+import termios  # noqa: E402 (after the assertion)
+import tty  # noqa: E402
+
+
+class PseudoTerminal:
+    """An :class:`~bussim.live.endpoints.Endpoint` at the inner end of a new pseudo-terminal.
+
+    ``link`` is the path of a symbolic link to its outer end, made anew and removed at the end; a
+    file that is no symbolic link is never replaced (UsageError). The outer end stays open here, too,
+    so that a client may come and go. A client that does not read loses what no longer fits.
+    """
+
+    instant = True
+    warnings: tuple[str, ...] = ()
+
+    def __init__(self, link: str | None = None) -> None:
+        self._link = None if link is None else Path(link)
+        if self._link is not None and self._link.exists() and not self._link.is_symlink():
+            raise UsageError(f"{link} exists and is no symbolic link; choose another name for the pty")
+        self._inner, self._outer = os.openpty()
+        try:
+            tty.setraw(self._outer, termios.TCSANOW)
+            os.set_blocking(self._inner, False)
+            #: Name of the outer end.
+            self.device = os.ttyname(self._outer)
+            self.name = self.device
+            if self._link is not None:
+                self._link.unlink(missing_ok=True)
+                self._link.symlink_to(self.device)
+                self.name = str(self._link)
+        except OSError as error:
+            self.close()
+            raise UsageError(f"{link or 'pty'}: {error.strerror or error}") from error
+
+    def read(self, timeout: float) -> bytes:
+        """See the protocol."""
+        ready, _, _ = select.select((self._inner,), (), (), timeout)
+        return os.read(self._inner, LUMP) if ready else b""
+
+    def write(self, data: bytes) -> int:
+        """See the protocol."""
+        try:
+            return os.write(self._inner, data)
+        except BlockingIOError:
+            return 0
+
+    def close(self) -> None:
+        """See the protocol."""
+        for handle in (self._inner, self._outer):
+            with contextlib.suppress(OSError):
+                os.close(handle)
+        if self._link is not None and self._link.is_symlink():
+            with contextlib.suppress(OSError):
+                if str(self._link.readlink()) == getattr(self, "device", None):
+                    self._link.unlink()

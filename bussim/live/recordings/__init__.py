@@ -1,0 +1,1 @@
+"""Recordings of lines that others made: pcapng, sigrok, raw bytes with timestamps."""

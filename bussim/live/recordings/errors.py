@@ -1,0 +1,9 @@
+"""What is wrong with a recording."""
+
+from __future__ import annotations
+
+from bussim.errors import UsageError
+
+
+class RecordingError(UsageError):
+    """A file that cannot be read as a recording. The message names the place in it."""

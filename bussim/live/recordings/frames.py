@@ -1,0 +1,41 @@
+"""Frames of a trace as a listener beside the wire would have heard them."""
+
+from __future__ import annotations
+
+from bussim.engines.modbus.adu import Adu, decode_ascii, decode_rtu
+from bussim.engines.nn.frames import Frame
+from bussim.engines.nn.frames import decode as decode_nn
+from bussim.live.sniff.heard import Heard, Protocol
+from bussim.trace import FrameRecord
+
+_PROTOCOLS = {protocol.value: protocol for protocol in Protocol}
+
+
+def heard_of(record: FrameRecord) -> Heard | None:
+    """What a listener heard of a frame; None for a protocol that is not recognised (free).
+
+    Bits that were inverted on the wire for everybody, a collision and a frame that was cut off are
+    damage; what was inverted in one receiver only is not heard by others.
+    """
+    protocol = _PROTOCOLS.get(record.protocol)
+    if protocol is None:
+        return None
+    frame: Frame | Adu | None = None
+    reason = ""
+    if record.collided:
+        reason = "collision"
+    elif record.cut:
+        reason = "cut off"
+    elif record.damaged_bits:
+        reason = "damaged bits"
+    else:
+        frame = _decoded(protocol, record.chars)
+        reason = "" if frame is not None else "damaged"
+    return Heard(protocol, record.start, record.end, record.chars, frame, reason, record.sender)
+
+
+def _decoded(protocol: Protocol, chars: bytes) -> Frame | Adu | None:
+    if protocol is Protocol.NN:
+        return decode_nn(chars)
+    found = decode_rtu(chars) if protocol is Protocol.RTU else decode_ascii(chars)
+    return found if isinstance(found, Adu) else None

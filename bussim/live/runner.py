@@ -1,0 +1,264 @@
+"""Runs one protocol engine on one port in real time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from bussim.engines.contract import OPEN, Transmit
+from bussim.engines.modbus.adu import RTU_MAX, Adu, Mode, decode_rtu
+from bussim.live.arrival import Timed
+from bussim.live.port import LivePort
+from bussim.live.wire import Wire
+from bussim.units import TICKS_PER_MS
+
+#: How long a step waits at most, so that a wish to stop is heard.
+PATIENCE = 50 * TICKS_PER_MS
+
+
+class Sendable(Protocol):
+    """A frame that an engine gives to be sent."""
+
+    @property
+    def chars(self) -> bytes:
+        """Its characters."""
+
+
+class LiveEngine(Protocol):
+    """What is used here of an engine; see :mod:`bussim.engines.contract`."""
+
+    def start(self, now: int) -> int:
+        """It begins to work; returns hints."""
+
+    def stop(self, now: int) -> int:
+        """It stops; returns hints."""
+
+    def receive(self, char: Any, start: int, end: int) -> int:
+        """A character was heard."""
+
+    def line_idle(self, now: int) -> int:
+        """The line has been quiet."""
+
+    def deadline(self) -> int | None:
+        """When to call on_deadline."""
+
+    def on_deadline(self, now: int) -> int:
+        """The deadline has come."""
+
+    def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Sendable:
+        """The frame to send."""
+
+    def transmit_done(self, now: int) -> int:
+        """It has left."""
+
+    def poll(self) -> Any:
+        """What to do next."""
+
+
+class Handling:
+    """What happens to an engine's transmissions and events; to be overridden where more is wanted."""
+
+    def image(self, now: int) -> bytes:
+        """The block that a data frame of the N:N link carries."""
+        del now
+        return b""
+
+    def when(self, transmit: Transmit, now: int) -> int | None:
+        """When a transmission is to leave, None for never (a reply that a fault swallows)."""
+        del now
+        return transmit.at
+
+    def chars(self, frame: Any) -> bytes:
+        """What is really sent in place of a frame."""
+        own: bytes = frame.chars
+        return own
+
+    def event(self, event: Any, now: int) -> None:
+        """The engine reports something."""
+
+
+class EngineRunner:
+    """An engine on a wire. One thread calls :meth:`run` or :meth:`step`.
+
+    ``quiet`` is the silence after which the engine is told that the line is quiet, by the protocol.
+    While what is open is not a whole RTU frame (``mode`` RTU), the tolerance of the wire's options is
+    added: its next bytes may be held back by the system. When the port is lost the engine is
+    stopped, and it is started anew when the port is back.
+    """
+
+    def __init__(
+        self,
+        engine: LiveEngine,
+        wire: Wire,
+        *,
+        quiet: int,
+        mode: Mode | None,
+        handling: Handling | None = None,
+    ) -> None:
+        self.engine = engine
+        self.clock = wire.clock
+        self.port = LivePort(
+            wire, on_chars=self._chars, on_sent=self._sent, on_lost=self._lost, on_back=self._back
+        )
+        self._quiet = quiet
+        self._tolerance = wire.options.tolerance
+        self._rtu = mode is Mode.RTU
+        self._handling = handling or Handling()
+        self._pending: deque[tuple[int, int]] = deque()  # (when, counter) of transmissions that are due
+        self._on_air = False
+        self._open = bytearray()  # what is open, of RTU
+        self._opened = False
+        self._quiet_end = 0  # when it is over, if nothing more comes
+        self._running = False
+
+    def start(self) -> None:
+        """Open the port and start the engine. Raises UsageError if the port cannot be opened."""
+        self.port.wire.open()
+        self._back(self.clock.now())
+
+    def close(self) -> None:
+        """Stop the engine and close the port."""
+        if self._running:
+            self._running = False
+            self.engine.stop(self.clock.now())
+            self._collect()
+        self.port.wire.close()
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Run until ``stopped`` says so, which is asked at least twenty times a second."""
+        while not stopped():
+            self.step(self.clock.now() + PATIENCE)
+
+    def step(self, until: int) -> None:
+        """Do what is due, and wait for something to happen, at the longest until a tick."""
+        self._begin()
+        heard = self.port.step(min(until, self._next()))
+        # What was heard up to now comes before a deadline that is over: it may be more than one lump.
+        for _ in range(_MORE_LUMPS):
+            if not heard:
+                break
+            heard = self.port.step(self.clock.now())
+        if self._running:
+            self._timers(self.clock.now())
+
+    def kick(self) -> None:
+        """Somebody called a method of the engine: look what it wants."""
+        self._collect()
+
+    # -- what is due ---------------------------------------------------------------------------
+
+    def _next(self) -> int:
+        times = [_NEVER]
+        if self._running:
+            deadline = self.engine.deadline()
+            if deadline is not None:
+                times.append(deadline)
+            if self._opened:
+                times.append(self._quiet_end)
+            if self._pending and not self._on_air:
+                times.append(self._pending[0][0])
+        return min(times)
+
+    def _silence(self) -> int:
+        """The silence that ends what is open."""
+        whole = self._rtu and isinstance(decode_rtu(bytes(self._open)), Adu)
+        return self._quiet if whole else self._quiet + self._tolerance
+
+    def _timers(self, now: int) -> None:
+        if self._opened and not self._on_air and self._quiet_end <= now:
+            self._quieted()
+            self.engine.line_idle(now)
+            self._collect()
+        deadline = self.engine.deadline()
+        if deadline is not None and deadline <= now:
+            self.engine.on_deadline(now)
+            self._collect()
+
+    def _begin(self) -> None:
+        if self._on_air or not self._pending or not self._running:
+            return
+        at, counter = self._pending[0]
+        now = self.clock.now()
+        if at > now:
+            return
+        self._pending.popleft()
+        self._on_air = True
+        self._quieted()
+        frame = self.engine.begin_transmit(now, self._handling.image(now), counter)
+        chars = self._handling.chars(frame)
+        if chars:
+            self.port.send(chars, now)
+        else:
+            self._sent(now, now)
+
+    def _collect(self) -> None:
+        """Take over what the engine wants. In real time asking costs nothing: hints are not read."""
+        now = self.clock.now()
+        while (item := self.engine.poll()) is not None:
+            if isinstance(item, Transmit):
+                at = self._handling.when(item, now)
+                if at is not None:
+                    self._pending.append((at, item.counter))
+                else:
+                    give_up = getattr(self.engine, "give_up_reply", None)
+                    if give_up is not None:
+                        give_up(now)
+            else:
+                self._handling.event(item, now)
+
+    # -- what the port tells -------------------------------------------------------------------
+
+    def _chars(self, chars: list[Timed]) -> None:
+        if not self._running:
+            return
+        if self._opened and not self._on_air and chars[0][1] >= self._quiet_end:
+            # It ended by its silence while nobody looked.
+            self._quieted()
+            self.engine.line_idle(self._quiet_end)
+        receive, hints = self.engine.receive, 0
+        for char, start, end in chars:
+            hints = receive(char, start, end)
+        if hints & OPEN:
+            self._opened = True
+            if self._rtu:
+                self._note_open(chars)
+            self._quiet_end = chars[-1][2] + self._silence()
+        else:
+            self._quieted()
+        self._collect()
+
+    def _note_open(self, chars: list[Timed]) -> None:
+        # One character more than a frame can have: then it is none, however many follow.
+        room = RTU_MAX + 1 - len(self._open)
+        self._open += bytes(char.value for char, _, _ in chars[: max(room, 0)])
+
+    def _quieted(self) -> None:
+        self._opened = False
+        self._open.clear()
+
+    def _sent(self, start: int, end: int) -> None:
+        del start
+        self._on_air = False
+        if self._running:
+            self.engine.transmit_done(end)
+            self._collect()
+
+    def _lost(self, now: int) -> None:
+        if self._running:
+            self._running = False
+            self.engine.stop(now)
+            self._collect()
+        self._pending.clear()
+        self._on_air = False
+        self._quieted()
+
+    def _back(self, now: int) -> None:
+        self._running = True
+        self.engine.start(now)
+        self._collect()
+
+
+_NEVER = 1 << 62
+#: Lumps that are taken before a deadline that is over has its turn: four times the longest frame.
+_MORE_LUMPS = 4

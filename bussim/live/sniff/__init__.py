@@ -1,0 +1,1 @@
+"""What a line's listener makes of characters: frames, exchanges, link scans."""

@@ -1,0 +1,35 @@
+"""A frame as a listener heard it."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import NamedTuple
+
+from bussim.engines.modbus.adu import Adu
+from bussim.engines.nn.frames import Frame
+
+
+class Protocol(StrEnum):
+    """The protocols that are recognised, by their names in a trace."""
+
+    NN = "nn"
+    RTU = "modbus-rtu"
+    ASCII = "modbus-ascii"
+
+
+class Heard(NamedTuple):
+    """Characters that belong together. ``frame`` is None where they are damaged: then ``reason`` says how.
+
+    ``start`` is the first edge, ``end`` the last stop bit, in ticks. ``sender`` is a name where the
+    recording has one, else "". ``whole`` is False where the characters may be several damaged frames,
+    or only a part of one.
+    """
+
+    protocol: Protocol
+    start: int
+    end: int
+    chars: bytes
+    frame: Frame | Adu | None
+    reason: str = ""
+    sender: str = ""
+    whole: bool = True

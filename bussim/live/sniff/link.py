@@ -1,0 +1,268 @@
+"""An N:N link as a listener sees it: link scans, attempts, stations in error.
+
+What a listener cannot know is when the master decided: a failed attempt is told at the master's
+next frame, and its code is what the listener heard (01 nothing, 02 and 03 a frame of another station
+or counter, 04 damage).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from bussim.engines.nn import codes
+from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
+from bussim.engines.nn.status import STATIONS
+from bussim.live.sniff.heard import Heard
+from bussim.trace import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, ScanRecord, Sink
+
+#: 10 ms, the unit of D8180, in ticks.
+_TIMEOUT_UNIT = 720_000
+
+
+def station_name(number: int) -> str:
+    """What a listener calls a station whose name it does not know."""
+    return f"station {number}"
+
+
+class LinkWatcher:
+    """Tells a sink what happens on one N:N link, from the frames that are heard.
+
+    ``names`` are those of stations that are known; others are called by their number.
+    """
+
+    def __init__(
+        self, bus: str, sink: Sink, *, baud: int, fmt: str, names: Mapping[int, str] | None = None
+    ) -> None:
+        self._bus, self._sink = bus, sink
+        self._names = {number: station_name(number) for number in range(STATIONS)} | dict(names or {})
+        self._baud, self._format = baud, fmt
+        self.settings: LinkSettings | None = None
+        self._block: int | None = None  # bytes of a data frame
+        self.scans = 0
+        self.polls = 0
+        self.frames = 0
+        self.damaged = 0
+        self.busy = 0
+        self.unasked = 0  # data frames that answered no poll
+        self.healthy_at: int | None = None
+        #: Ticks from a failed poll's end to the master's next frame, the shortest: timeout and gap.
+        self.shortest_wait: int | None = None
+        self.most_attempts = 0
+        self.failed: dict[int, Counter[int]] = {}
+        self.station_errors: Counter[int] = Counter()
+        self._stations: set[int] = set()
+        self._answered: set[int] = set()
+        self._flagged: set[int] = set()
+        self._scan: tuple[int, int] | None = None  # start, attempts so far
+        self._scan_failed: list[tuple[int, int]] = []
+        self._poll: tuple[int, int, int, int] | None = None  # start, end, station, counter
+        self._attempt = 0
+        self._code = codes.NO_REPLY
+        self._last_failed: int | None = None  # station whose latest attempt failed, until it is decided
+
+    def heard(self, heard: Heard) -> None:
+        """Take in what was heard next."""
+        frame = heard.frame if isinstance(heard.frame, Frame) else None
+        self._record(heard, frame)
+        if frame is None:
+            self.damaged += 1
+            if self._poll is not None:
+                self._code = codes.DAMAGED
+            return
+        if frame.kind == DATA and frame.station:
+            self._reply(heard, frame)
+            return
+        self._decide_failed(heard.start)
+        if frame.kind == POLL:
+            self._polled(heard, frame)
+        elif frame.kind == PARAMETERS:
+            self.settings = frame.settings
+            self._given_up(heard.start, None)
+        else:
+            self._given_up(heard.start, None)
+            self._block = len(frame.data)
+            self._scan_begins(heard.start)
+            self._refreshed(0, heard.end)
+
+    # -- exchanges -----------------------------------------------------------------------------
+
+    def _polled(self, heard: Heard, frame: Frame) -> None:
+        station = frame.station
+        self._given_up(heard.start, station)
+        if self._last_failed == station:
+            self._attempt += 1
+        else:
+            self._attempt = 1
+            self.polls += 1
+        self._last_failed = None
+        self._stations.add(station)
+        self.most_attempts = max(self.most_attempts, self._attempt)
+        self._poll = (heard.start, heard.end, station, frame.counter)
+        self._code = codes.NO_REPLY
+        if self._scan is not None:
+            self._scan = (self._scan[0], self._scan[1] + 1)
+
+    def _reply(self, heard: Heard, frame: Frame) -> None:
+        poll = self._poll
+        if poll is None:
+            self.unasked += 1
+            return
+        start, end, station, counter = poll
+        if frame.station != station:
+            self._code = codes.WRONG_STATION
+            return
+        if frame.counter != counter:
+            self._code = codes.WRONG_COUNTER
+            return
+        self._poll = None
+        turnaround = heard.start - end
+        self._sink.attempt(
+            AttemptRecord(self._bus, start, heard.end, station, self._attempt, "ok", 0, turnaround)
+        )
+        self._refreshed(station, heard.end)
+        self._answered.add(station)
+        if station in self._flagged:
+            self._flagged.discard(station)
+            self._note(heard.end, "recovered", f"station {station} answers again", station=station)
+        if self.healthy_at is None and self._healthy():
+            self.healthy_at = heard.end
+            self._note(heard.end, "healthy", "every slave answers")
+
+    def _healthy(self) -> bool:
+        slaves = self.settings.slaves if self.settings else len(self._stations)
+        whole = self.settings is not None or self.scans > 0
+        return whole and len(self._answered) == slaves and not self._flagged
+
+    def _decide_failed(self, now: int) -> None:
+        """The master goes on: an attempt without an answer has failed."""
+        poll, self._poll = self._poll, None
+        if poll is None:
+            return
+        start, end, station, _ = poll
+        code = self._code
+        self._sink.failed(self._bus, now, station, code)
+        self._sink.attempt(
+            AttemptRecord(self._bus, start, now, station, self._attempt, codes.MEANINGS[code], code, None)
+        )
+        self.failed.setdefault(station, Counter())[code] += 1
+        self._scan_failed.append((station, code))
+        self._last_failed = station
+        if code == codes.NO_REPLY:
+            wait = now - end
+            self.shortest_wait = wait if self.shortest_wait is None else min(wait, self.shortest_wait)
+
+    def _given_up(self, now: int, next_station: int | None) -> None:
+        """The master turns to another station: the one that failed is in error."""
+        station = self._last_failed
+        if station is None or station == next_station:
+            return
+        self._last_failed = None
+        self.station_errors[station] += 1
+        if station not in self._flagged:
+            self._flagged.add(station)
+            code = self._scan_failed[-1][1] if self._scan_failed else self._code
+            text = f"station {station}: code {code:02X}, {codes.MEANINGS[code]}"
+            self._note(now, "station_error", text, station=station, code=code)
+
+    # -- link scans ----------------------------------------------------------------------------
+
+    def _scan_begins(self, start: int) -> None:
+        if self._scan is not None:
+            begun, attempts = self._scan
+            self._sink.scan(
+                ScanRecord(
+                    self._bus,
+                    self.scans,
+                    begun,
+                    start - begun,
+                    attempts,
+                    len(self._scan_failed),
+                    len(self._flagged),
+                    self._cause(),
+                )
+            )
+            self.scans += 1
+        self._scan = (start, 0)
+        self._scan_failed = []
+
+    def _cause(self) -> str:
+        failed = Counter(station for station, _ in self._scan_failed)
+        parts = []
+        for station, count in failed.items():
+            found = ", ".join(f"{code:02X}" for number, code in self._scan_failed if number == station)
+            parts.append(f"station {station}: {count} failed attempt{'s' if count > 1 else ''}, {found}")
+        return "; ".join(parts)
+
+    def _refreshed(self, station: int, now: int) -> None:
+        self._sink.refreshed(self._bus, station, now, None)
+
+    # -- records -------------------------------------------------------------------------------
+
+    def _record(self, heard: Heard, frame: Frame | None) -> None:
+        self.frames += 1
+        self.busy += heard.end - heard.start
+        if not self._sink.traced:
+            return
+        master = frame is not None and (frame.kind != DATA or frame.station == 0)
+        name = "" if frame is None else self._names[0 if master else frame.station]
+        self._sink.frame(
+            FrameRecord(
+                bus=self._bus,
+                start=heard.start,
+                end=heard.end,
+                sender=heard.sender or name or "unknown",
+                kind="damaged" if frame is None else frame.kind_name,
+                station=None if frame is None else frame.station,
+                counter=None if frame is None else frame.counter,
+                chars=heard.chars,
+                damaged_bits=(),
+                damaged_at={},
+                collided=False,
+                cut=False,
+                protocol="nn",
+                baud=self._baud,
+                format=self._format,
+            )
+        )
+
+    def _note(self, tick: int, kind: str, text: str, **detail: int | str) -> None:
+        # Flags are the master's, whose view this is; that all is well concerns the bus.
+        where = self._bus if kind == "healthy" else self._names[0]
+        self._sink.note(NoteRecord(tick, kind, where, text, dict(detail)))
+
+    def totals(self) -> LinkTotals:
+        """Counts so far. Attempts and timeout are what was seen where no parameter frame told them."""
+        settings = self.settings
+        slaves = settings.slaves if settings else max(self._stations, default=0)
+        if settings:
+            mode: int | None = settings.mode
+        else:
+            mode = next((n for n, block in enumerate(MODES) if block.size == self._block), None)
+        attempts = self.most_attempts or 1
+        if settings:
+            timeout = settings.timeout * _TIMEOUT_UNIT
+        elif self.shortest_wait is not None:
+            timeout = self.shortest_wait // _TIMEOUT_UNIT * _TIMEOUT_UNIT
+        else:
+            timeout = 0
+        names = {station: self._names[station] for station in range(slaves + 1)}
+        return LinkTotals(
+            bus=self._bus,
+            seats=tuple(names.values()),
+            station_names=names,
+            master=names[0],
+            slaves=slaves,
+            mode=mode,
+            retries=settings.retries if settings else max(0, attempts - 1),
+            attempts=settings.retries + 1 if settings else attempts,
+            timeout=timeout,
+            polls=self.polls,
+            failed_attempts={station: dict(by) for station, by in sorted(self.failed.items())},
+            station_errors={k: self.station_errors[k] for k in range(1, slaves + 1)},
+            busy=self.busy,
+            frames=self.frames,
+            collisions=0,
+            undetected=0,
+            healthy_at=self.healthy_at,
+        )

@@ -1,0 +1,92 @@
+"""Everything between characters and records: recognise the protocol, watch what is spoken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bussim.line.characters import LineTiming
+from bussim.live.arrival import Timed
+from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.link import LinkWatcher
+from bussim.live.sniff.modbus import ModbusWatcher
+from bussim.live.sniff.recognise import Recogniser
+from bussim.trace import BusTotals, LinkTotals, PlcTotals, RunTotals, Sink
+
+
+class Listener:
+    """Listens to one bus and tells a sink. Feed it characters or, of a recording, whole frames.
+
+    ``names`` are those of stations that are known.
+    """
+
+    def __init__(
+        self,
+        bus: str,
+        timing: LineTiming,
+        sink: Sink,
+        *,
+        tolerance: int,
+        protocol: Protocol | None = None,
+        names: Mapping[int, str] | None = None,
+    ) -> None:
+        self.bus = bus
+        self._names = names
+        self.timing = timing
+        self._sink = sink
+        self._recogniser = Recogniser(timing, tolerance, protocol)
+        self._settled = protocol
+        self.watcher: LinkWatcher | ModbusWatcher | None = None
+        #: Characters so far.
+        self.characters = 0
+        self.last = 0
+
+    @property
+    def protocol(self) -> Protocol | None:
+        """The protocol that is spoken, None while that is open."""
+        return self._settled or self._recogniser.protocol
+
+    def chars(self, chars: list[Timed]) -> list[Heard]:
+        """Take in characters; returns the frames that are known now."""
+        self.characters += len(chars)
+        return self._watch(self._recogniser.chars(chars))
+
+    def idle(self, now: int) -> list[Heard]:
+        """Nothing was heard up to ``now``."""
+        return self._watch(self._recogniser.idle(now))
+
+    def heard(self, heard: Heard) -> list[Heard]:
+        """Take in a whole frame of a recording that says itself what it is."""
+        if self._settled is None:
+            self._settled = heard.protocol
+        self.characters += len(heard.chars)
+        return self._watch([heard])
+
+    def close(self) -> list[Heard]:
+        """Nothing more will be heard."""
+        heard = self._watch(self._recogniser.close())
+        if isinstance(self.watcher, ModbusWatcher):
+            self.watcher.close(self.last)
+        return heard
+
+    def _watch(self, frames: list[Heard]) -> list[Heard]:
+        for heard in frames:
+            if self.watcher is None:
+                baud, fmt = self.timing.baud, str(self.timing.format)
+                if heard.protocol is Protocol.NN:
+                    self.watcher = LinkWatcher(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
+                else:
+                    self.watcher = ModbusWatcher(self.bus, self._sink, baud=baud, fmt=fmt)
+            self.watcher.heard(heard)
+            self.last = max(self.last, heard.end)
+        return frames
+
+    def totals(self, duration: int, warnings: tuple[str, ...] = ()) -> RunTotals:
+        """What a run's totals are, as far as a listener knows them."""
+        links: tuple[LinkTotals, ...] = ()
+        buses: tuple[BusTotals, ...] = ()
+        if isinstance(self.watcher, LinkWatcher):
+            links = (self.watcher.totals(),)
+        elif self.watcher is not None:
+            buses = (self.watcher.totals(),)
+        plcs: tuple[PlcTotals, ...] = ()
+        return RunTotals(duration, links, plcs, warnings, buses)

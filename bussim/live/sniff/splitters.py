@@ -1,0 +1,266 @@
+"""Cut what a listener hears into frames.
+
+A listener on a PC cannot trust silences: the system hands request and reply over in one lump. So
+frames are found by their content (header and sum, length and CRC, colon and LF); silence only ends
+what is unfinished.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol as Typed
+
+from bussim.engines.modbus import adu as modbus
+from bussim.engines.modbus.adu import Adu, decode_rtu
+from bussim.engines.modbus.ascii import AsciiReader
+from bussim.engines.modbus.gaps import STANDARD_GAPS, silences
+from bussim.engines.nn.frames import QUIET_CHARS, Frame, FrameReader
+from bussim.line.characters import LineTiming
+from bussim.line.checksums import crc16
+from bussim.live.arrival import Timed
+from bussim.live.sniff.heard import Heard, Protocol
+from bussim.units import TICKS_PER_SECOND, round_half_up
+
+#: Characters of damage that are told at once at most; more is told in pieces.
+MOST_DAMAGE = 600
+
+
+class Splitter(Typed):
+    """Finds the frames of one protocol; memory is bounded whatever comes."""
+
+    def character(self, char: Timed) -> list[Heard]:
+        """Take a character; returns what is complete now, in order."""
+
+    def idle(self, now: int) -> list[Heard]:
+        """Nothing was heard up to ``now``; returns what that ends."""
+
+
+def splitter(protocol: Protocol, timing: LineTiming, tolerance: int) -> Splitter:
+    """The splitter of a protocol. ``tolerance`` ticks are added to every silence."""
+    if protocol is Protocol.NN:
+        return NnSplitter(timing.characters(QUIET_CHARS) + tolerance)
+    if protocol is Protocol.ASCII:
+        return AsciiSplitter(TICKS_PER_SECOND + tolerance)
+    return RtuSplitter(round_half_up(silences(timing, STANDARD_GAPS).end) + tolerance)
+
+
+def _damage(protocol: Protocol, chars: list[Timed], reason: str, *, whole: bool = True) -> Heard:
+    data = bytes(char.value for char, _, _ in chars)
+    return Heard(protocol, chars[0][1], chars[-1][2], data, None, reason, whole=whole)
+
+
+class NnSplitter:
+    """Frames of the N:N link: from header to sum."""
+
+    def __init__(self, quiet: int) -> None:
+        self._quiet = quiet
+        self._reader = FrameReader()
+        self._chars: list[Timed] = []
+
+    def character(self, char: Timed) -> list[Heard]:
+        """See the protocol."""
+        found = self.idle(char[1])
+        result = self._reader.character(char[0], char[1])
+        if isinstance(result, Frame):
+            self._chars.append(char)
+            before = self._chars[: -len(result.chars)]
+            if before:
+                found.append(_damage(Protocol.NN, before, "noise"))
+            found.append(Heard(Protocol.NN, self._reader.start, char[2], result.chars, result))
+            self._chars = []
+        elif result is not None:
+            found += self._flush()
+            self._chars.append(char)
+        else:
+            self._chars.append(char)
+            if len(self._chars) >= MOST_DAMAGE:
+                found += self._flush(whole=False)
+        return found
+
+    def idle(self, now: int) -> list[Heard]:
+        """See the protocol."""
+        if not self._chars or now - self._chars[-1][2] < self._quiet:
+            return []
+        self._reader.quiet()
+        return self._flush()
+
+    def _flush(self, *, whole: bool = True) -> list[Heard]:
+        chars, self._chars = self._chars, []
+        return [_damage(Protocol.NN, chars, "damaged", whole=whole)] if chars else []
+
+
+class AsciiSplitter:
+    """Modbus ASCII frames: from colon to LF. What is outside them is told as damage."""
+
+    def __init__(self, quiet: int) -> None:
+        self._reader = AsciiReader(quiet)
+        self._outside: list[Timed] = []
+
+    def character(self, char: Timed) -> list[Heard]:
+        """See the protocol."""
+        found: list[Heard] = []
+        result = self._reader.character(*char)
+        if not self._reader.open and result is None:
+            self._outside.append(char)
+            return self._flush(whole=False) if len(self._outside) >= MOST_DAMAGE else []
+        found += self._flush()
+        if isinstance(result, Adu):
+            start, end = self._reader.heard
+            found.append(Heard(Protocol.ASCII, start, end, result.chars, result))
+        elif result is not None:
+            found.append(
+                Heard(Protocol.ASCII, result.start, result.end, result.chars, None, str(result.reason))
+            )
+        return found
+
+    def idle(self, now: int) -> list[Heard]:
+        """See the protocol."""
+        reader = self._reader
+        if reader.open and now - reader.end >= reader.quiet:
+            damage = reader.silence()
+            if damage is not None:
+                return [
+                    Heard(Protocol.ASCII, damage.start, damage.end, damage.chars, None, str(damage.reason))
+                ]
+        if self._outside and now - self._outside[-1][2] >= reader.quiet:
+            return self._flush()
+        return []
+
+    def _flush(self, *, whole: bool = True) -> list[Heard]:
+        chars, self._outside = self._outside, []
+        return [_damage(Protocol.ASCII, chars, "outside a frame", whole=whole)] if chars else []
+
+
+class RtuSplitter:
+    """Modbus RTU frames: by the lengths that function and byte count allow, and the CRC.
+
+    A frame of a function that is not known here is found only where silence surrounds it.
+    """
+
+    def __init__(self, quiet: int) -> None:
+        self._quiet = quiet
+        self._chars: list[Timed] = []
+        self._data = bytearray()
+        self._look_at = 1  # characters before which no frame can be complete
+
+    def character(self, char: Timed) -> list[Heard]:
+        """See the protocol."""
+        found = self.idle(char[1])
+        self._chars.append(char)
+        self._data.append(char[0].value)
+        if len(self._data) >= self._look_at:
+            found += self._frames()
+        return found
+
+    def idle(self, now: int) -> list[Heard]:
+        """See the protocol."""
+        if not self._chars or now - self._chars[-1][2] < self._quiet:
+            return []
+        return self._resolve()
+
+    def _frames(self) -> list[Heard]:
+        """Frames at the beginning of what is open."""
+        found: list[Heard] = []
+        while self._data:
+            size, self._look_at = _frame_at(self._data, 0)
+            if size:
+                found.append(self._take(size))
+                continue
+            if len(self._data) >= self._look_at:  # no frame begins here: the next one may lie behind
+                behind = self._next_frame()
+                if behind is not None:
+                    found.append(self._take_damage(behind))
+                    continue
+                self._look_at = len(self._data) + 1
+            if len(self._data) > MOST_DAMAGE:
+                found.append(self._take_damage(len(self._data) - modbus.RTU_MAX, whole=False))
+                continue
+            return found
+        self._look_at = 1
+        return found
+
+    def _next_frame(self) -> int | None:
+        """Where the first whole frame behind the beginning begins.
+
+        Only those count that end with what was heard last: every other one was looked for before.
+        """
+        size = len(self._data)
+        for at in range(max(1, size - modbus.RTU_MAX), size - modbus.RTU_MIN + 1):
+            if _frame_at(self._data, at)[0] == size - at:
+                return at
+        return None
+
+    def _resolve(self) -> list[Heard]:
+        """The line was quiet: all that is open is over."""
+        found: list[Heard] = []
+        if isinstance(decode_rtu(bytes(self._data)), Adu):
+            found.append(self._take(len(self._data)))
+            return found
+        at, size = 0, len(self._data)
+        while at < size:
+            length, _ = _frame_at(self._data, at)
+            if not length:
+                at += 1
+                continue
+            if at:
+                found.append(self._take_damage(at))
+            found.append(self._take(length))
+            at, size = 0, len(self._data)
+        if self._data:
+            found.append(self._take_damage(len(self._data)))
+        return found
+
+    def _take(self, size: int) -> Heard:
+        chars = bytes(self._data[:size])
+        frame = Adu(chars[0], chars[1:-2], chars)
+        heard = Heard(Protocol.RTU, self._chars[0][1], self._chars[size - 1][2], chars, frame)
+        self._drop(size)
+        return heard
+
+    def _take_damage(self, size: int, *, whole: bool = True) -> Heard:
+        heard = _damage(Protocol.RTU, self._chars[:size], "CRC or length", whole=whole)
+        self._drop(size)
+        return heard
+
+    def _drop(self, size: int) -> None:
+        del self._chars[:size]
+        del self._data[:size]
+        self._look_at = 1
+
+
+#: Sizes of frames whose function alone tells them: requests and echoes.
+_FIXED = 8
+_EXCEPTION = 5
+
+
+def _frame_at(data: bytearray, at: int) -> tuple[int, int]:
+    """The size of the frame that begins at a place (0: none, or not whole), and when to look again.
+
+    The latter is a number of characters from the beginning of ``data``.
+    """
+    have = len(data) - at
+    if have < 2:
+        return 0, at + 2
+    function = data[at + 1]
+    if function & 0x80:
+        sizes = [_EXCEPTION]
+    elif function in (1, 2, 3, 4):
+        if have < 3:
+            return 0, at + 3
+        sizes = sorted({_FIXED, 5 + data[at + 2]})
+    elif function in (5, 6):
+        sizes = [_FIXED]
+    elif function in (15, 16):
+        if have < 7:
+            return 0, at + 7
+        sizes = sorted({_FIXED, 9 + data[at + 6]})
+    else:
+        return 0, at
+    wanted = 0
+    for size in sizes:
+        if size > modbus.RTU_MAX:
+            continue
+        if size > have:
+            wanted = wanted or at + size
+        elif not crc16(bytes(data[at : at + size])):
+            return size, 0
+    return 0, wanted or at

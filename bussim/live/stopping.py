@@ -1,0 +1,44 @@
+"""Ctrl-C as a wish: what runs ends its step, and everything is closed and told in order."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+
+class Stopping:
+    """While it is open, the first Ctrl-C (or SIGTERM) only sets :attr:`stopped`; the second one interrupts.
+
+    Outside the main thread, where signals cannot be taken, it only keeps the flag.
+    """
+
+    def __init__(self) -> None:
+        self.stopped = False
+        self._before: dict[int, Any] = {}
+
+    def __call__(self) -> bool:
+        """Whether to stop."""
+        return self.stopped
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._asked)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _asked(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        if self.stopped:
+            raise KeyboardInterrupt
+        self.stopped = True

@@ -1,0 +1,78 @@
+"""How the values of registers are written and read on the command line.
+
+========  ==========  ==========================================
+format    registers   value
+========  ==========  ==========================================
+``uint``  1           0…65535
+``int``   1           -32768…32767
+``hex``   1           four hexadecimal digits
+``int32`` 2           -2147483648…2147483647
+``float`` 2           IEEE 754, single precision
+========  ==========  ==========================================
+
+Two registers carry the low word first; ``big`` puts the high word first.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Sequence
+from enum import StrEnum
+
+Value = int | float | str
+
+
+class Form(StrEnum):
+    """A format of values; see the module."""
+
+    UINT = "uint"
+    INT = "int"
+    HEX = "hex"
+    INT32 = "int32"
+    FLOAT = "float"
+
+    @property
+    def registers(self) -> int:
+        """Registers that one value takes."""
+        return 2 if self in (Form.INT32, Form.FLOAT) else 1
+
+
+def to_values(words: Sequence[int], form: Form, *, big: bool = False) -> list[Value]:
+    """The values that registers hold. What does not fill a value is left out."""
+    if form is Form.UINT:
+        return list(words)
+    if form is Form.HEX:
+        return [f"{word:04X}" for word in words]
+    if form is Form.INT:
+        return [word - 0x10000 if word & 0x8000 else word for word in words]
+    code = ">i" if form is Form.INT32 else ">f"
+    pairs = zip(words[::2], words[1::2], strict=False)
+    raw = (struct.pack(">HH", *(pair if big else pair[::-1])) for pair in pairs)
+    return [struct.unpack(code, four)[0] for four in raw]
+
+
+def to_words(texts: Iterable[str], form: Form, *, big: bool = False) -> list[int]:
+    """The registers that hold values as people write them. Raises ValueError, with a message for the user."""
+    words: list[int] = []
+    for text in texts:
+        if form.registers == 1:
+            words.append(_word(text, form))
+            continue
+        try:
+            raw = struct.pack(">i", int(text, 0)) if form is Form.INT32 else struct.pack(">f", float(text))
+        except (ValueError, struct.error, OverflowError):
+            raise ValueError(f"the value {text!r} is no {form} of 32 bits") from None
+        high, low = struct.unpack(">HH", raw)
+        words += (high, low) if big else (low, high)
+    return words
+
+
+def _word(text: str, form: Form) -> int:
+    low, high = (-0x8000, 0x7FFF) if form is Form.INT else (0, 0xFFFF)
+    try:
+        value = int(text, 16 if form is Form.HEX else 0)
+    except ValueError:
+        raise ValueError(f"the value {text!r} is no whole number") from None
+    if not low <= value <= high:
+        raise ValueError(f"the value is {text}, allowed {low}…{high}")
+    return value & 0xFFFF

@@ -1,0 +1,107 @@
+"""Our master against pymodbus servers, over a pair of pseudo-terminals."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import pytest
+
+from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.pdu import (
+    Request,
+    write_coil,
+    write_coils,
+    write_register,
+    write_registers,
+)
+from bussim.engines.modbus.polls import Poll, PollList
+from bussim.line.characters import CharFormat
+from bussim.live.modbus import line_of, master_runner
+from bussim.live.polling import PollTurns, Turn
+from bussim.live.wire import Wire
+from bussim.units import TICKS_PER_SECOND
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+if sys.platform != "win32":
+    from tests.live.peers import PATIENCE, PymodbusServer
+
+both_modes = pytest.mark.parametrize("mode", list(Mode))
+REGISTERS = [100 + number for number in range(50)]
+COILS = [number % 3 == 0 for number in range(48)]
+
+
+def poll_once(
+    device: str, mode: Mode, requests: list[Request], *, station: int = 1, rounds: int = 1
+) -> list[Turn]:
+    wire = Wire(device, line_of(mode, 115200, CharFormat(8, "N", 1)))
+    polls = [Poll(station, request) for request in requests]
+    turns: list[Turn] = []
+    handling = PollTurns(polls, turns.append, rounds)
+    runner = master_runner(wire, mode, PollList(polls), timeout=5 * TICKS_PER_SECOND, handling=handling)
+    runner.start()
+    until = time.monotonic() + 6 * PATIENCE
+    try:
+        runner.run(lambda: handling.done or time.monotonic() > until)
+    finally:
+        runner.close()
+    return turns
+
+
+@both_modes
+def test_every_function_and_what_was_written_is_read_back(mode: Mode) -> None:
+    requests = [
+        write_coil(1, on=True),
+        write_register(2, 0xBEEF),
+        write_coils(8, [1, 1, 0, 1]),
+        write_registers(10, [7, 8, 9]),
+        Request(1, 0, 12),
+        Request(2, 0, 4),
+        Request(3, 2, 1),
+        Request(3, 10, 3),
+        Request(4, 0, 4),
+    ]
+    with PymodbusServer(mode, REGISTERS, COILS) as server:
+        turns = poll_once(server.device, mode, requests)
+    assert [turn.last.error for turn in turns] == [None] * len(requests)
+    read = [turn.last.response.values for turn in turns[4:] if turn.last.response]
+    coils = [int(coil) for coil in COILS]
+    coils[1] = 1
+    coils[8:12] = [1, 1, 0, 1]
+    assert read == [tuple(coils[:12]), (0, 1, 1, 0), (0xBEEF,), (7, 8, 9), (5, 6, 7, 8)]
+
+
+@both_modes
+def test_exceptions_are_told(mode: Mode) -> None:
+    with PymodbusServer(mode, REGISTERS, COILS) as server:
+        (turn,) = poll_once(server.device, mode, [Request(3, 1000, 2)])
+    assert turn.last.exception == 2
+    assert turn.answered
+    assert turn.response is not None
+
+
+@both_modes
+def test_200_transactions_without_an_error(mode: Mode) -> None:
+    with PymodbusServer(mode, REGISTERS, COILS) as server:
+        turns = poll_once(server.device, mode, [Request(3, 0, 50), Request(1, 0, 48)], rounds=100)
+    assert {turn.last.error for turn in turns} == {None}
+    assert len(turns) >= 200
+    assert {turn.last.response.values for turn in turns if turn.last.response} == {
+        tuple(REGISTERS),
+        tuple(map(int, COILS)),
+    }
+
+
+def test_a_silent_station_is_a_timeout_and_retried() -> None:
+    wire = Wire("pty", line_of(Mode.RTU, 115200, CharFormat(8, "N", 1)))
+    polls = [Poll(99, Request(3, 0, 1), retries=2)]
+    turns: list[Turn] = []
+    handling = PollTurns(polls, turns.append, 1)
+    runner = master_runner(wire, Mode.RTU, PollList(polls), timeout=TICKS_PER_SECOND // 20, handling=handling)
+    runner.start()
+    runner.run(lambda: handling.done)
+    runner.close()
+    (turn,) = turns
+    assert [attempt.error for attempt in turn.attempts] == [9, 9, 9]
+    assert not turn.answered
+    assert turn.response is None

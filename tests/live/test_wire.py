@@ -1,0 +1,266 @@
+"""Ports that are opened, lost, refused, and remote."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+import serial.rfc2217
+
+from bussim.engines.modbus.adu import Mode, encode_adu
+from bussim.errors import UsageError
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.clock import Clock, as_seconds
+from bussim.live.options import Direction, PortOptions
+from bussim.live.served import ServedSlave
+from bussim.live.wire import Wire
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+LINE = LineTiming(115200, CharFormat(8, "N", 1))
+posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+PATIENCE = 10.0
+REQUEST = encode_adu(Mode.RTU, 1, bytes((3, 0, 0, 0, 2))).chars
+ANSWER = encode_adu(Mode.RTU, 1, bytes((3, 4, 0, 0, 0, 0))).chars
+
+
+def read_all(wire: Wire, count: int) -> bytes:
+    data, until = b"", time.monotonic() + PATIENCE
+    while len(data) < count and time.monotonic() < until:
+        data += wire.read(wire.clock.now() + 50 * TICKS_PER_MS)
+    return data
+
+
+def test_the_clock_counts_ticks_and_never_goes_back() -> None:
+    clock = Clock()
+    before = clock.now()
+    begun = time.perf_counter_ns()
+    time.sleep(0.02)
+    elapsed = time.perf_counter_ns() - begun
+    after = clock.now()
+    assert after - before >= elapsed * 72 // 1000
+    assert as_seconds(TICKS_PER_SECOND) == 1.0
+    assert as_seconds(-5) == 0.0
+
+
+def test_a_loop_receives_what_it_sends() -> None:
+    wire = Wire("loop://", LINE)
+    wire.open()
+    assert wire.instant
+    wire.write(b"hello")
+    assert read_all(wire, 5) == b"hello"
+    assert (wire.counts.sent, wire.counts.received, wire.counts.dropped) == (5, 5, 0)
+    wire.close()
+
+
+@posix
+def test_a_pseudo_terminal_has_a_stable_link(tmp_path: Path) -> None:
+    link = tmp_path / "plc"
+    for _ in range(2):  # again: a link that is left over is replaced
+        wire = Wire(f"pty:{link}", LINE)
+        wire.open()
+        assert wire.name == str(link)
+        with serial.Serial(str(link), timeout=PATIENCE) as client:
+            client.write(b"\x01\x02")
+            assert read_all(wire, 2) == b"\x01\x02"
+            wire.write(b"\x00\xff\r\n")
+            assert client.read(4) == b"\x00\xff\r\n"
+        wire.close()
+        assert not link.is_symlink()
+        link.symlink_to(tmp_path / "nowhere")
+
+
+@posix
+def test_a_file_is_never_replaced_by_a_link(tmp_path: Path) -> None:
+    link = tmp_path / "plc"
+    link.write_text("mine")
+    with pytest.raises(UsageError, match="no symbolic link"):
+        Wire(f"pty:{link}", LINE).open()
+    assert link.read_text() == "mine"
+
+
+@posix
+@pytest.mark.parametrize("fmt", ["7E1", "8E1", "7O2"])
+def test_parity_on_a_pseudo_terminal_is_warned_of_once(fmt: str) -> None:
+    inner, outer = os.openpty()
+    told: list[str] = []
+    wire = Wire(os.ttyname(outer), LineTiming(9600, CharFormat.parse(fmt)), report=told.append)
+    try:
+        for _ in range(2):
+            wire.open()
+            wire.write(b"ab")
+            assert os.read(inner, 10) == b"ab"
+            wire.close()
+    finally:
+        os.close(inner)
+        os.close(outer)
+    assert len(told) == 1
+    assert "neither parity nor 7 data bits" in told[0]
+
+
+def test_a_port_that_is_not_there_is_a_mistake_of_the_user() -> None:
+    with pytest.raises(UsageError, match="cannot be opened"):
+        Wire("/dev/ttyNOTHERE", LINE).open()
+    with pytest.raises(UsageError, match="no port that can be opened"):
+        Wire("nonsense://x", LINE).open()
+
+
+@posix
+def test_a_driver_without_rs485_is_a_mistake_of_the_user() -> None:
+    inner, outer = os.openpty()
+    try:
+        with pytest.raises(UsageError, match="cannot switch"):
+            Wire(os.ttyname(outer), LINE, PortOptions(direction=Direction.DRIVER)).open()
+    finally:
+        os.close(inner)
+        os.close(outer)
+
+
+@posix
+def test_a_lost_port_is_told_and_comes_back(tmp_path: Path) -> None:
+    link = tmp_path / "tty"
+    told: list[str] = []
+    options = PortOptions(retry_first=10 * TICKS_PER_MS, retry_last=40 * TICKS_PER_MS)
+    inner, outer = os.openpty()
+    link.symlink_to(os.ttyname(outer))
+    wire = Wire(str(link), LINE, options, report=told.append)
+    wire.open()
+    os.close(outer)
+    os.close(inner)  # as if it were unplugged: EIO
+    link.unlink()
+    until = time.monotonic() + PATIENCE
+    while wire.counts.retries < 3 and time.monotonic() < until:
+        assert wire.read(wire.clock.now() + 20 * TICKS_PER_MS) == b""
+    assert not wire.connected
+    assert wire.counts.losses == 1
+    assert wire.counts.retries >= 3
+    wire.write(b"lost")
+    assert wire.counts.dropped == 4
+    inner, outer = os.openpty()
+    link.symlink_to(os.ttyname(outer))
+    while not wire.connected and time.monotonic() < until:
+        wire.read(wire.clock.now() + 20 * TICKS_PER_MS)
+    os.write(inner, b"again\n")
+    assert read_all(wire, 6) == b"again\n"
+    assert wire.counts.returns == 1
+    assert [text.split()[-1] for text in told] == ["again", "back"]
+    wire.close()
+    os.close(inner)
+    os.close(outer)
+
+
+def test_a_served_slave_survives_the_loss_of_its_connection() -> None:
+    """A device server that hangs up: the slave answers again when it takes the connection again."""
+    server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(PATIENCE)
+    port = server.getsockname()[1]
+    options = PortOptions(retry_first=10 * TICKS_PER_MS, retry_last=20 * TICKS_PER_MS)
+    with ServedSlave(f"socket://127.0.0.1:{port}", fmt=CharFormat(8, "N", 1), options=options) as slave:
+        for round_ in range(3):
+            connection, _ = server.accept()
+            connection.settimeout(PATIENCE)
+            until = time.monotonic() + PATIENCE
+            while slave.wire.counts.returns < round_ and time.monotonic() < until:
+                time.sleep(0.005)  # what is sent before it has opened its side is thrown away
+            connection.sendall(REQUEST)
+            answer = b""
+            while len(answer) < len(ANSWER):
+                answer += connection.recv(100)
+            assert answer == ANSWER
+            connection.sendall(REQUEST[:5])  # it hangs up in the middle of a request
+            connection.close()
+            assert slave.wire.counts.losses in (round_, round_ + 1)
+    server.close()
+    assert slave.wire.counts.losses >= 2
+
+
+class FakePort:
+    """A serial port that notes what it is asked for."""
+
+    def __init__(self) -> None:
+        self.asked: dict[str, Any] = {}
+        self.written = bytearray()
+        self.rts = self.dtr = True
+        self.cts = self.dsr = self.ri = self.cd = False
+        self.break_condition = False
+        self.in_waiting = 0
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+        if name in ("baudrate", "bytesize", "parity", "stopbits"):
+            self.asked[name] = value
+
+    baudrate, bytesize, parity, stopbits = 300, 8, "N", 1
+    rtscts = dsrdtr = xonxoff = False
+
+    def reset_input_buffer(self) -> None:
+        """Nothing waits."""
+
+    def reset_output_buffer(self) -> None:
+        """Nothing waits."""
+
+    def write(self, data: bytes) -> int:
+        self.written += data
+        return len(data)
+
+
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
+@pytest.mark.parametrize(
+    ("baud", "fmt"), [(38400, "7E1"), (9600, "8N1"), (19200, "8O2"), (4800, "7O2"), (115200, "8E1")]
+)
+def test_rfc2217_asks_for_exactly_this_line(baud: int, fmt: str) -> None:
+    """pyserial's PortManager, which nobody here wrote, over a port that notes what it is told."""
+    fake = FakePort()
+    server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(PATIENCE)
+    done = threading.Event()
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        connection.settimeout(0.05)
+
+        class Network:
+            def write(self, data: bytes) -> None:
+                connection.sendall(data)
+
+        manager = serial.rfc2217.PortManager(fake, Network())
+        while not done.is_set():
+            try:
+                data = connection.recv(1024)
+            except TimeoutError:
+                continue
+            except OSError:
+                break
+            if not data:
+                break
+            fake.write(b"".join(manager.filter(data)))
+        connection.close()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    wire = Wire(f"rfc2217://127.0.0.1:{server.getsockname()[1]}", LineTiming(baud, CharFormat.parse(fmt)))
+    try:
+        wire.open()
+        assert not wire.instant
+        wire.write(b"\x01\xff\x02")
+        until = time.monotonic() + PATIENCE
+        while len(fake.written) < 3 and time.monotonic() < until:
+            time.sleep(0.01)
+    finally:
+        wire.close()
+        done.set()
+        thread.join()
+        server.close()
+    assert fake.asked == {
+        "baudrate": baud,
+        "bytesize": int(fmt[0]),
+        "parity": fmt[1],
+        "stopbits": int(fmt[2]),
+    }
+    assert bytes(fake.written) == b"\x01\xff\x02"
