@@ -38,7 +38,7 @@ def _bus(name: str, bus: Mapping[str, Any]) -> str:
 
 
 def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:
-    what = port["protocol"] or "no protocol"
+    what = port["protocol"] or ("Modbus master" if "transactions" in port else "no protocol")
     station = port.get("station")
     if station is not None:
         what += f", station {station}"

@@ -77,7 +77,7 @@ def response_time_histogram(
         for axes, panel in zip(columns[-1], panels, strict=True):
             axes.set_yscale("log")
             draw(axes, panel.responses, whole, _TIMES, "answers")
-            axes.set_ylim(bottom=0.6)
+            axes.set_ylim(0.6, max(12, axes.get_ylim()[1]))  # a whole decade: whole numbers on the axis
             for timeout in near:
                 axes.axvline(milliseconds(timeout), color=IN_ERROR, linewidth=2, alpha=0.8)
         for axes in (*columns[0], *columns[-1]):
