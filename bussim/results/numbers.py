@@ -49,3 +49,8 @@ def statistics(histogram: Histogram) -> dict[str, float | None]:
 def by_code(counts: Mapping[int, int]) -> dict[str, int]:
     """Counts by a code of two hexadecimal digits, the zeros left out."""
     return {f"{code:02X}": number for code, number in sorted(counts.items()) if number}
+
+
+def counted(number: int, what: str) -> str:
+    """A number of things in words: ``1 frame``, ``2,000 frames``."""
+    return f"1 {what}" if number == 1 else f"{number:,} {what}s"

@@ -7,7 +7,7 @@ from typing import Any
 
 from bussim.results.numbers import by_code, ms, quantiles, share, statistics, whole
 from bussim.results.ports import FreeCounts, Poll, PortRecord
-from bussim.trace import BusTotals, DeviceTotals, PortTotals
+from bussim.trace import BusTotals, DeviceTotals, PortTotals, RunTotals
 from bussim.units import milliseconds
 
 
@@ -22,6 +22,28 @@ def bus_summary(totals: BusTotals, duration: int) -> dict[str, Any]:
         "collisions": totals.collisions,
         "undetected_frames": totals.undetected,
     }
+
+
+def unlisted_ports(totals: RunTotals, records: Mapping[str, PortRecord]) -> list[PortTotals]:
+    """Totals for nodes of which only records are known: those that a listener has heard."""
+    listed = {port.node for port in totals.ports} | {device.name for device in totals.devices}
+    return [
+        PortTotals(
+            node=node,
+            plc="",
+            port="",
+            bus=record.bus,
+            protocol=None,
+            station=None,
+            errors={},
+            requests=0,
+            answered=0,
+            exceptions={},
+            rejected={},
+        )
+        for node, record in records.items()
+        if node not in listed
+    ]
 
 
 def port_summary(totals: PortTotals, record: PortRecord | None, duration: int) -> dict[str, Any]:

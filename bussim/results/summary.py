@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bussim.results.numbers import by_code, ms, quantiles, s, share, whole
-from bussim.results.port_summary import bus_summary, device_summary, port_summary
+from bussim.results.port_summary import bus_summary, device_summary, port_summary, unlisted_ports
 from bussim.results.ports import PortRecord
 from bussim.results.record import SCHEMA, LinkRecord, ScanTimes
 from bussim.results.refresh import Refresh
@@ -26,7 +26,8 @@ def summarise(
     """The content of ``summary.json``.
 
     ``links`` has a record for every link of the totals, ``ports`` for every node beside the links
-    that was a master or had the free protocol; ``scenario`` is the scenario's name.
+    that was a master or had the free protocol (of a recording the totals know none of them);
+    ``scenario`` is the scenario's name.
     """
     duration = totals.duration
     return {
@@ -38,7 +39,10 @@ def summarise(
         "links": {link.bus: _link(link, links[link.bus], duration) for link in totals.links},
         "buses": {bus.bus: bus_summary(bus, duration) for bus in totals.buses},
         "plcs": {plc.name: _plc(plc) for plc in totals.plcs},
-        "ports": {port.node: port_summary(port, ports.get(port.node), duration) for port in totals.ports},
+        "ports": {
+            port.node: port_summary(port, ports.get(port.node), duration)
+            for port in (*totals.ports, *unlisted_ports(totals, ports))
+        },
         "devices": {
             device.name: device_summary(device, ports.get(device.name), duration) for device in totals.devices
         },

@@ -173,6 +173,17 @@ def test_keys_by_protocol() -> None:
         }
 
 
+def test_a_master_that_was_only_listened_to_has_its_place() -> None:
+    collector = Collector()
+    for record in (GOOD, CRC):
+        collector.transaction(record)
+    run = collector.run(RunTotals(TICKS_PER_SECOND, (), ()), scenario="ttyUSB0", seed=0)
+    port = run.summary["ports"][NODE]
+    assert (port["protocol"], port["bus"], port["transactions"], port["crc_errors"]) == (None, "feeder", 2, 1)
+    assert port["timeout_ms"] is None
+    assert run.ports[NODE].polls["p"].ok == 1
+
+
 def test_a_port_that_was_changed_tells_all_it_has_been() -> None:
     collector = Collector()
     collector.transaction(EXCEPTION)
