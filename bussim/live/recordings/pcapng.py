@@ -1,6 +1,6 @@
 """pcapng files with the frames of a serial line.
 
-Each packet is the characters of one frame or lump (link types DLT_USER0 and DLT_USER1, 147 and 148,
+Each packet is the characters of one frame or lump (link types DLT_USER0 to DLT_USER3, 147 to 150,
 which is what this program's own export writes, or RTAC serial, 250, whose header is skipped). Block
 layout: draft-ietf-opsawg-pcapng, sections 3 and 4. Written here because what is needed are three
 kinds of blocks, and a reader that is bounded whatever the file holds.
@@ -19,8 +19,8 @@ _SECTION = 0x0A0D0D0A
 _INTERFACE, _SIMPLE, _ENHANCED = 1, 3, 6
 _MAGIC = 0x1A2B3C4D
 _OPTION_NAME, _OPTION_RESOLUTION, _OPTION_OFFSET = 2, 9, 14
-#: Link types: user 0 and 1, and RTAC serial with the bytes of its header.
-USER0, USER1, RTAC = 147, 148, 250
+#: Link types: user 0 to 3, and RTAC serial with the bytes of its header.
+USERS, RTAC = range(147, 151), 250
 _RTAC_HEADER = 12
 #: A larger block is none of a serial line's.
 _LARGEST = 16 * 1024 * 1024
@@ -154,7 +154,7 @@ class PcapngReader:
         interface = self.interfaces[number]
         if interface.link_type == RTAC:
             data = data[_RTAC_HEADER:]
-        elif interface.link_type not in (USER0, USER1):
+        elif interface.link_type not in USERS:
             return None
         tick = None
         if stamp is not None:
