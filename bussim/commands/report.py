@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 #: A scenario is no larger (bytes).
 _LARGEST = 4 * 1024 * 1024
-#: Of a bus without link scans, so much from the start is shown (half a second in ticks).
-_FIRST = 36_000_000
 #: The heaviest lobes of a law, and how many points each gets.
 _FINE_LOBES, _FINE_POINTS = 40, 65
 #: Most runs that are told apart on one axis and in one table.
@@ -106,19 +104,17 @@ def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Sour
 
 
 def _scenes(folder: Path, record: RunRecord) -> dict[str, Scene]:
-    """The longest link scan of every link, and the beginning of every other bus."""
-    from bussim.report.reading import read_stretch, window_of_longest
+    """The longest link scan of every link, and the longest attempt on every other bus."""
+    from bussim.report.reading import read_stretch, worst_window
     from bussim.report.scene import MOST_SHAPES, scene_of
     from bussim.results.trace_file import read_trace
 
     trace = read_trace(folder)
     scenes = {}
     for bus in trace.header.buses:
-        window = window_of_longest(record, bus.name)
+        window = worst_window(trace, record, bus.name)
         if window is None:
-            if bus.nn:
-                continue
-            window = (0, min(_FIRST, record.duration))
+            continue
         scene = scene_of(read_stretch(trace, record, bus.name, *window))
         if len(scene.boxes) + len(scene.marks) <= MOST_SHAPES:
             scenes[bus.name] = scene

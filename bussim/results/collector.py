@@ -18,6 +18,7 @@ from bussim.trace import (
     EndsRecord,
     FrameRecord,
     FreeRecord,
+    InputRecord,
     LinkTotals,
     NoteRecord,
     PollRecord,
@@ -179,6 +180,9 @@ class Collector:
         """Hand a device's new value on."""
         if self._rows is not None:
             self._rows.take(record)
+
+    def input(self, record: InputRecord) -> None:
+        """Take an input's change."""
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on."""

@@ -86,22 +86,23 @@ def test_any_section_of_things_becomes_a_table(source: Source) -> None:
         "press1.COM3": {
             "protocol": "modbus-rtu-master",
             "transactions": 300,
-            "response_ms": {"p50": 58.1, "max": 63.0},
+            "response_ms": {"p50": 58.1, "max": 63.0, "count": 300},
             "polls": {"read": {"ok": 299}},
         },
         "press2.COM3": {"protocol": "free", "exceptions": {}},
     }
-    table = tables.things(changed(source, ports=ports), "ports", "Ports")
-    assert table is not None
+    table, polls = tables.ports({"ports": ports})
     assert table.head == ["", "press1.COM3", "press2.COM3"]
     shown = {heading: [cell.text for cell in cells] for heading, cells in table.rows}
     assert shown["response p50 (ms)"] == ["58.100", ""]
+    assert shown["response count"] == ["300", ""]
     assert shown["transactions"] == ["300", ""]
-    assert shown["polls read ok"] == ["299", ""]
+    assert (polls.caption, polls.head) == ("The polls of press1.COM3", ["", "read"])
+    assert polls.rows == [("ok", [tables.Cell("299", "/ports/press1.COM3/polls/read/ok")])]
     assert shown["exceptions"] == ["", "none"]
     paths = {cell.path for _, cells in table.rows for cell in cells}
     assert "/ports/press1.COM3/response_ms/p50" in paths
-    assert tables.things(source, "latency", "Latency") is None
+    assert tables.things(source.summary, ["latency"], "Latency") is None
 
 
 def test_what_differs_between_runs_is_marked(source: Source) -> None:
@@ -146,3 +147,17 @@ def test_a_histogram_is_a_table_too(source: Source) -> None:
     table = tables.histogram_data(histogram, "link")
     assert len(table.rows) <= 41
     assert sum(int(cells[0].text.replace(",", "")) for _, cells in table.rows) == histogram.count
+
+
+def test_ports_of_two_runs_are_compared(source: Source) -> None:
+    runs = [
+        changed(source, ports={"a.COM3": {"ok": ok, "response_ms": {"p50": 44.0}, "errors": {}}})
+        for ok in (10, 9)
+    ]
+    (table,) = compare.thing_tables(runs)
+    cells = dict(table.rows)
+    assert [(cell.text, cell.differs) for cell in cells["ok"]] == [("10", False), ("9", True)]
+    assert [cell.text for cell in cells["response p50 (ms)"]] == ["44.000", "44.000"]
+    assert [cell.text for cell in cells["errors"]] == ["none", "none"]
+    assert cells["ok"][1].path == "/ports/a.COM3/ok"
+    assert compare.thing_tables([source, source]) == []

@@ -152,6 +152,8 @@ def _hint(upper: str) -> str:
     """What may have been meant: letters for digits are the commonest slip."""
     if upper.lstrip("+-").isdigit() and upper.isascii():
         return f"did you mean K{shorten(upper)}?"
+    if len(upper) == 1 and upper in "XYMSTCDPN":
+        return f"{upper} needs a number, such as {upper}0"
     repaired = upper[:1] + upper[1:].translate(str.maketrans("OIL", "011"))
     for guess in (repaired, repaired.replace("-", ""), repaired.replace("_", "")):
         if guess != upper:
