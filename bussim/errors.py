@@ -4,6 +4,7 @@
 
     BussimError
     ├── ScenarioError      the user's input is wrong; carries every mistake found (exit code 2)
+    │   └── ProgramError   the same of a PLC's program
     ├── UsageError         a command or API call cannot be done as asked (exit code 2)
     └── RunError           a correct request failed while it ran (exit code 1)
 
@@ -45,6 +46,10 @@ class ScenarioError(BussimError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems: tuple[Problem, ...] = tuple(sorted(problems))
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class ProgramError(ScenarioError):
+    """A PLC program that cannot be run. ``problems`` holds every mistake, in the order of its lines."""
 
 
 class UsageError(BussimError):

@@ -8,20 +8,25 @@ import click
 
 from bussim.errors import Problem, ScenarioError
 from bussim.scenario.loader import Examined, examine
-from bussim.scenario.model import Scenario
+from bussim.scenario.model import HmiSettings, Scenario
 from bussim.units import format_time
 
 
 @click.command()
 @click.argument("scenario", metavar="SCENARIO")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def command(scenario: str, *, as_json: bool) -> None:
+@click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Load the Python functions that the scenario names; they can do anything.",
+)
+def command(scenario: str, *, as_json: bool, allow_code: bool) -> None:
     """Name every mistake of a scenario with its line and column.
 
     SCENARIO is a file, or the name of a built-in scenario. The exit code is 2 if there is a mistake;
     warnings leave it at 0.
     """
-    examined = examine(scenario)
+    examined = examine(scenario, allow_code=allow_code)
     if as_json:
         click.echo(json.dumps(_as_json(examined), ensure_ascii=False, indent=1))
         if examined.scenario is None:
@@ -40,11 +45,21 @@ def describe(scenario: Scenario) -> str:
     parts = [
         _count(len(scenario.plcs), "PLC"),
         _count(links, "N:N link"),
+        _count(
+            len(scenario.buses) - links, "other bus" if links else "bus", "other buses" if links else "buses"
+        ),
+        _count(len(scenario.devices), "device"),
+        _count(_polls(scenario), "poll"),
         _count(len(scenario.noise), "noise entry", "noise entries"),
         _count(len(scenario.faults), "fault"),
         f"{format_time(scenario.duration)}, seed {scenario.seed}",
     ]
     return f"{scenario.name}: {', '.join(part for part in parts if part)}"
+
+
+def _polls(scenario: Scenario) -> int:
+    hmis = [device.settings for device in scenario.devices if isinstance(device.settings, HmiSettings)]
+    return sum(len(plc.polls) for plc in scenario.plcs) + sum(len(hmi.polls) for hmi in hmis)
 
 
 def _count(number: int, one: str, many: str | None = None) -> str:

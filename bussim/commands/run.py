@@ -30,12 +30,17 @@ _PATIENCE = 2.0
     "--out", metavar="DIR", help="Folder to write (default: runs/NAME, with a number if it exists)."
 )
 @click.option("--trace", is_flag=True, help="Also write every attempt, frame and event.")
-@click.option("--no-rows", is_flag=True, help="Write no row per link scan.")
+@click.option("--no-rows", is_flag=True, help="Write no tables, only statistics.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option(
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables."
 )
 @click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
+@click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Load the Python functions that the scenario names; they can do anything.",
+)
 def command(
     scenario: str | None,
     *,
@@ -48,6 +53,7 @@ def command(
     as_json: bool,
     fmt: str,
     force: bool,
+    allow_code: bool,
 ) -> None:
     """Simulate a scenario and write its results.
 
@@ -64,7 +70,7 @@ def command(
     for key, value in (("duration", duration), ("seed", seed)):
         if value is not None:
             values.append(Override(key, value, f"--{key} {value}"))
-    loaded = loader.load(source, values)
+    loaded = loader.load(source, values, allow_code=allow_code)
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
     try:
         with _progress_bar() as progress:
@@ -96,7 +102,8 @@ def _show(result: Result) -> None:
     console = Console(highlight=False)
     show_result(console, result.record, names)
     if result.folder is not None:
-        pictures = sorted(result.folder.glob("scan_time_*.png"))
+        kinds = ("scan_time_*.png", "response_time_*.png")
+        pictures = [path for kind in kinds for path in sorted(result.folder.glob(kind))]
         click.echo(f"\nresults: {result.folder}")
         for picture in pictures:
             click.echo(f"picture: {picture}")

@@ -171,15 +171,11 @@ class _Session:
             click.echo(f"recorded: {self.folder.target}")
 
     def _record(self, source: str, duration: int) -> None:
-        from bussim.results.record import RunRecord
-        from bussim.results.summary import summarise
         from bussim.version import __version__
 
         assert self.folder is not None  # noqa: S101 - narrows the type
         warnings = () if self.exact else ("times are the operating system's, not the wire's",)
         totals = self.listener.totals(duration, warnings)
-        links = self.tally.links(totals)
-        summary = summarise(totals, links, scenario=self.listener.bus, seed=0)
-        record = RunRecord(summary, duration, links, tuple(self.tally.notes), self.tally.left_out)
+        record = self.tally.run(totals, scenario=self.listener.bus, seed=0)
         text = f"# Recorded by bussim {__version__} from {source}; bussim fit makes a scenario of it.\n"
         self.folder.finish(record, text)

@@ -17,17 +17,22 @@ BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "T": ((0, 255),),
     "C": ((0, 255),),
 }
-#: Word devices. T and C are the current values; C200–C255 have 32 bits.
+#: Word devices. T and C are the current values; C200–C255 have 32 bits. The index registers V and Z
+#: belong to programs only: a scenario cannot name them.
 WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "D": ((0, 8255),),
     "T": ((0, 255),),
     "C": ((0, 255),),
 }
 FIRST_LONG_COUNTER = 200
+#: V0–V7 and Z0–Z7.
+INDEX_REGISTERS = 8
 
 _NAME = re.compile(r"([XYMSTCD])([0-9]{1,5})")
 _OCTAL = "XY"
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
+#: The eight bits of every byte, lowest first.
+_BITS_OF = tuple(bytes(value >> number & 1 for number in range(8)) for value in range(256))
 
 
 class Device(NamedTuple):
@@ -92,7 +97,20 @@ class Memory:
             "D": array("H", bytes(2 * (WORD_RANGES["D"][0][1] + 1))),
             "T": array("H", bytes(512)),
             "C": array("L" if array("L").itemsize == 4 else "I", bytes(4 * 256)),
+            "V": array("H", bytes(2 * INDEX_REGISTERS)),
+            "Z": array("H", bytes(2 * INDEX_REGISTERS)),
         }
+
+    def bits(self, letter: str) -> bytearray:
+        """All bits of a letter by address, 0 or 1 each: the memory itself, for whoever must be fast.
+
+        Addresses between the ranges of M exist in it and mean nothing.
+        """
+        return self._bits[letter]
+
+    def words(self, letter: str) -> array[int]:
+        """All words of a letter (D T C V Z) by address: the memory itself."""
+        return self._words[letter]
 
     def get(self, device: Device) -> int:
         """The value of a bit (of T and C: the contact) or of a D word."""
@@ -118,22 +136,52 @@ class Memory:
 
     def block_image(self, place: BlockPlace) -> bytes:
         """A shared block as its frame carries it: M low byte first, then D words high byte first."""
-        bits = self._bits["M"][place.bit : place.bit + place.bits]
-        # The lowest M is bit 0: as a binary number it is written last.
-        packed = int(bits[::-1].translate(_AS_DIGITS), 2) if bits else 0
-        words = self._words["D"][place.word : place.word + place.words]
-        if sys.byteorder == "little":
-            words.byteswap()
-        return packed.to_bytes(place.bits // 8, "little") + words.tobytes()
+        return _block_image(self._bits["M"], self._words["D"], place)
 
     def store_block(self, place: BlockPlace, image: bytes) -> None:
         """Write a received block."""
         size = place.bits // 8
-        packed = int.from_bytes(image[:size], "little")
-        self._bits["M"][place.bit : place.bit + place.bits] = bytes(
-            packed >> number & 1 for number in range(place.bits)
+        self._bits["M"][place.bit : place.bit + place.bits] = b"".join(
+            map(_BITS_OF.__getitem__, image[:size])
         )
-        words = self._words["D"]
-        for number in range(place.words):
-            at = size + 2 * number
-            words[place.word + number] = image[at] << 8 | image[at + 1]
+        words = array("H")
+        words.frombytes(image[size:])
+        if sys.byteorder == "little":
+            words.byteswap()
+        self._words["D"][place.word : place.word + place.words] = words
+
+
+class SharedAreas:
+    """A copy of what the link can share of a memory: M up to station 7's block, and ``words`` D."""
+
+    __slots__ = ("_bits", "_copied", "_memory", "_words")
+
+    def __init__(self, memory: Memory, words: int) -> None:
+        self._memory = memory
+        self._copied = words
+        self._bits = bytearray()
+        self._words = array("H")
+        self.take()
+
+    def take(self) -> None:
+        """Copy what the memory holds now."""
+        self._bits = self._memory.bits("M")[:_SHARED_BITS]
+        self._words = self._memory.words("D")[: self._copied]
+
+    def block_image(self, place: BlockPlace) -> bytes:
+        """A shared block of the copy; see :meth:`Memory.block_image`."""
+        return _block_image(self._bits, self._words, place)
+
+
+#: M1511 is the last M of station 7.
+_SHARED_BITS = 1512
+
+
+def _block_image(m: bytearray, d: array[int], place: BlockPlace) -> bytes:
+    bits = m[place.bit : place.bit + place.bits]
+    # The lowest M is bit 0: as a binary number it is written last.
+    packed = int(bits[::-1].translate(_AS_DIGITS), 2) if bits else 0
+    words = d[place.word : place.word + place.words]
+    if sys.byteorder == "little":
+        words.byteswap()
+    return packed.to_bytes(place.bits // 8, "little") + words.tobytes()

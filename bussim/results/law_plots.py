@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from bussim.results.histogram import BIN_TICKS, Histogram
-from bussim.results.style import GREY, IN_ERROR, PALETTE, Picture, finish_picture, new_picture, style
+from bussim.results.style import GREY, IN_ERROR, LAW, SIMULATED, Picture, finish_picture, new_picture, style
 from bussim.units import TICKS_PER_MS
 
 Floats = NDArray[np.float64]
@@ -28,13 +28,14 @@ def law_and_histogram(
     picture = new_picture(7.5, 4.6, description)
     with style():
         axes = picture.subplots()
-        axes.plot(x / TICKS_PER_MS, tail, color=PALETTE[0], linewidth=1.6)
-        handles = [Line2D([], [], color=PALETTE[0], label="exact law")]
+        axes.plot(x / TICKS_PER_MS, tail, color=LAW, linewidth=1.6, zorder=3)
+        handles = [Line2D([], [], color=LAW, label="exact law")]
         if simulated is not None and simulated.count:
             times, share = _frequencies(simulated)
-            axes.step(times / TICKS_PER_MS, share, where="post", color=PALETTE[1], linewidth=1.2)
+            axes.step(times / TICKS_PER_MS, share, where="post", color=SIMULATED, linewidth=4)
+            # Broad, for where both agree the law lies over it.
             label = f"simulated, {simulated.count:,} link scans (points of at least {_LEAST})"
-            handles.append(Line2D([], [], color=PALETTE[1], label=label))
+            handles.append(Line2D([], [], color=SIMULATED, linewidth=4, label=label))
         axes.set_yscale("log")
         axes.set_ylim(lowest, 1.5)
         shown = x[tail >= lowest]

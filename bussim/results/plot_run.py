@@ -14,15 +14,14 @@ from bussim.results.record import LinkRecord, RunRecord
 from bussim.results.style import (
     FAULT,
     IN_ERROR,
-    PALETTE,
+    SIMULATED,
     Picture,
     finish_picture,
     new_picture,
     shorten,
     style,
 )
-from bussim.results.timeline import Span
-from bussim.trace import NoteRecord
+from bussim.results.timeline import Span, fault_spans
 from bussim.units import milliseconds, seconds
 
 #: Most lines of faults; the others share one.
@@ -72,7 +71,7 @@ def _draw_scans(axes: Axes, link: LinkRecord) -> list[Line2D]:
     cells = link.timeline
     starts = [seconds(cell.start) for cell in cells]
     longest = [milliseconds(cell.longest) for cell in cells]
-    colour = PALETTE[0]
+    colour = SIMULATED
     wide = [cell for cell in cells if cell.longest > cell.shortest]
     if wide:
         axes.vlines(
@@ -129,37 +128,13 @@ def _between(span: Span, end: float) -> tuple[float, float]:
 def _fault_lanes(run: RunRecord, link: LinkRecord, bus: str) -> list[_Lane]:
     """Faults of the bus and of its PLCs, those with the same words on one line."""
     lanes: dict[str, list[Span]] = {}
-    for text, span in _fault_spans(run.notes, {bus, *link.seats}):
+    for text, span in fault_spans(run.notes, {bus, *link.seats}):
         lanes.setdefault(text, []).append(span)
     if len(lanes) > _MOST_FAULTS:
         rest = list(lanes)[_MOST_FAULTS - 1 :]
         merged = [span for text in rest for span in lanes.pop(text)]
         lanes[f"{len(rest)} other faults"] = merged
     return [_Lane(text, spans, FAULT) for text, spans in lanes.items()]
-
-
-def _fault_spans(notes: Iterable[NoteRecord], places: set[str]) -> list[tuple[str, Span]]:
-    """Each fault's words and when it acted, from its notes "fault" and "fault_over" of one name.
-
-    A note that tells its PLC or bus counts only there, any other one everywhere.
-    """
-    spans: list[tuple[str, Span]] = []
-    acting: dict[str, int] = {}
-    for note in notes:
-        place = note.detail.get("node", note.detail.get("bus"))
-        if note.kind not in ("fault", "fault_over") or (place is not None and place not in places):
-            continue
-        if note.kind == "fault":
-            # Of a fault that hits a number of frames only its beginning is known.
-            counted = "count" in note.detail
-            if not counted:
-                acting[note.where] = len(spans)
-            spans.append((note.text, Span(note.tick, note.tick if counted else None)))
-        elif note.where in acting:
-            number = acting.pop(note.where)
-            text, span = spans[number]
-            spans[number] = (text, Span(span.start, note.tick))
-    return spans
 
 
 def _error_lanes(link: LinkRecord) -> list[_Lane]:

@@ -16,12 +16,33 @@ from matplotlib.figure import Figure
 from bussim.errors import UsageError
 from bussim.version import __version__
 
-#: The palette of Okabe and Ito, which colour-blind people can tell apart; yellow, too pale for
-#: lines, is left out.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# The palette of Okabe and Ito, which colour-blind people can tell apart; yellow, too pale for
+# lines, is left out.
+_BLUE, _VERMILLION, _GREEN, _PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+_ORANGE, _SKY, _BLACK = "#E69F00", "#56B4E9", "#000000"
+PALETTE = (_BLUE, _VERMILLION, _GREEN, _PURPLE, _ORANGE, _SKY, _BLACK)
 GREY = "#6b6b6b"
-FAULT = "#E69F00"
-IN_ERROR = "#D55E00"
+
+# A thing has the same colour in every picture and in the report. Seven colours do not reach for one
+# meaning each; within one picture they do.
+SIMULATED = _BLUE  # what a run counted
+LAW = _GREEN  # what the exact law says
+FAULT = _ORANGE  # a fault acts
+IN_ERROR = _VERMILLION  # a failed attempt, a damaged character, a station in error
+#: Of runs on one axis, in order; the colours of faults and errors come last.
+RUNS = (SIMULATED, _GREEN, _PURPLE, _SKY, _BLACK, _ORANGE, _VERMILLION)
+#: Frames by their kind in the trace: who asks is purple, who answers or tells is sky blue.
+FRAMES = {
+    "data": _SKY,
+    "poll": _PURPLE,
+    "parameters": _GREEN,
+    "request": _PURPLE,
+    "response": _SKY,
+    "exception": _ORANGE,
+    "broadcast": _GREEN,
+    "free": _SKY,
+    "jabber": _BLACK,
+}
 
 _DPI = 150
 _SOFTWARE = f"bussim {__version__}"
@@ -63,9 +84,10 @@ def style() -> Iterator[None]:
 class Picture(Figure):
     """A matplotlib figure that needs no pyplot and that a notebook shows by itself.
 
-    ``description`` goes into the metadata of its files.
+    ``title`` and ``description`` (scenario, seed, version) go into the metadata of its files.
     """
 
+    title = ""
     description = ""
 
     def save(self, path: Path) -> Path:
@@ -98,7 +120,7 @@ class Picture(Figure):
         return self._bytes(format="svg", metadata={"Creator": _SOFTWARE, "Date": None, **self._about()})
 
     def _about(self) -> dict[str, str]:
-        return {"Title": "Link scan time", "Description": self.description}
+        return {"Title": self.title, "Description": self.description}
 
     def _bytes(self, **how: Any) -> bytes:
         buffer = io.BytesIO()
@@ -115,10 +137,15 @@ def new_picture(width: float, height: float, description: str) -> Picture:
     return picture
 
 
-def finish_picture(picture: Picture, heading: str, handles: Sequence[Artist]) -> None:
-    """Heading and legend above the axes, where they hide no data; the description under them."""
+def finish_picture(picture: Picture, heading: str, handles: Sequence[Artist], *, columns: int = 1) -> None:
+    """Heading and legend above the axes, where they hide no data; the description under them.
+
+    The heading, whole, is the title of the picture's files.
+    """
+    picture.title = heading
     picture.legend(
         handles=handles,
+        ncols=columns,
         title=shorten(heading, 90),
         title_fontsize=11,
         loc="outside upper left",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
+from bussim.trace import NoteRecord
 from bussim.units import TICKS_PER_MS
 
 #: Most cells of a timeline: more than a plot has columns.
@@ -127,6 +128,30 @@ class Spans:
             self._spans[what] = []
             for span in past:
                 self._append(self._spans[what], span)
+
+
+def fault_spans(notes: Iterable[NoteRecord], places: Collection[str]) -> list[tuple[str, Span]]:
+    """Each fault's words and when it acted, from its notes "fault" and "fault_over" of one name.
+
+    A note that tells its PLC or bus counts only there, any other one everywhere.
+    """
+    spans: list[tuple[str, Span]] = []
+    acting: dict[str, int] = {}
+    for note in notes:
+        place = note.detail.get("node", note.detail.get("bus"))
+        if note.kind not in ("fault", "fault_over") or (place is not None and place not in places):
+            continue
+        if note.kind == "fault":
+            # Of a fault that hits a number of frames only its beginning is known.
+            counted = "count" in note.detail
+            if not counted:
+                acting[note.where] = len(spans)
+            spans.append((note.text, Span(note.tick, note.tick if counted else None)))
+        elif note.where in acting:
+            number = acting.pop(note.where)
+            text, span = spans[number]
+            spans[number] = (text, Span(span.start, note.tick))
+    return spans
 
 
 def cells_to_json(cells: list[Cell]) -> list[list[int]]:

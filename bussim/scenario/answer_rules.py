@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.engines.modbus.adu import BROADCAST, Mode, adu_chars
 from bussim.engines.modbus.pdu import READS, Request, response_size
-from bussim.engines.modbus.server import SPACES
+from bussim.engines.modbus.server import SPACES, Space
 from bussim.scenario.code import Code
 from bussim.scenario.device_schema import LxIn, SlaveIn
 from bussim.scenario.nodes import Directory, Node, Role
@@ -59,7 +59,7 @@ class Answers:
     def _check_map(self, entry: Entry[TransactionIn], poll: TransactionIn, slave: Node) -> None:
         found = self._map(slave)
         function, address = poll.function or 0, poll.address or 0
-        count = poll.count if poll.count is not None else len(poll.values or (0,))
+        count = poll.quantity
         if found is None:
             return
         if function not in found.functions:
@@ -71,12 +71,14 @@ class Answers:
             return
         space = SPACES[function]
         parts = found.parts(space, address, count)
-        reached = f"{address} to {address + count - 1}" if count > 1 else f"{address}"
-        what = "coils or inputs" if space.is_bit else "registers"
+        names = {Space.COILS: "coil", Space.INPUTS: "input", Space.INPUT_REGISTERS: "input register"}
+        name = names.get(space, "register")
+        what = f"{name}s {address} to {address + count - 1}" if count > 1 else f"{name} {address}"
         if parts is None:
-            self._warn_exception(entry, "address", slave, f"does not have all of the {what} {reached}", 2)
+            lacks = f"does not have all of the {what}" if count > 1 else f"has no {what}"
+            self._warn_exception(entry, "address", slave, lacks, 2)
         elif function not in READS and not all(part.area.writable for part in parts):
-            self._warn_exception(entry, "address", slave, f"lets nobody write all of {what} {reached}", 2)
+            self._warn_exception(entry, "address", slave, f"does not let {what} be written", 2)
 
     def _warn_exception(
         self, entry: Entry[TransactionIn], key: str, slave: Node, what: str, code: int
@@ -95,7 +97,7 @@ class Answers:
     ) -> None:
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
-        request = Request(poll.function or 0, poll.address or 0, poll.count or len(poll.values or (0,)))
+        request = Request(poll.function or 0, poll.address or 0, poll.quantity)
         least, most = _response_time(slave, response_size(request))
         if least > timeout:
             can = f"takes at least {format_ms(least)}: it never comes in time"
@@ -103,9 +105,11 @@ class Answers:
             can = f"may take {format_ms(most)}: it can come too late"
         else:
             return
+        label = poll.name or f"function {poll.function} at {poll.address}"
         self._report.warn(
             entry.path,
-            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} {can}",
+            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} to "
+            f"{label} {can}",
         )
 
 

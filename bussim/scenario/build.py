@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from bussim.line.characters import LineTiming
-from bussim.plc.ports.spec import PortSpec
+from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.sources import Constant, Counter, Ramp, Source, Toggle
-from bussim.scenario.build_devices import device_of, polls_of
 from bussim.scenario.canonical import canonical
 from bussim.scenario.disturbance_rules import OF_THE_OWNER
 from bussim.scenario.disturbances import FaultIn, NoiseIn
@@ -17,6 +17,7 @@ from bussim.scenario.model import (
     BoardError,
     Burst,
     Bus,
+    BusDevice,
     CableCut,
     ClockPpm,
     Direction,
@@ -44,11 +45,18 @@ from bussim.scenario.model import (
     WrongFormat,
 )
 from bussim.scenario.nodes import Directory, Node, lines_of
-from bussim.scenario.poll_schema import TransactionIn
+from bussim.scenario.places import Path
 from bussim.scenario.rules import Judged
 from bussim.scenario.schema import SourceIn
 from bussim.scenario.seats import Member, device_name, line_of
-from bussim.scenario.validate import Draft
+from bussim.scenario.validate import Draft, Entry
+
+if TYPE_CHECKING:
+    from bussim.scenario.device_schema import DeviceIn
+    from bussim.scenario.poll_schema import TransactionIn
+
+#: Polls of PLCs and HMIs by the path of their owner.
+Polls = Mapping[Path, Sequence["TransactionIn"]]
 
 
 def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
@@ -62,7 +70,6 @@ def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
     polls = {
         path: [poll.value for poll in found if poll.value is not None] for path, found in draft.polls.items()
     }
-    lines = lines_of(draft)
     noise = [entry.value for entry in draft.noise if entry.value is not None]
     faults = [entry.value for entry in draft.faults if entry.value is not None]
     power_on: dict[str, int] = {}
@@ -76,18 +83,10 @@ def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
         duration=document.duration,
         seed=document.seed,
         buses=tuple(Bus(bus.name, bus.nn, line_of(bus)) for bus in buses),
-        plcs=tuple(_plc(member, polls[member.path], power_on.get(member.name, 0)) for member in members),
-        devices=tuple(
-            device_of(
-                entry.value,
-                polls.get(entry.path, []),
-                lines[entry.value.bus],
-                power_on.get(entry.value.name, 0),
-                judged.code,
-            )
-            for entry in devices
-            if entry.value is not None
+        plcs=tuple(
+            _plc(member, polls.get(member.path, ()), power_on.get(member.name, 0)) for member in members
         ),
+        devices=_devices(devices, draft, polls, power_on, judged),
         noise=tuple(_noise(name, entry, nodes) for name, entry in zip(noise_names, noise, strict=True)),
         faults=tuple(_fault(name, fault, nodes) for name, fault in zip(fault_names, acting, strict=True)),
         warnings=warnings,
@@ -95,12 +94,45 @@ def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
             document,
             buses,
             members,
-            [(entry.value, polls.get(entry.path, [])) for entry in devices if entry.value is not None],
+            [(entry.value, polls.get(entry.path, ())) for entry in devices if entry.value is not None],
             polls,
             noise,
             faults,
         ),
     )
+
+
+def _devices(
+    devices: Sequence[Entry[DeviceIn]],
+    draft: Draft,
+    polls: Polls,
+    power_on: Mapping[str, int],
+    judged: Judged,
+) -> tuple[BusDevice, ...]:
+    if not devices:
+        return ()
+    from bussim.scenario.build_devices import device_of  # what only a scenario with devices pays
+
+    lines = lines_of(draft)
+    return tuple(
+        device_of(
+            entry.value,
+            polls.get(entry.path, ()),
+            lines[entry.value.bus],
+            power_on.get(entry.value.name, 0),
+            judged.code,
+        )
+        for entry in devices
+        if entry.value is not None
+    )
+
+
+def _polls(member: Member, polls: Sequence[TransactionIn]) -> tuple[PollSpec | FreeSpec, ...]:
+    if not polls:
+        return ()
+    from bussim.scenario.build_devices import polls_of
+
+    return polls_of(member, polls)
 
 
 def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int) -> Plc:
@@ -115,7 +147,7 @@ def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int) -> Plc:
         phase=plc.phase,
         power_on=power_on,
         ports=tuple(PortSpec(seat.name, seat.bus, seat.words, seat.bits) for seat in member.ports),
-        polls=polls_of(member, polls),
+        polls=_polls(member, polls),
     )
 
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.registers import BY_NAME
+from bussim.devices.talker import Saying
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.scenario.code import Code
-from bussim.devices.talker import Saying
 from bussim.scenario.device_rules import SPACES, reference
 from bussim.scenario.device_schema import (
     DeviceIn,
@@ -37,7 +37,6 @@ from bussim.scenario.model import (
     StepperSettings,
     V80Settings,
 )
-from bussim.scenario.poll_rules import count_of
 from bussim.scenario.poll_schema import PollIn, TransactionIn
 from bussim.scenario.port_seats import FREE, own_line
 from bussim.scenario.seats import Member, raw_devices
@@ -154,7 +153,7 @@ def transaction(name: str, port: str, poll: TransactionIn) -> PollSpec:
         station=poll.station,
         function=poll.function,
         address=poll.address,
-        count=count_of(poll),
+        count=poll.quantity,
         device=device,
         values=tuple(value & 0xFFFF for value in poll.values or ()),
         every=poll.every,

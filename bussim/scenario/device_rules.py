@@ -20,7 +20,6 @@ from bussim.scenario.device_schema import (
     MapIn,
     SlaveIn,
     StepperIn,
-    UnknownDeviceIn,
     V80In,
 )
 from bussim.scenario.link_rules import check_bus_name
@@ -55,7 +54,7 @@ def check_device(
 ) -> None:
     """Judge one entry of ``devices``."""
     bus = check_bus_name((*entry.path, "bus"), device.bus, buses, report)
-    if isinstance(device, UnknownDeviceIn):
+    if not device.known:
         return
     if bus is not None and bus.nn:
         report.error((*entry.path, "bus"), f"is {bus.name}, an N:N link, on which there are PLCs only (nn:)")
@@ -153,8 +152,8 @@ def reference(section: str, key: str) -> int:
     if 1 <= number <= V80_ITEMS and not (len(key) == 5 and digit):
         return number - 1
     owner = next((name for name, (_, first) in SPACES.items() if first == number // 10_000), None)
-    other = f" is one of {owner};" if owner not in (None, section) and len(key) == 5 else ""
-    raise ValueError(f"is no reference number of {section}:{other} {allowed}")
+    other = f" but of {owner}" if owner not in (None, section) and len(key) == 5 else ""
+    raise ValueError(f"is no reference number of {section}{other}; {allowed}")
 
 
 def _check_v80(entry: Entry[DeviceIn], device: DeviceIn, report: Report) -> None:
@@ -218,7 +217,7 @@ def _check_map(entry: Entry[DeviceIn], device: DeviceIn, code: Code, report: Rep
                     where = report.places.where(other)
                     report.error(
                         (*path, "address"),
-                        f"is {item.address}, which overlaps the item at {max(start, item.address)} ({where})",
+                        f"is {item.address}, where the item at {start} already lies ({where})",
                     )
                     break
             taken.append((item.address, end, path))

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.devices.stepper.profile import StepOutput
 from bussim.devices.stepper.registers import INPUTS
-from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
 from bussim.scenario.fields import (
     Baud,
     Flag,
@@ -25,7 +25,7 @@ from bussim.scenario.fields import (
     whole,
 )
 from bussim.scenario.poll_schema import Hex, Text, Times
-from bussim.scenario.schema import FIRST_STATION, LAST_STATION, Model, ScanIn, only_one
+from bussim.scenario.schema import Model, ScanIn, only_one
 from bussim.units import TICKS_PER_SECOND
 
 MAX_ENTRIES, MAX_SAYINGS = 1000, 1000
@@ -41,8 +41,8 @@ class DeviceIn(Model):
     """What every device has."""
 
     example = "{name: feeder1, model: stepper, bus: feeder, station: 1}"
-    #: Whether others can poll it.
-    slave: ClassVar[bool] = False
+    #: Whether it is of a model that is known.
+    known: ClassVar[bool] = True
 
     name: Name
     model: str
@@ -53,8 +53,6 @@ class DeviceIn(Model):
 
 class SlaveIn(DeviceIn):
     """A Modbus slave."""
-
-    slave = True
 
     station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] = 1
     mode: Annotated[str, choice(*_MODES)] = Mode.RTU.value
@@ -258,6 +256,8 @@ MODELS: dict[str, type[DeviceIn]] = {
 
 class UnknownDeviceIn(DeviceIn):
     """A device of no known model: what can be read of it all the same."""
+
+    known = False
 
     model: Annotated[str, choice(*MODELS)]
 

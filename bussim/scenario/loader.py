@@ -127,5 +127,7 @@ def _judge(
     if report.errors:
         # A warning beside a mistake may be no more than its consequence.
         return Examined(None, tuple(sorted(report.errors)), ())
-    scenario = build(draft, judged, tuple(problem.message for problem in report.warnings))
+    # Without their places, two may be the same.
+    warnings = tuple(dict.fromkeys(problem.message for problem in report.warnings))
+    scenario = build(draft, judged, warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

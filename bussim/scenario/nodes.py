@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import NN_LINE, LineTiming
-from bussim.scenario.device_schema import DeviceIn, HmiIn, SlaveIn, UnknownDeviceIn
 from bussim.scenario.places import Path
 from bussim.scenario.port_seats import FREE, PortSeat, own_line
 from bussim.scenario.seats import PLAIN_LINE, Member, line_of
 from bussim.scenario.validate import Draft, Entry
 from bussim.scenario.wording import show, suggest
+
+if TYPE_CHECKING:
+    from bussim.scenario.device_schema import DeviceIn
 
 
 class Role(Enum):
@@ -65,21 +67,24 @@ def port_node(member: Member, seat: PortSeat, line: LineTiming) -> Node:
     role = Role.MASTER if seat.is_master else Role.SLAVE if seat.is_slave else Role.SILENT
     if seat.protocol == FREE:
         role = Role.FREE
-    timing = seat.timing or line
-    return Node(
-        seat.node, member.name, seat.bus, role, timing, seat.mode, seat.station, seat.path, member, seat
-    )
+    timing, station = line, None
+    if seat.valid is not None:
+        timing = seat.valid.timing
+        station = seat.valid.station if seat.is_slave else None
+    return Node(seat.node, member.name, seat.bus, role, timing, seat.mode, station, seat.path, member, seat)
 
 
-def device_node(entry: Entry[DeviceIn], device: DeviceIn, line: LineTiming) -> Node:
+def device_node(path: Path, device: DeviceIn, line: LineTiming) -> Node:
     """A device's node."""
+    from bussim.scenario.device_schema import HmiIn, SlaveIn  # what only a scenario with devices pays
+
     timing = own_line(device, line)
     mode, station, role = None, None, Role.FREE
     if isinstance(device, SlaveIn):
         mode, station, role = Mode(device.mode), device.station, Role.SLAVE
     elif isinstance(device, HmiIn):
         mode, role = Mode(device.mode), Role.MASTER
-    return Node(device.name, device.name, device.bus, role, timing, mode, station, entry.path, device=device)
+    return Node(device.name, device.name, device.bus, role, timing, mode, station, path, device=device)
 
 
 class Missing(Exception):  # noqa: N818 - an answer that the caller words
@@ -103,8 +108,8 @@ class Directory:
             self.nodes += [node for _, node in sorted(own, key=lambda pair: pair[0])]
         self._links = {member.name: member.port for member in members}
         for entry in draft.devices:
-            if entry.value is not None and not isinstance(entry.value, UnknownDeviceIn):
-                self.nodes.append(device_node(entry, entry.value, _line(lines, entry.value.bus)))
+            if entry.value is not None and entry.value.known:
+                self.nodes.append(device_node(entry.path, entry.value, _line(lines, entry.value.bus)))
         self.plcs = [entry.name for entry in draft.plcs if entry.name is not None]
         self.devices = [entry.name for entry in draft.devices if entry.name is not None]
         #: PLCs and devices that could not be read, so that nothing may be said against them.

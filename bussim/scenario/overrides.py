@@ -12,7 +12,7 @@ from bussim.scenario.wording import shorten, show, suggest
 from bussim.scenario.yaml import MAX_DEPTH, read
 
 #: Keys whose plain value stands for a mapping, and the key that it stands for.
-_SHORTHANDS = {"profile": "base", "scan": "mean", "turnaround": "mean"}
+_SHORTHANDS = {"profile": "base", "scan": "mean", "turnaround": "mean", "reply_to": "text"}
 _STATION_FAULTS = frozenset({"power_off", "stop", "drop_reply", "jabber", "lose_char", "insert_char"})
 
 

@@ -13,7 +13,6 @@ from bussim.scenario.data_rules import Placed, check_coils, check_free_data, che
 from bussim.scenario.nodes import Directory, Role
 from bussim.scenario.places import Report
 from bussim.scenario.poll_schema import PollIn, TransactionIn
-from bussim.scenario.port_rules import check_port_use
 from bussim.scenario.port_seats import FREE, PortSeat
 from bussim.scenario.seats import Member
 from bussim.scenario.validate import Draft, Entry
@@ -28,8 +27,8 @@ Polls = list[Entry[TransactionIn]]
 
 def check_polls(
     draft: Draft, members: Sequence[Member], nodes: Directory, code: Code, report: Report
-) -> None:
-    """Judge the polls of every PLC and HMI, and the ports that have none."""
+) -> set[str]:
+    """Judge the polls of every PLC and HMI; returns the names of the ports that have some."""
     answers = Answers(draft, nodes, code, report)
     polled: set[str] = set()
     for member in members:
@@ -49,10 +48,12 @@ def check_polls(
             polls = draft.polls.get(node.path, [])
             _check_names(polls, report)
             for entry in polls:
-                if entry.value is not None and _check_request(entry, entry.value, report):
-                    _check_values(entry, entry.value, report)
+                if entry.value is None:
+                    continue
+                _check_values(entry, entry.value, report)
+                if _check_request(entry, entry.value, report):
                     answers.check(entry, entry.value, node, getattr(node.device, "timeout", 0))
-    check_port_use(nodes, polled, report)
+    return polled
 
 
 def _check_names(polls: Polls, report: Report) -> None:
@@ -76,6 +77,8 @@ def _seat(
         return seat
     if not nodes.sure(member.name):
         return None
+    if seat is not None and (seat.valid is None or seat.given.protocol not in (None, seat.protocol)):
+        return None  # what is wrong with the port was said there
     if member.takes_part and poll.port == member.port:
         what = "runs N:N"
     elif seat is not None and seat.protocol is not None:
@@ -104,23 +107,16 @@ def _check_poll(
     if free:
         check_free_data(entry, poll, place, report)
         return
+    _check_values(entry, poll, report)
     if not _check_request(entry, poll, report) or poll.function is None:
         return
     node = next((node for node in nodes.nodes if node.seat is place.seat), None)
-    _check_values(entry, poll, report)
     if SPACES[poll.function].is_bit:
-        check_coils(entry, poll, place, count_of(poll), report)
+        check_coils(entry, poll, place, poll.quantity, report)
     else:
-        check_registers(entry, poll, place, count_of(poll), report)
+        check_registers(entry, poll, place, poll.quantity, report)
     if node is not None:
-        answers.check(entry, poll, node, place.seat.timeout)
-
-
-def count_of(poll: TransactionIn) -> int:
-    """How many coils or registers a poll is about: as it says, or as many as it has values, or one."""
-    if poll.count is not None:
-        return poll.count
-    return len(poll.values) if poll.values else 1
+        answers.check(entry, poll, node, place.seat.valid.timeout if place.seat.valid is not None else 0)
 
 
 def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:
@@ -129,7 +125,7 @@ def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Rep
     for key in ("station", "function", "address"):
         if getattr(poll, key) is None and not entry.lost(key):
             report.error((*entry.path, key), "is missing")
-    function, count = poll.function, count_of(poll)
+    function, count = poll.function, poll.quantity
     if function is None:
         return False
     limit = STANDARD_LIMITS.of(function)
@@ -165,7 +161,7 @@ def _check_values(entry: Entry[TransactionIn], poll: TransactionIn, report: Repo
     if function in READS:
         report.error(path, f"has no meaning for function {function}, which reads", key=True)
         return
-    if len(poll.values) != count_of(poll):
+    if len(poll.values) != poll.quantity:
         report.error(path, f"has {len(poll.values)} entries, count is {poll.count}")
     if SPACES[function].is_bit:
         wrong = next((value for value in poll.values if value not in (0, 1)), None)

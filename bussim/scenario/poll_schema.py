@@ -44,6 +44,13 @@ class TransactionIn(Model):
     times: Times | None = None
     retries: Annotated[int, whole(0, 100)] | None = None
 
+    @property
+    def quantity(self) -> int:
+        """How many coils or registers it is about: as it says, or as many as it has values, or one."""
+        if self.count is not None:
+            return self.count
+        return len(self.values) if self.values else 1
+
 
 class HmiPollIn(TransactionIn):
     """One poll of an HMI."""

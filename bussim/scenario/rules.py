@@ -14,13 +14,12 @@ from bussim.plc.board import TAKE_PART, TIMEOUT_UNIT
 from bussim.plc.memory import Device
 from bussim.scenario.bus_rules import check_buses
 from bussim.scenario.code import Code
-from bussim.scenario.device_rules import check_device
 from bussim.scenario.disturbance_rules import check_faults, check_noise
 from bussim.scenario.link_rules import check_links
 from bussim.scenario.nodes import Directory, lines_of
 from bussim.scenario.places import Path, Report
-from bussim.scenario.poll_rules import check_polls
-from bussim.scenario.port_rules import FIRST_SPECIAL, check_link_bus, check_ports
+from bussim.scenario.port_rules import check_link_bus, check_port_use, check_ports
+from bussim.scenario.port_seats import FIRST_SPECIAL
 from bussim.scenario.register_rules import check_registers, named_device
 from bussim.scenario.schema import BusIn, PlcIn, SourceIn
 from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, device_name, friendly_registers, member_of
@@ -53,12 +52,20 @@ def check_rules(draft: Draft, report: Report, code: Code) -> Judged:
         if entry.value is not None
     ]
     nodes = Directory(draft, members, lines)
-    for entry in draft.devices:
-        if entry.value is not None:
-            check_device(entry, entry.value, draft.buses, code, report)
+    if draft.devices:
+        from bussim.scenario.device_rules import check_device  # what only a scenario with devices pays
+
+        for entry in draft.devices:
+            if entry.value is not None:
+                check_device(entry, entry.value, draft.buses, code, report)
     check_links(draft, members, report)
     check_buses(draft, nodes, report)
-    check_polls(draft, members, nodes, code, report)
+    polled: set[str] = set()
+    if draft.polls:
+        from bussim.scenario.poll_rules import check_polls  # and one with polls
+
+        polled = check_polls(draft, members, nodes, code, report)
+    check_port_use(nodes, polled, report)
     duration = draft.document.duration if draft.document is not None else None
     check_noise(draft, nodes, duration, report)
     check_faults(draft, nodes, duration, report)

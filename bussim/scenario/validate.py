@@ -9,15 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from bussim.scenario.device_schema import DeviceIn, HmiIn, UnknownDeviceIn, form_of
 from bussim.scenario.disturbances import FaultIn, NoiseIn
 from bussim.scenario.fields import EMPTY, OWN
 from bussim.scenario.places import Path, Report
-from bussim.scenario.poll_schema import HmiPollIn, PollIn, TransactionIn
 from bussim.scenario.schema import (
     MAX_BUSES,
     MAX_DEVICES,
@@ -32,6 +30,10 @@ from bussim.scenario.schema import (
 )
 from bussim.scenario.wording import show, suggest
 from bussim.version import __version__
+
+if TYPE_CHECKING:
+    from bussim.scenario.device_schema import DeviceIn
+    from bussim.scenario.poll_schema import TransactionIn
 
 T = TypeVar("T", bound=Model)
 
@@ -87,19 +89,28 @@ def read_draft(data: object, report: Report) -> Draft:
     draft.document, _ = _read(DocumentIn, data, (), report)
     draft.buses = _section(lambda _: BusIn, data, ("buses",), (1, MAX_BUSES), report)
     draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (1, MAX_PLCS), report)
-    draft.devices = _section(form_of, data, ("devices",), (0, MAX_DEVICES), report)
+    if data.get("devices"):
+        from bussim.scenario.device_schema import form_of  # what only a scenario with devices pays
+
+        draft.devices = _section(form_of, data, ("devices",), (0, MAX_DEVICES), report)
     draft.noise = _section(lambda _: NoiseIn, data, ("noise",), (0, MAX_NOISE), report)
     draft.faults = _section(lambda _: FaultIn, data, ("faults",), (0, MAX_FAULTS), report)
-    for plc in draft.plcs:
-        draft.polls[plc.path] = _polls(PollIn, plc, report)
-    for device in draft.devices:
-        if form_of(device.raw) is HmiIn:
-            draft.polls[device.path] = _polls(HmiPollIn, device, report)
+    owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
+    for owner in owners:
+        if isinstance(owner.raw, dict) and owner.raw.get("polls"):
+            draft.polls[owner.path] = _polls(owner, report)
     return draft
 
 
-def _polls(model: type[TransactionIn], owner: Entry[Any], report: Report) -> list[Entry[TransactionIn]]:
-    return _section(lambda _: model, owner.raw, (*owner.path, "polls"), (0, MAX_POLLS), report)
+def _polls(owner: Entry[Any], report: Report) -> list[Entry[TransactionIn]]:
+    """The polls of a PLC or an HMI."""
+    from bussim.scenario.device_schema import HmiIn, form_of
+    from bussim.scenario.poll_schema import HmiPollIn, PollIn
+
+    if owner.path[0] == "devices" and form_of(owner.raw) is not HmiIn:
+        return []  # it has no polls, which was reported
+    form: type[TransactionIn] = PollIn if owner.path[0] == "plcs" else HmiPollIn
+    return _section(lambda _: form, owner.raw, (*owner.path, "polls"), (0, MAX_POLLS), report)
 
 
 def _section(
@@ -233,8 +244,8 @@ def _expected(model: type[Model], loc: Path, kind: str) -> str:
 def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
     key = str(loc[-1])
     owner = _model_at(model, loc[:-1])
-    if owner is UnknownDeviceIn:
-        return  # nobody knows the keys of an unknown model
+    if not getattr(owner, "known", True):
+        return  # a device of an unknown model, whose keys nobody knows
     if key in LATER:
         text = f"is not known to this version of bussim ({__version__})"
     else:

@@ -1,11 +1,10 @@
-"""How messages show values and offer the nearest right name."""
+"""How messages show a scenario's values; the names of the layers below are passed on."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from bussim.wording import names, nearest, shorten, suggest
 
-#: Longest piece of the user's input that a message repeats.
-_SHOWN = 60
+__all__ = ["RawFloat", "RawInt", "names", "nearest", "shorten", "show", "suggest"]
 
 
 class RawInt(int):
@@ -32,11 +31,6 @@ class RawFloat(float):
         return self
 
 
-def shorten(text: str) -> str:
-    """A text cut to a length that fits a message."""
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 1] + "…"
-
-
 def show(value: object) -> str:
     """A value as the user wrote it, short: text in quotes, true and false as YAML has them."""
     if isinstance(value, RawInt | RawFloat):
@@ -59,30 +53,3 @@ def _number(value: int | float) -> str:
     if isinstance(value, int) and value.bit_length() > 256:
         return f"a number of {value.bit_length()} bits"
     return str(value)
-
-
-def names(options: Iterable[str]) -> str:
-    """A list of names for a message, cut after a dozen."""
-    listed = [shorten(option) for option in options]
-    if len(listed) > 12:
-        return ", ".join(listed[:12]) + ", …"
-    return ", ".join(listed)
-
-
-def nearest(name: str, options: Sequence[str]) -> str | None:
-    """The option that is most like ``name``, or None if none is."""
-    import difflib  # 5 ms that only a mistake pays
-
-    lower: dict[str, str] = {}
-    for option in options:
-        lower.setdefault(option.lower(), option)
-    found = difflib.get_close_matches(name.lower()[:200], list(lower), n=1, cutoff=0.6)
-    return lower[found[0]] if found else None
-
-
-def suggest(name: str, options: Sequence[str]) -> str:
-    """The end of a message about an unknown name: the nearest right one, or all that there are."""
-    near = nearest(name, options)
-    if near is not None:
-        return f"did you mean {near}?"
-    return f"allowed are {names(options)}" if options else "there are none"

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable
 
 from bussim.devices.lx import LxMap
 from bussim.plc.board import D_STATION, bad_parameters, master_config, setting_values
+from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
+from bussim.plc.memory import parse_device
 from bussim.plc.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
 from bussim.plc.plc import Plc
 from bussim.plc.streams import Streams
@@ -22,6 +24,7 @@ from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.units import DeviceUnit, PlcUnit, Unit
+from bussim.sim.watcher import Watcher
 from bussim.sim.wire.disturb import Loss, PlacedNoise
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
@@ -85,6 +88,7 @@ class Simulation:
         for port in ports:
             self.nodes[port.name] = port
             port.plc.received = _visible(bus, port.seat)
+            port.plc.before_status = bus.gallery.sync
 
     def _build_serial_bus(self, spec: model.Bus) -> None:
         bus = SerialBus(spec.name, spec.timing, self._sink, self.serial_reporter)
@@ -111,7 +115,8 @@ class Simulation:
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
-            clock = EndClock(plc, self.kernel, ports) if ports else None
+            clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
+            Watcher(plc, self._sink)
             units[name] = PlcUnit(plc, link if isinstance(link, LinkPort) else None, ports, clock)
         for device in self._scenario.devices:
             node = self.nodes[device.name]
@@ -221,12 +226,9 @@ def _accepted(spec: model.Plc) -> bool:
     return not bad_parameters(spec.profile, setting_values(spec.profile, spec.registers))
 
 
-def _visible(bus: LinkBus, seat: int) -> Callable[[int], Iterable[tuple[int, bytes]]]:
-    def received(end: int) -> Iterable[tuple[int, bytes]]:
-        bus.gallery.sync()  # the status that the PLC publishes next is its own engine's
-        return bus.ledger.visible(seat, end)
-
-    return received
+def _visible(bus: LinkBus, seat: int) -> Callable[[int, int], Iterable[tuple[int, bytes]]]:
+    ledger = bus.ledger
+    return lambda since, end: ledger.visible(seat, end, since)
 
 
 def _plc(spec: model.Plc, streams: Streams) -> Plc:
@@ -243,7 +245,19 @@ def _plc(spec: model.Plc, streams: Streams) -> Plc:
         ports=spec.ports,
         polls=spec.polls,
         maps=LxMap,
+        program=spec.program,
+        inputs={
+            parse_device(name): _stimulus(spec.name, name, given, streams)
+            for name, given in spec.inputs.items()
+        },
+        observed=map(parse_device, spec.observed),
     )
+
+
+def _stimulus(plc: str, device: str, given: InputSpec, streams: Streams) -> Stimulus:
+    if isinstance(given, RandomInput):
+        return Random(given.on, given.off, streams.uniforms("input", plc, device))
+    return given
 
 
 def _rate(noise: model.Noise, streams: Streams) -> ErrorRate:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bussim.results.names import file_names
-from bussim.results.style import GREY, PALETTE, Picture, finish_picture, new_picture, shorten, style
+from bussim.results.style import GREY, SIMULATED, Picture, finish_picture, new_picture, shorten, style
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, Table
 from bussim.sweep.vary import Axis
@@ -63,12 +63,12 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
             mean, low, high = (_numbers(points[column + ending]) for ending in ("", LOW, HIGH))
             line = "-" if axis.unit is not None else ""  # nothing lies between two texts
             panel.plot(
-                places, mean, color=PALETTE[0], marker="o", markersize=3.5, linestyle=line, clip_on=False
+                places, mean, color=SIMULATED, marker="o", markersize=3.5, linestyle=line, clip_on=False
             )
             # The lines show what a band cannot: a point whose neighbours have no interval.
-            panel.vlines(places, low, high, color=PALETTE[0], linewidth=1)
+            panel.vlines(places, low, high, color=SIMULATED, linewidth=1)
             if line:
-                panel.fill_between(places, low, high, color=PALETTE[0], alpha=0.25, linewidth=0)
+                panel.fill_between(places, low, high, color=SIMULATED, alpha=0.25, linewidth=0)
             if logarithmic:
                 panel.set_xscale("log")
             elif places == list(range(len(places))):
@@ -201,13 +201,13 @@ def _heading(plan: Plan, bus: str) -> str:
 
 def _line_key(plan: Plan, *, band: bool) -> list[Line2D | Patch]:
     if plan.repeat == 1:
-        return [Line2D([], [], color=PALETTE[0], marker="o", label="one run a point, spread unknown")]
+        return [Line2D([], [], color=SIMULATED, marker="o", label="one run a point, spread unknown")]
     label = "95 % confidence interval of the mean"
     return [
-        Line2D([], [], color=PALETTE[0], marker="o", label=f"mean of {plan.repeat} runs"),
-        Patch(color=PALETTE[0], alpha=0.25, label=label)
+        Line2D([], [], color=SIMULATED, marker="o", label=f"mean of {plan.repeat} runs"),
+        Patch(color=SIMULATED, alpha=0.25, label=label)
         if band
-        else Line2D([], [], color=PALETTE[0], linewidth=1, label=label),
+        else Line2D([], [], color=SIMULATED, linewidth=1, label=label),
     ]
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from bussim.engines.nn.frames import LinkSettings
 from bussim.engines.nn.slave import Slave
+from bussim.plc.memory import Device
 from bussim.plc.plc import Plc, PlcState
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Constant, Counter, Source, Toggle
@@ -137,8 +138,9 @@ def test_what_was_received_is_visible_from_the_next_end_on() -> None:
     tested = plc()
     asked: list[int] = []
 
-    def received(end: int) -> Iterable[tuple[int, bytes]]:
+    def received(since: int, end: int) -> Iterable[tuple[int, bytes]]:
         asked.append(end)
+        assert since < end
         yield 0, b"\xff" * 12  # its own number: not for its memory
         yield 1, b"\x01\x00\x00\x80" + b"\x12\x34" * 4
         yield 2, b"\x01" * 24  # of another mode: no block of this link
@@ -163,7 +165,7 @@ def test_what_was_received_is_visible_from_the_next_end_on() -> None:
 
 def test_another_stations_block_is_overwritten_by_what_was_received() -> None:
     tested = plc(sources={"D32": Constant(5)})
-    tested.received = lambda end: [(1, bytes(4) + b"\x00\x63" * 4)] if end > PHASE else []
+    tested.received = lambda _, end: [(1, bytes(4) + b"\x00\x63" * 4)] if end > PHASE else []
     tested.run(0, traced=False)
     tested.sync(PHASE)
     assert tested.read("D32") == 5
@@ -173,7 +175,7 @@ def test_another_stations_block_is_overwritten_by_what_was_received() -> None:
 
 def test_a_slave_takes_nothing_before_it_knows_the_mode_and_keeps_it_at_stop() -> None:
     tested = plc(1)
-    tested.received = lambda _: [(0, bytes(4) + b"\x00\x63" * 4)]
+    tested.received = lambda *_: [(0, bytes(4) + b"\x00\x63" * 4)]
     engine, _ = tested.run(0, traced=False)
     assert isinstance(engine, Slave)
     tested.sync(PHASE)
@@ -201,3 +203,27 @@ def test_a_families_blocks_have_their_own_spacing(profile: str, word: int) -> No
     tested.run(0, traced=False)
     tested.parameters(SETTINGS, 1)
     assert words(tested.image_at(PHASE)) == [0, 77, 0, 0]
+
+
+def test_without_other_ports_no_end_needs_to_be_carried_out() -> None:
+    tested = plc()
+    tested.run(0, traced=False)
+    assert tested.wanted_end(0) is None
+    assert tested.longest_scan() == SCAN
+    assert not tested.cpavl(3, Device("D", 0), Device("M", 0))
+
+
+def test_an_end_that_is_carried_out_changes_nothing_without_ports() -> None:
+    source = {"D0": Counter(100)}
+    tested, twin = plc(sources=source), plc(sources=source)
+    tested.run(0, traced=False)
+    twin.run(0, traced=False)
+    for tick in range(PHASE, 40_000, SCAN):
+        assert tested.end(tick) == {}
+        assert tested.image_at(tick + 5) == twin.image_at(tick + 5)
+        assert tested.read("D0") == tick // 100
+
+
+def test_com2_has_station_1_unless_something_else_is_said() -> None:
+    assert plc().read("D8121") == 1
+    assert plc(D8121=7).read("D8121") == 7

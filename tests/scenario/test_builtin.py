@@ -12,14 +12,21 @@ from bussim.scenario import builtin, model
 from bussim.scenario.loader import check, load
 
 #: Those whose point is something that the loader warns of.
-ODD = {"bad_parameter", "same_number_twice", "eight_stations_mode3", "eight_stations_mode4"}
+ODD = {
+    "bad_parameter",
+    "same_number_twice",
+    "eight_stations_mode3",
+    "eight_stations_mode4",
+    "two_masters",
+    "timeout_too_short",
+}
 
 
 def test_the_default_is_first_and_there_are_enough() -> None:
     names = builtin.names()
     assert names[0] == builtin.DEFAULT == "press_line"
     assert names[1:] == sorted(names[1:])
-    assert len(names) >= 13
+    assert len(names) >= 28
 
 
 @pytest.mark.parametrize("name", builtin.names())

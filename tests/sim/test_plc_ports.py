@@ -228,10 +228,8 @@ def test_a_busy_port_is_seen_in_the_link_only_where_replies_wait_for_end() -> No
     assert quiet.durations == busy.durations
     quiet, busy = (_link_and_port(reply=Reply.END, busy=busy) for busy in (False, True))
     assert quiet.durations != busy.durations
-    # The scan is longer by EXTRA while a transaction runs, and so is the wait for END; replies are whole
-    # scans apart, so that the link scan may grow by more.
-    means = [sum(done.durations) / len(done.durations) for done in (quiet, busy)]
-    assert means[0] < means[1]
+    # Replies are whole PLC scans apart: a scan that is longer by EXTRA while a transaction runs may bring
+    # the next reply an END earlier or later.
     scans = [done.totals.plcs[1].scan_mean for done in (quiet, busy)]
     assert scans[0] < scans[1] < scans[0] + EXTRA  # type: ignore[operator]
 

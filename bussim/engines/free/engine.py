@@ -11,7 +11,7 @@ from bussim.engines.free.events import CharacterDamaged, Ended, FreeEvent, Recei
 from bussim.engines.free.states import FREE, FreeInput, FreeState
 from bussim.engines.modbus.codes import PortError
 from bussim.line.characters import LineTiming
-from bussim.units import TICKS_PER_SECOND
+from bussim.units import TICKS_PER_SECOND, round_half_up
 
 #: Most bytes that one RS2 instruction sends or receives (PW10 board manual, section 5).
 MAX_BYTES = 256
@@ -246,14 +246,12 @@ class FreePort:
 
     def receive_frame(self, frame: FreeFrame, start: int, end: int) -> int:
         """Undamaged characters back to back; the same as one by one."""
-        timing = self.config.timing
-        hints = 0
-        for number, value in enumerate(frame.chars):
-            hints |= self.receive(
-                RxChar(value),
-                start + timing.characters(number),
-                end if number + 1 == len(frame.chars) else start + timing.characters(number + 1),
-            )
+        character = self.config.timing.character
+        hints, begun = 0, start
+        for number, value in enumerate(frame.chars, 1):
+            over = end if number == len(frame.chars) else start + round_half_up(character * number)
+            hints |= self.receive(RxChar(value), begun, over)
+            begun = over
         return hints
 
     def line_idle(self, now: int) -> int:

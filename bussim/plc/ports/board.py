@@ -15,6 +15,7 @@ from bussim.plc.memory import BIT_RANGES, Device, Memory
 from bussim.plc.ports.cpavl import BITS, WORDS, BadSettings, PortSettings, read_settings
 from bussim.plc.ports.events import PortEvent
 from bussim.plc.ports.free import FreeSide
+from bussim.plc.ports.freelist import listener_of
 from bussim.plc.ports.master import MasterSide
 from bussim.plc.ports.places import words_fit
 from bussim.plc.ports.rs2 import Drive, Rs2
@@ -49,7 +50,7 @@ class PortBoard:
         maps: Maps | None = None,
     ) -> None:
         self.spec = spec
-        #: What the port's words said at STOP→RUN; None in STOP and where it refused them.
+        #: What the port's words said at the latest STOP→RUN; None before it and where it refused them.
         self.settings: PortSettings | None = None
         #: Its engine; None in STOP, after bad parameters, and without a protocol.
         self.engine: PortEngine | None = None
@@ -59,6 +60,7 @@ class PortBoard:
         self._check(spec.words, spec.bits)
         self._polls = [poll for poll in polls if isinstance(poll, PollSpec)]
         self._free = [poll for poll in polls if isinstance(poll, FreeSpec)]
+        listener_of(self._free)
         self._profile = profile
         self._maps = maps
         self._side: Side | None = None
@@ -156,6 +158,11 @@ class PortBoard:
         if side is None:
             return None
         return now if side.busy != self.active else side.wanted_end(now)
+
+    @property
+    def shows_memory(self) -> bool:
+        """Whether the next END answers a request for what is in memory: special devices must be current."""
+        return isinstance(self.engine, Slave) and self.engine.waiting
 
     def at_end(self, end: int) -> int:
         """Carry out what happens at this END; returns hints for the engine (see its contract)."""

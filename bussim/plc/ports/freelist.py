@@ -10,6 +10,15 @@ from bussim.plc.ports.events import FreeReceived
 from bussim.plc.ports.spec import FreeSpec
 
 
+def listener_of(specs: Sequence[FreeSpec]) -> FreeSpec | None:
+    """The instruction that only receives. Raises ValueError for more than one."""
+    listeners = [spec for spec in specs if not spec.sends]
+    if len(listeners) > 1:
+        names = ", ".join(spec.name for spec in listeners)
+        raise ValueError(f"{names} only receive; one port can drive one of them")
+    return listeners[0] if listeners else None
+
+
 class FreeList:
     """Deals the port out to its instructions, one at a time.
 
@@ -17,19 +26,13 @@ class FreeList:
     bytes have left or, where it also receives, with a reception, or when no byte of an answer has come
     within the port's timeout after the last one sent (assumed: a program's own watch). Between the
     turns the one that only receives is driven; a reception that has begun is not disturbed.
-
-    Raises ValueError for more than one instruction that only receives.
     """
 
     def __init__(self, specs: Sequence[FreeSpec], timeout: int, now: int) -> None:
-        listeners = [spec for spec in specs if not spec.sends]
-        if len(listeners) > 1:
-            names = ", ".join(spec.name for spec in listeners)
-            raise ValueError(f"{names} only receive; one port can drive one of them")
         self._timeout = timeout
-        self._listener = listeners[0] if listeners else None
-        self._listens_from = now + listeners[0].at if listeners else 0
-        self._receptions = listeners[0].times if listeners else 0  # that are left, None: no limit
+        self._listener = listener = listener_of(specs)
+        self._listens_from = now + listener.at if listener is not None else 0
+        self._receptions = listener.times if listener is not None else 0  # that are left, None: no limit
         self._turns = PollList([spec for spec in specs if spec.sends], now)
         self._turn: FreeSpec | None = None
         self._limit: int | None = None  # when a turn's wait for an answer is over

@@ -106,7 +106,7 @@ class MasterSide:
     def _execute_poll(self, poll: PollSpec, now: int) -> None:
         self._owner = poll
         device, values = poll.device, poll.values
-        if device is not None and values and fits(device, poll.function, len(values)):
+        if device is not None and poll.function in WRITES and fits(device, poll.function, len(values)):
             store(self._status.memory, device, poll.function, values)
         call = Call(poll.station, poll.function, poll.address, poll.count, device, values)
         self._execute(call, now + 1)
@@ -120,7 +120,7 @@ class MasterSide:
         ended = self._ended
         if ended is not None:
             again = self._take_over(ended, end)
-        elif self._call is not None and self.engine.ready_at <= end:
+        elif self._call is not None and max(self._earliest, self.engine.ready_at) <= end:
             call, self._call = self._call, None
             self._running = call
             error = self._obstacle(call)

@@ -34,6 +34,7 @@ class Drive(Enum):
 
     RUNNING = "it has the port"
     BUSY = "the port is another instruction's"
+    OFF = "its contact is off"
     REFUSED = "the port does not exist, or has no protocol for it"
 
 

@@ -9,6 +9,7 @@ from bussim.engines.modbus.states import SlaveState
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.rs2 import Drive, Rs2
 from bussim.plc.ports.side import EngineItem
+from bussim.units import round_half_up
 
 _BUSY = frozenset((SlaveState.SERVING, SlaveState.ANSWERING, SlaveState.SENDING))
 
@@ -18,7 +19,7 @@ class SlaveSide:
 
     def __init__(self, engine: Slave, timing: LineTiming) -> None:
         self.engine = engine
-        self._timing = timing
+        self._character = timing.character
         self._over = 0  # when the reply will have left, if nothing holds it up
         self._latest = -1  # END
 
@@ -42,7 +43,7 @@ class SlaveSide:
             hints |= engine.serve(end)
         reply = engine.reply
         if reply is not None and hints:
-            self._over = engine.due + self._timing.characters(len(reply.chars))
+            self._over = engine.due + round_half_up(self._character * len(reply.chars))
         return hints
 
     def event(self, item: EngineItem, now: int) -> None:

@@ -90,10 +90,13 @@ class Ledger:
             histories.before.pop(seat, None)
             histories.apart[seat] = deque()
 
-    def visible(self, seat: int, end: int) -> Iterator[tuple[int, bytes]]:
-        """The newest block of each station that a seat had received by its END at ``end``."""
+    def visible(self, seat: int, end: int, since: int = -1) -> Iterator[tuple[int, bytes]]:
+        """The newest block of each station that a seat received after ``since``, by its END at ``end``."""
         for station, histories in self._stations.items():
+            if not histories.apart and histories.common[-1][0] <= since:
+                continue  # nothing since, whoever it is
             for tick, image in histories.entries(seat):
                 if tick <= end:
-                    yield station, image
+                    if tick > since:
+                        yield station, image
                     break

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.engines.contract import DEADLINE, Engine, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, SERVE, Engine, RxChar, Transmit
 from bussim.engines.free.engine import FreeConfig, FreeFrame, FreePort
 from bussim.engines.free.events import CharacterDamaged, Ended, FreeEvent, Received, Sent
 from bussim.engines.free.packing import unpack
@@ -241,3 +241,10 @@ def test_table_of_states_is_closed() -> None:
     assert set(FREE.values()) == set(FreeState)
     for state in FreeState:
         assert FREE[state, FreeInput.STOP] is FreeState.STOPPED
+
+
+def test_the_first_character_of_a_reception_is_told_once() -> None:
+    engine = port(4)
+    hints = [engine.receive(RxChar(0x41), number * CHAR, (number + 1) * CHAR) for number in range(3)]
+    assert [bool(hint & SERVE) for hint in hints] == [True, False, False]
+    assert all(hint & DEADLINE for hint in hints)

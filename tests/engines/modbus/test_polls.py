@@ -100,6 +100,65 @@ def test_a_cycle_is_over_when_all_had_a_turn() -> None:
     assert [(cycle.number, cycle.duration) for cycle in cycles] == [(0, 10), (1, 910)]
 
 
+def begun(dealer: PollList[Poll], length: int) -> list[tuple[int, str]]:
+    """(begin, name) of each turn until none is due any more; every one succeeds after ``length`` ticks."""
+    found, now = [], 0
+    while (due := dealer.next_due()) is not None:
+        now = max(now, due)
+        poll = dealer.take(now)
+        assert poll is not None
+        found.append((now, poll.name))
+        now += length
+        dealer.ended(now, None)
+    return found
+
+
+def test_a_first_due_and_a_number_of_turns() -> None:
+    polls = [
+        Poll(1, READ, every=100, at=30, times=3, name="three"),
+        Poll(1, READ, at=250, times=2, name="late"),
+        Poll(1, READ, times=0, name="never"),
+        Poll(1, READ, times=1, name="once"),
+    ]
+    dealer = PollList(polls)
+    expected = [(0, "once"), (30, "three"), (130, "three"), (230, "three"), (250, "late"), (260, "late")]
+    assert begun(dealer, 10) == expected
+    # From another start on everything begins anew, the order of the list too.
+    dealer.drop(1000)
+    assert [dealer.next_due(), dealer.take(1000), dealer.attempt] == [1000, polls[3], 1]
+    dealer.drop(2000)
+    assert begun(dealer, 10) == [(2000 + tick, name) for tick, name in expected]
+
+
+def test_retries_do_not_count_as_turns() -> None:
+    dealer = PollList([Poll(1, READ, times=1, retries=1)])
+    dealer.take(0)
+    assert dealer.ended(5, PortError.TIMEOUT)[0] is not None
+    assert dealer.attempt == 2
+    assert dealer.ended(9, PortError.TIMEOUT)[0] is None
+    assert dealer.next_due() is None
+
+
+def test_a_cycle_is_made_of_the_polls_that_recur_for_ever() -> None:
+    dealer = PollList(
+        [Poll(1, READ, name="a"), Poll(1, READ, times=1, name="command"), Poll(1, READ, name="b")]
+    )
+    ended: list[PollEvent] = []
+    now = 0
+    for _ in range(5):
+        dealer.take(now)
+        now += 10
+        ended += dealer.ended(now, None)[1]
+    # a, command, b; then a, b.
+    assert [event for event in ended if isinstance(event, CycleEnded)] == [
+        CycleEnded(30, 0, 30),
+        CycleEnded(50, 1, 20),
+    ]
+    commands = PollList([Poll(1, READ, times=1)])
+    commands.take(0)
+    assert [type(event) for event in commands.ended(5, None)[1]] == [PollEnded]
+
+
 def test_misuse() -> None:
     dealer = PollList([])
     assert dealer.next_due() is None

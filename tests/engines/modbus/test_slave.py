@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.engines.contract import EVENTS, OPEN, TRANSMIT, Engine, RxChar, Transmit
+from bussim.engines.contract import EVENTS, OPEN, SERVE, TRANSMIT, Engine, RxChar, Transmit
 from bussim.engines.modbus.adu import Adu, Mode, encode_adu
 from bussim.engines.modbus.codes import PortError, Rejection
 from bussim.engines.modbus.events import FrameRejected, RequestServed, SlaveEvent, StationRefused
@@ -338,13 +338,30 @@ def test_a_driven_slave_serves_when_told(mode: Mode) -> None:
     bench = Bench(mode, driven=True)
     assert bench.ask(write_register(3, 7)) == []
     assert bench.slave.waiting
+    assert bench.slave.reply is None
     assert bench.map.calls == []
     end = bench.now + 8 * MS
     assert bench.slave.serve(end) & TRANSMIT
+    assert bench.slave.reply is not None
     assert bench.map.calls == [("write", Space.HOLDING, 3, end)]
     assert drain(bench.slave)[-1] == Transmit(end, reply=True, counter=1)
     assert not bench.slave.waiting
     assert bench.slave.serve(end + 1) == 0
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@both_modes
+def test_a_driven_slave_says_that_a_request_waits(mode: Mode, *, whole: bool) -> None:
+    bench = Bench(mode, driven=True)
+    slave, chars = bench.slave, bench.chars(write_register(3, 7))
+    frame = encode_adu(mode, 1, encode_request(write_register(3, 7)))
+    assert frame.chars == chars
+    end = bench.line.characters(len(chars))
+    hints = slave.receive_frame(frame, 0, end) if whole else spell_to(slave, chars, 0, bench.line)[0]
+    if mode is Mode.RTU:
+        assert not hints & SERVE
+        hints = slave.line_idle(end + slave.quiet)
+    assert hints & SERVE
 
 
 def test_a_driven_slave_serves_broadcasts_too() -> None:

@@ -1,0 +1,198 @@
+"""``bussim report``: one page on one run or several."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.errors import ScenarioError, UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from bussim.exact.figures import Figures
+    from bussim.exact.lobes import Law
+    from bussim.report.scene import Scene
+    from bussim.report.source import ExactLaw, Source, StationTimes
+    from bussim.results.record import RunRecord
+
+#: A scenario is no larger (bytes).
+_LARGEST = 4 * 1024 * 1024
+#: The heaviest lobes of a law, and how many points each gets.
+_FINE_LOBES, _FINE_POINTS = 40, 65
+#: Most runs that are told apart on one axis and in one table.
+_MOST_RUNS = 7
+
+
+@click.command()
+@click.argument("runs", metavar="RUN_DIR...", nargs=-1, required=True)
+@click.option(
+    "-o", "--out", metavar="FILE", help="The page to write (default: report.html in the run's folder)."
+)
+@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@click.option("--no-exact", is_flag=True, help="Without the exact law (it takes long on a noisy line).")
+def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bool) -> None:
+    """Report one run, or compare several, as one HTML page that needs no network.
+
+    What was simulated, a verdict in words, histogram and exact law, the longest link scan as a
+    timeline (of a run with --trace), figures of every station, settings, scenario, and how to repeat
+    it. Prints the path of the page.
+    """
+    from bussim.commands.output import checked_target, write_text
+    from bussim.report.page import labels_of, report_page
+    from bussim.results.load import load_run
+
+    if len(runs) > _MOST_RUNS:
+        raise UsageError(f"{len(runs)} runs on one page cannot be told apart; at most {_MOST_RUNS}")
+    folders = [Path(run) for run in runs]
+    resolved = [folder.resolve() for folder in folders]
+    for folder, whole in zip(folders, resolved, strict=True):
+        if resolved.count(whole) > 1:
+            raise UsageError(f"{folder} is named twice")
+    records = [load_run(folder) for folder in folders]
+    target = checked_target(_target(folders, out), (".html", ".htm"), force=force)
+    labels = labels_of([whole.name for whole in resolved], records)
+    sources: list[Source] = []
+    with _progress(len(folders)) as step:
+        for folder, record, label in zip(folders, records, labels, strict=True):
+            step(f"reading {label}")
+            sources.append(_source(folder, record, label, exact=not no_exact))
+        page = report_page(sources, ["bussim", "report", *runs])
+    write_text(target, page)
+    click.echo(target)
+
+
+def _target(folders: Sequence[Path], out: str | None) -> Path:
+    if out is not None:
+        return Path(out)
+    return folders[0] / "report.html" if len(folders) == 1 else Path("report.html")
+
+
+def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Source:
+    from bussim.commands.output import traced_again
+    from bussim.report.source import Source
+    from bussim.report.stations import measured_times
+    from bussim.results.load import FolderRows
+    from bussim.results.trace_file import TRACE
+
+    scenario = _scenario(folder)
+    laws: dict[str, ExactLaw] = {}
+    no_law = ""
+    if exact:
+        try:
+            laws = _laws(folder)
+        except (ScenarioError, UsageError) as error:
+            first = str(error).splitlines()[0]
+            no_law = f"There is no exact law, since the scenario in the folder cannot be read: {first}"
+    stations: dict[str, dict[int, StationTimes]] = {}
+    scenes: dict[str, Scene] = {}
+    no_trace = ""
+    if (folder / TRACE).is_file():
+        stations = measured_times(FolderRows(folder).exchanges())
+        scenes = _scenes(folder, record)
+    else:
+        no_trace = (
+            f"This run was not traced, so there is no timeline of it. To get one: {traced_again(folder)}"
+        )
+    return Source(label, str(folder), record, scenario, laws, no_law, stations, scenes, no_trace)
+
+
+def _scenes(folder: Path, record: RunRecord) -> dict[str, Scene]:
+    """The longest link scan of every link, and the longest attempt on every other bus."""
+    from bussim.report.reading import read_stretch, worst_window
+    from bussim.report.scene import MOST_SHAPES, scene_of
+    from bussim.results.trace_file import read_trace
+
+    trace = read_trace(folder)
+    scenes = {}
+    for bus in trace.header.buses:
+        window = worst_window(trace, record, bus.name)
+        if window is None:
+            continue
+        scene = scene_of(read_stretch(trace, record, bus.name, *window))
+        if len(scene.boxes) + len(scene.marks) <= MOST_SHAPES:
+            scenes[bus.name] = scene
+    return scenes
+
+
+def _scenario(folder: Path) -> str:
+    from bussim.results.files import SCENARIO
+
+    path = folder / SCENARIO
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise UsageError(f"{path} is larger than any scenario ({_LARGEST:,} bytes)")
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise UsageError(f"{path} is missing: {folder} is not the whole folder of a run") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} cannot be read: {error}") from error
+
+
+def _laws(folder: Path) -> dict[str, ExactLaw]:
+    """The law of every N:N link; of one that faults disturb, the law between them."""
+    from bussim import api
+    from bussim.exact.figures import Request, figures_of
+    from bussim.exact.reading import from_scenario
+    from bussim.results.files import SCENARIO
+
+    scenario = api.load(folder / SCENARIO)
+    undisturbed = from_scenario(scenario, ignore_faults=True)
+    laws = {}
+    for bus, model in from_scenario(scenario).items():
+        # Refreshes take by far the longest, and the run has measured them.
+        figures = figures_of(model if model.valid else undisturbed[bus], Request(refresh=False))
+        laws[bus] = _law(figures)
+    return laws
+
+
+def _law(figures: Figures) -> ExactLaw:
+    from bussim.report.source import ExactLaw
+
+    if figures.law is None:
+        return ExactLaw(figures.to_json())
+    x, tail = _curve(figures.law)
+    said = figures.in_words()
+    return ExactLaw(
+        figures.to_json(), said[-1] if said else "", figures.model.notes, x.tolist(), tail.tolist()
+    )
+
+
+def _curve(law: Law) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (ms) of P(scan > x), close together where most scans are: bars of 10 µs are cut from it."""
+    import numpy as np
+
+    from bussim.exact.figures import tail_curve
+    from bussim.units import TICKS_PER_MS
+
+    heaviest = np.argsort(law.weight)[-_FINE_LOBES:]
+    fine = np.linspace(law.shift[heaviest], law.upper[heaviest], _FINE_POINTS)
+    rough, _ = tail_curve(law)
+    # A lobe without a width is a jump: a point just before it keeps the line upright.
+    ticks = np.concatenate((rough * TICKS_PER_MS, fine.ravel(), law.shift[heaviest] - 1))
+    x = np.unique(ticks)
+    return x / TICKS_PER_MS, law.tail(x)
+
+
+@contextmanager
+def _progress(steps: int) -> Iterator[Callable[[str], None]]:
+    """A progress bar on stderr, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield lambda _text: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("report", total=steps)
+
+        def step(text: str) -> None:
+            bar.update(task, description=text, advance=1)
+
+        yield step

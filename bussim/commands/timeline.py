@@ -1,0 +1,181 @@
+"""``bussim timeline``: a bus like a logic analyser shows it, from a traced run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.errors import UsageError
+
+if TYPE_CHECKING:
+    from bussim.report.stretch import Stretch
+    from bussim.results.record import RunRecord
+    from bussim.results.trace_file import Trace
+    from bussim.trace import TraceBus
+
+#: Where neither --from nor --span says how long.
+_DEFAULT_SPAN = "200ms"
+#: More frames than this in a window cannot be told apart.
+_MOST_FRAMES = 1_000
+
+
+@click.command()
+@click.argument("run", metavar="RUN_DIR")
+@click.option("--from", "since", metavar="T", help="Begin so long after the run's start, such as 10s.")
+@click.option("--span", metavar="T", help=f"Draw so much of it (default: {_DEFAULT_SPAN}).")
+@click.option(
+    "--worst", is_flag=True, help="The longest link scan or Modbus attempt; so too without --from."
+)
+@click.option("--bus", metavar="NAME", help="Which bus (default: the one with the longest link scan).")
+@click.option("-o", "--out", metavar="FILE", help="A .png or .svg (default: a .png in the run's folder).")
+@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@click.option("--json", "as_json", is_flag=True, help="Print what link scans were made of, as JSON.")
+def command(
+    run: str,
+    *,
+    since: str | None,
+    span: str | None,
+    worst: bool,
+    bus: str | None,
+    out: str | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Draw a stretch of a traced run: who sent what when, attempts, damage, ENDs, what changed.
+
+    Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
+    run with --trace. Prints the path of the picture.
+    """
+    from bussim.commands.output import checked_target, traced_again
+    from bussim.report.picture import timeline_picture
+    from bussim.report.reading import read_stretch
+    from bussim.report.scene import scene_of
+    from bussim.results.load import load_run
+    from bussim.results.names import file_names
+    from bussim.results.plots import caption
+    from bussim.results.trace_file import TRACE, read_trace
+    from bussim.units import seconds
+
+    folder = Path(run)
+    record = load_run(folder)
+    if not (folder / TRACE).is_file():
+        raise UsageError(f"{folder} has no trace to draw; get one with {traced_again(folder)}")
+    trace = read_trace(folder)
+    buses = {each.name: each for each in trace.header.buses}
+    name = _bus(record, buses, bus)
+    begin, end = _window(trace, record, name, since, span, worst=worst)
+    stem = file_names(buses)[name]
+    place = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
+    target = checked_target(place, (".png", ".svg"), force=force)
+    stretch = read_stretch(trace, record, name, begin, end)
+    if len(stretch.frames) > _MOST_FRAMES:
+        raise UsageError(
+            f"the window holds {len(stretch.frames):,} frames, which cannot be told apart; at most "
+            f"{_MOST_FRAMES:,}: choose a shorter --span"
+        )
+    scene = scene_of(stretch)
+    timeline_picture(scene, caption(record)).save(target)
+    if as_json:
+        click.echo(json.dumps(_as_json(stretch, target), indent=2, ensure_ascii=False))
+        return
+    for sentence in scene.why:
+        click.echo(sentence)
+    click.echo(target)
+
+
+def _bus(record: RunRecord, buses: dict[str, TraceBus], wanted: str | None) -> str:
+    if wanted is not None:
+        if wanted not in buses:
+            raise UsageError(f"{record.scenario} has no bus {wanted!r}; it has {_names(buses)}")
+        return wanted
+    longest = {
+        bus: link.scan_times.histogram.maximum or 0 for bus, link in record.links.items() if bus in buses
+    }
+    if longest:
+        return max(longest, key=lambda bus: longest[bus])
+    if not buses:
+        raise UsageError(f"the trace of {record.scenario} names no bus; there is nothing to draw")
+    return next(iter(buses))
+
+
+def _names(buses: dict[str, TraceBus]) -> str:
+    return ", ".join(map(repr, buses)) or "none"
+
+
+def _window(
+    trace: Trace, record: RunRecord, bus: str, since: str | None, span: str | None, *, worst: bool
+) -> tuple[int, int]:
+    """First and last tick to draw."""
+    from bussim.report.reading import worst_window
+    from bussim.units import format_time, seconds
+
+    if since is None:
+        if span is not None and worst:
+            raise UsageError("--worst draws the longest link scan, however long: leave --span away")
+        if span is not None:
+            raise UsageError("--span says how much to draw: say from when as well, with --from")
+        found = worst_window(trace, record, bus)
+        if found is None:
+            what = "made no complete link scan" if bus in record.links else "carried nothing"
+            raise UsageError(f"the bus {bus!r} {what}; choose a stretch with --from and --span")
+        return found
+    if worst:
+        raise UsageError("--worst chooses the stretch itself: leave --from away")
+    begin = _time("--from", since)
+    length = _time("--span", span or _DEFAULT_SPAN)
+    if length <= 0:
+        raise UsageError(f"--span is {span!r}, it must be above 0")
+    if not 0 <= begin < record.duration:
+        raise UsageError(
+            f"--from is {format_time(begin)}; the run covers 0 s to {seconds(record.duration):g} s"
+        )
+    return begin, min(begin + length, record.duration)
+
+
+def _time(option: str, text: str) -> int:
+    from bussim.units import parse_time
+
+    try:
+        return parse_time(text)
+    except ValueError as error:
+        raise UsageError(f"{option} {error}") from None
+
+
+def _as_json(stretch: Stretch, target: Path) -> dict[str, object]:
+    """What every link scan that lies whole in the window was made of. Times in ms, instants in s."""
+    from bussim.report.stretch import parts_of_scan
+    from bussim.units import milliseconds, seconds
+
+    scans = []
+    for scan in stretch.scans:
+        if stretch.begin <= scan.start and scan.start + scan.duration <= stretch.end:
+            parts = [
+                {
+                    "start_s": round(seconds(part.start), 9),
+                    "ms": round(milliseconds(part.ticks), 6),
+                    "what": part.what,
+                    "attempt": part.attempt or None,
+                    "lost": part.lost,
+                }
+                for part in parts_of_scan(stretch, scan)
+            ]
+            scans.append(
+                {
+                    "number": scan.number,
+                    "start_s": round(seconds(scan.start), 9),
+                    "ms": round(milliseconds(scan.duration), 6),
+                    "failed": scan.failed,
+                    "parts": parts,
+                }
+            )
+    return {
+        "schema": 1,
+        "picture": str(target),
+        "bus": stretch.bus,
+        "from_s": round(seconds(stretch.begin), 9),
+        "to_s": round(seconds(stretch.end), 9),
+        "scans": scans,
+    }

@@ -1,0 +1,165 @@
+"""Operands of an instruction list: K and H constants, devices, groups of bits, index registers, labels.
+
+How they are written (FX programming manual): ``K-5``, ``H0081``, ``X017`` (octal), ``D8176``,
+``K1M1064`` (one group of four bits, M1064 the lowest), ``D0Z1`` and ``K1M0V`` (the value of Z1 or V0
+added to the address), ``P12`` (a label), ``N0`` (a level of MC). Lower case is read as upper case.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from bussim.plc.memory import BIT_RANGES, FIRST_LONG_COUNTER, INDEX_REGISTERS, Device
+from bussim.wording import shorten
+
+#: Word devices that a program may name, and their ranges. C200–C255 have 32 bits and stand alone.
+WORD_SPANS: dict[str, tuple[tuple[int, int], ...]] = {
+    "D": ((0, 8255),),
+    "T": ((0, 255),),
+    "C": ((0, FIRST_LONG_COUNTER - 1), (FIRST_LONG_COUNTER, 255)),
+    "V": ((0, INDEX_REGISTERS - 1),),
+    "Z": ((0, INDEX_REGISTERS - 1),),
+}
+#: Labels P0–P127, of which P63 means END, and levels N0–N7 (FX programming manual).
+LAST_LABEL = 127
+END_LABEL = 63
+LAST_LEVEL = 7
+
+_INDEX = r"(?:([VZ])([0-9]?))?"
+_DECIMAL = re.compile(rf"K([+-]?[0-9]{{1,12}}){_INDEX}", re.ASCII)
+_HEX = re.compile(rf"H([0-9A-F]{{1,12}}){_INDEX}", re.ASCII)
+_GROUP = re.compile(rf"K([0-9]{{1,2}})([XYMS])([0-9]{{1,5}}){_INDEX}", re.ASCII)
+_DEVICE = re.compile(rf"([XYMSTCDPN])([0-9]{{1,5}}){_INDEX}", re.ASCII)
+_REGISTER = re.compile(r"([VZ])([0-9]{0,5})", re.ASCII)
+_OCTAL = "XY"
+
+
+@dataclass(frozen=True, slots=True)
+class Operand:
+    """One operand and its place in the file.
+
+    ``kind`` is what instructions accept: K (a constant, K or H), KnX KnY KnM KnS (a group), X Y M S T C
+    D V Z (a device), P (a label) or N (a level). ``address`` is the constant's value or the first
+    device's address; ``groups`` the n of Kn; ``index`` the register (letter, number) added to it.
+    ``hexadecimal`` constants are patterns of bits: HFFFF is -1 to a 16-bit instruction.
+    """
+
+    text: str
+    column: int
+    kind: str
+    letter: str
+    address: int
+    groups: int = 0
+    index: tuple[str, int] | None = None
+    hexadecimal: bool = False
+
+    @property
+    def device(self) -> Device:
+        """The first device."""
+        return Device(self.letter, self.address)
+
+    @property
+    def constant(self) -> int | None:
+        """The value of a constant without index, else None."""
+        return self.address if self.kind == "K" and self.index is None else None
+
+
+def bit_end(letter: str, address: int) -> int | None:
+    """The last address of the range of bits that holds an address; None outside all of them."""
+    return _end(BIT_RANGES[letter], address)
+
+
+def word_end(letter: str, address: int) -> int | None:
+    """The last address of the range of words that holds an address; None outside all of them."""
+    return _end(WORD_SPANS[letter], address)
+
+
+def _end(ranges: tuple[tuple[int, int], ...], address: int) -> int | None:
+    for first, last in ranges:
+        if first <= address <= last:
+            return last
+    return None
+
+
+def range_text(letter: str) -> str:
+    """The addresses of a letter as a message shows them."""
+    if letter == "P":
+        return f"P0–P{LAST_LABEL}"
+    if letter == "N":
+        return f"N0–N{LAST_LEVEL}"
+    ranges = BIT_RANGES.get(letter) or WORD_SPANS[letter]
+    return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
+
+
+def parse_operand(text: str, column: int) -> Operand:
+    """The operand that a text names. Raises ValueError with a message for the user."""
+    upper = text.upper()
+    if match := _GROUP.fullmatch(upper):
+        count, letter, digits, *index = match.groups()
+        address = _address(text, letter, digits)
+        groups = int(count)
+        if not 1 <= groups <= 8:
+            raise ValueError(
+                f"{shorten(text)}: K{groups} in front of a bit device, allowed K1–K8 (groups of 4)"
+            )
+        return Operand(text, column, f"Kn{letter}", letter, address, groups, _index(text, *index))
+    if match := _DECIMAL.fullmatch(upper):
+        number, *index = match.groups()
+        return Operand(text, column, "K", "K", int(number), 0, _index(text, *index))
+    if match := _HEX.fullmatch(upper):
+        number, *index = match.groups()
+        value = int(number, 16)
+        return Operand(text, column, "K", "H", value, 0, _index(text, *index), hexadecimal=True)
+    if match := _REGISTER.fullmatch(upper):
+        letter, digits = match.groups()
+        return Operand(text, column, letter, letter, _address(text, letter, digits or "0"))
+    if match := _DEVICE.fullmatch(upper):
+        letter, digits, *index = match.groups()
+        address = _address(text, letter, digits)
+        return Operand(text, column, letter, letter, address, 0, _index(text, *index))
+    raise ValueError(f"{shorten(repr(text))} is no device or constant; {_hint(upper)}")
+
+
+def _address(text: str, letter: str, digits: str) -> int:
+    shown = shorten(text)
+    octal = letter in _OCTAL
+    if octal and not set(digits) <= set("01234567"):
+        meant = Device(letter, int(digits))
+        raise ValueError(
+            f"{shown}: {letter} is numbered in octal (no 8 or 9); point {int(digits)} of {letter} is {meant}"
+        )
+    address = int(digits, 8 if octal else 10)
+    if letter in "PN":
+        inside = address <= (LAST_LABEL if letter == "P" else LAST_LEVEL)
+    else:
+        inside = _end(BIT_RANGES.get(letter) or WORD_SPANS[letter], address) is not None
+    if not inside:
+        raise ValueError(f"{shown}: there is no {letter}{digits}, allowed {range_text(letter)}")
+    return address
+
+
+def _index(text: str, letter: str | None, digits: str | None) -> tuple[str, int] | None:
+    if letter is None:
+        return None
+    number = int(digits or 0)
+    if number >= INDEX_REGISTERS:
+        raise ValueError(f"{shorten(text)}: there is no {letter}{number}, allowed {range_text(letter)}")
+    return letter, number
+
+
+def _hint(upper: str) -> str:
+    """What may have been meant: letters for digits are the commonest slip."""
+    if upper.lstrip("+-").isdigit() and upper.isascii():
+        return f"did you mean K{shorten(upper)}?"
+    if len(upper) == 1 and upper in "XYMSTCDPN":
+        return f"{upper} needs a number, such as {upper}0"
+    repaired = upper[:1] + upper[1:].translate(str.maketrans("OIL", "011"))
+    for guess in (repaired, repaired.replace("-", ""), repaired.replace("_", "")):
+        if guess != upper:
+            try:
+                parse_operand(guess, 0)
+            except ValueError:
+                continue
+            return f"did you mean {shorten(guess)}?"
+    return "write a device of X Y M S T C D V Z with its number, a group such as K1M0, or K or H and a number"

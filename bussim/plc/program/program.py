@@ -1,0 +1,114 @@
+"""A checked program: its instructions, cut into stretches, with warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from bussim.errors import Problem, ProgramError
+from bussim.plc.memory import Device
+from bussim.plc.program.catalog import Instruction
+from bussim.plc.program.check import Extent, extents
+from bussim.plc.program.flow import FlowCheck, Stretch, cut
+from bussim.plc.program.ladder import Ladder
+from bussim.plc.program.source import Source
+
+#: The bit under which an FX takes its link settings over, if its contact is the program's first step.
+LINK_SETTINGS = 8038
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A program that can run. Two are equal if their text and name are."""
+
+    text: str
+    name: str
+    instructions: tuple[Instruction, ...] = field(repr=False)
+    stretches: tuple[Stretch, ...] = field(repr=False)
+    warnings: tuple[Problem, ...] = field(repr=False)
+
+    @classmethod
+    def parse(cls, text: str, source_name: str) -> Program:
+        """Read a program. ``source_name`` stands in messages: the file as the user named it.
+
+        Raises ProgramError with every mistake.
+        """
+        source = Source(text, source_name)
+        ladder = Ladder(source.instructions, source.gaps, source_name)
+        problems = source.problems + ladder.problems
+        # A text that was not read to its end seems to lack its END and its labels.
+        if source.whole:
+            problems += FlowCheck(source.instructions, source_name).problems
+        if problems:
+            raise ProgramError(problems)
+        instructions = source.instructions
+        warnings = tuple(_warnings(instructions, source_name))
+        stretches = tuple(cut(ladder.items, instructions))
+        return cls(text, source_name, tuple(instructions), stretches, warnings)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Program) and (self.text, self.name) == (other.text, other.name)
+
+    def __hash__(self) -> int:
+        return hash((self.text, self.name))
+
+    def __reduce__(self) -> tuple[object, tuple[str, str]]:
+        # Another process reads the text again: faster than sending what was made of it.
+        return Program.parse, (self.text, self.name)
+
+    @property
+    def steps(self) -> int:
+        """Program steps, as a programming tool counts them."""
+        from bussim.plc.program.catalog import steps_of
+
+        last = self.instructions[-1]
+        return last.step + steps_of(last.form, last.operands)
+
+    @property
+    def uses_ports(self) -> bool:
+        """Whether it has an RS2 or CPAVL."""
+        return any(at.spec.group == "serial" for at in self.instructions)
+
+    @property
+    def sets_link_at_step_0(self) -> bool:
+        """Whether its first step is a contact of M8038, as an FX wants it for its link settings."""
+        first = self.instructions[0]
+        return first.name == "LD" and first.operands[0].device == Device("M", LINK_SETTINGS)
+
+    def writes(self) -> tuple[Extent, ...]:
+        """What the program's instructions write, where no index register decides."""
+        return tuple(extent for at in self.instructions for extent in extents(at) if extent.writes)
+
+
+def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
+    """What a PLC would accept and its programmer hardly means."""
+
+    def warn(at: Instruction, message: str) -> Problem:
+        return Problem(name, at.line, at.column, message)
+
+    coils: dict[Device, Instruction] = {}
+    for at in instructions:
+        if at.name in ("OUT", "PLS", "PLF"):
+            device = at.operands[0].device
+            if device in coils:
+                yield warn(
+                    at, f"{device} is driven at line {coils[device].line} too; the last one executed wins"
+                )
+            coils.setdefault(device, at)
+        elif at.number and any(
+            operand.device == Device("M", LINK_SETTINGS) for operand in at.operands if operand.kind == "M"
+        ):
+            yield warn(at, "M8038 takes link settings over only as the contact of the program's first step")
+    for at in instructions:
+        if at.name in ("OUT", "PLS", "PLF", "SET", "RST", "ZRST"):
+            continue
+        for extent in extents(at):
+            if not extent.writes or extent.word:
+                continue
+            for device, coil in coils.items():
+                if extent.holds(device.letter, device.address, word=False):
+                    yield warn(
+                        at,
+                        f"{at.name} writes {device}, which {coil.name} at line {coil.line} drives; "
+                        "the last one executed wins",
+                    )

@@ -1,0 +1,270 @@
+"""Carries a program out, scan by scan, on a PLC's memory. All times are ticks of 1/72 MHz.
+
+A scan happens at one tick: whoever calls it has sampled the inputs into X before, and takes Y, the
+shared areas and what else leaves the PLC from the memory afterwards. Timers and clocks read the time
+of the scan.
+
+Special devices (FX programming manual): M8000 on and M8001 off in RUN, M8002 on and M8003 off in the
+first scan, M8011 M8012 M8013 M8014 clocks of 10 ms, 100 ms, 1 s and 1 min (half a period on, then
+half off; they run free from power-on, with the on half first, and change at scans only: assumed), D8000
+the watchdog's time in ms, M8061 and D8061 = 6105 when it has expired. M8038 is on in the first scan if
+its contact is the program's first step.
+
+At STOP→RUN the outputs Y, the timers T0–T245 and the counters C0–C99 and C200–C219 are cleared, as are
+all memories of edges and the operation error (M8067 M8068, D8067–D8069). M, S and D keep what they
+have: a scenario's registers are set before RUN (assumed).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bussim.plc.memory import Memory
+from bussim.plc.program.access import value_reader
+from bussim.plc.program.build import Builder, standing_time
+from bussim.plc.program.catalog import Instruction
+from bussim.plc.program.coils import FIRST_RETENTIVE_TIMER
+from bussim.plc.program.flow import MAX_CALLS, Stretch
+from bussim.plc.program.machine import (
+    CALLS_TOO_DEEP,
+    ERROR,
+    ERROR_CODE,
+    ERROR_LATCH,
+    ERROR_STEP,
+    LATCHED_STEP,
+    Machine,
+    OperationError,
+    Ports,
+)
+from bussim.plc.program.program import LINK_SETTINGS, Program
+from bussim.plc.program.shapes import Step
+from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes, ticks_of
+from bussim.units import TICKS_PER_MS
+
+#: D8000 at power-on, in ms (FX programming manual).
+WATCHDOG = 200
+#: D8061 when the watchdog has expired.
+WATCHDOG_CODE = 6105
+#: Stretches that a scan may go through (a program with a WDT in an endless loop would never end).
+MAX_STRETCHES = 1_000_000
+
+_NS_PER_MS = 1_000_000
+_CLEARED_TIMERS = range(FIRST_RETENTIVE_TIMER)
+_CLEARED_COUNTERS = (range(100), range(200, 220))
+_END = -1
+Exit = Callable[[], int]
+
+
+class ProgramRun:
+    """A program on a memory, from power-on. Made anew when the memory is.
+
+    ``power_on`` is the tick from which the PLC's clocks run. ``ports`` carries out RS2 and CPAVL;
+    ValueError if the program has one and there are none.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        memory: Memory,
+        *,
+        times: InstructionTimes = DEFAULT_TIMES,
+        ports: Ports | None = None,
+        power_on: int = 0,
+    ) -> None:
+        if ports is None and program.uses_ports:
+            raise ValueError(f"{program.name} has RS2 or CPAVL, which need ports")
+        self.program = program
+        #: Why the program stands still (a code of D8061), 0 while it runs. RUN clears it.
+        self.halted = 0
+        #: The longest time of the latest scan without a WDT, in ns.
+        self.unwatched = 0
+        self._origin = power_on
+        self._machine = Machine(memory, times, ports, size=len(program.instructions), origin=power_on)
+        self._m, self._d = memory.bits("M"), memory.words("D")
+        self._calls: list[int] = []
+        self._loops = [0] * len(program.stretches)
+        self._watched = 0
+        self._bind(program)
+        if not self._d[8000]:
+            self._d[8000] = WATCHDOG
+
+    def _bind(self, program: Program) -> None:
+        machine = self._machine
+        builder = Builder(machine)
+        for stretch in program.stretches:
+            for item in stretch.rungs:
+                if item.condition is not None:
+                    builder.conditions.reserve(item.condition)
+            if stretch.exit is not None and stretch.exit.condition is not None:
+                builder.conditions.reserve(stretch.exit.condition)
+        self._stretches: list[tuple[tuple[Step, ...], int, Exit]] = []
+        for here, stretch in enumerate(program.stretches):
+            steps = (builder.step(item) for item in stretch.rungs)
+            time = sum(standing_time(machine.times, at) for at in stretch.instructions)
+            self._stretches.append(
+                (tuple(step for step in steps if step is not None), time, self._exit(builder, here, stretch))
+            )
+        first = program.stretches[0].exit
+        self._straight = first is not None and first.instruction.name in ("END", "FEND")
+
+    # -- RUN, STOP and scans -----------------------------------------------------------------------
+
+    def run(self, now: int) -> None:
+        """STOP→RUN at a tick."""
+        machine, m = self._machine, self._m
+        machine.now[0] = now - self._origin
+        self._clear_outputs()
+        for letter, ranges in (("T", (_CLEARED_TIMERS,)), ("C", _CLEARED_COUNTERS)):
+            contacts, values = machine.bits[letter], machine.words[letter]
+            for numbers in ranges:
+                for number in numbers:
+                    contacts[number] = values[number] = 0
+        for memories in (machine.earlier, machine.counter_input, machine.saved, machine.levels):
+            memories[:] = bytes(len(memories))
+        machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 256
+        machine.scan[0] = 0
+        for flag in (ERROR, ERROR_LATCH, 8061):
+            m[flag] = 0
+        for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
+            self._d[word] = 0
+        m[8000], m[8001], m[8002], m[8003] = 1, 0, 1, 0
+        m[LINK_SETTINGS] = self.program.sets_link_at_step_0
+        self.halted = 0
+
+    def stop(self) -> None:
+        """RUN→STOP: the outputs go off."""
+        m = self._m
+        m[8000], m[8001], m[8002], m[8003], m[LINK_SETTINGS] = 0, 1, 0, 1, 0
+        self._clear_outputs()
+
+    def halt(self, code: int = WATCHDOG_CODE) -> None:
+        """An error of the PLC itself: M8061 and D8061, outputs off, no further scan until RUN."""
+        self.halted = code
+        self._m[8061], self._d[8061] = 1, code
+        self._clear_outputs()
+
+    def _clear_outputs(self) -> None:
+        outputs = self._machine.bits["Y"]
+        outputs[:] = bytes(len(outputs))
+
+    def scan(self, now: int) -> int:
+        """One scan at a tick; returns the time that its instructions take, in ticks.
+
+        0, and nothing happens, once the program stands still (``halted``).
+        """
+        if self.halted:
+            return 0
+        machine, m = self._machine, self._m
+        machine.now[0] = time = now - self._origin
+        machine.scan[0] = number = machine.scan[0] + 1
+        if number == 2:
+            m[8002], m[8003], m[LINK_SETTINGS] = 0, 1, 0
+        m[8011] = time % (10 * TICKS_PER_MS) < 5 * TICKS_PER_MS
+        m[8012] = time % (100 * TICKS_PER_MS) < 50 * TICKS_PER_MS
+        m[8013] = time % (1000 * TICKS_PER_MS) < 500 * TICKS_PER_MS
+        m[8014] = time % (60_000 * TICKS_PER_MS) < 30_000 * TICKS_PER_MS
+        spent = machine.spent
+        if self._straight:
+            steps, fixed, _ = self._stretches[0]
+            spent[0] = fixed
+            for step in steps:
+                step()
+            self.unwatched = spent[0]
+        else:
+            self._wander()
+        total = spent[0]
+        if self.unwatched > self._d[8000] * _NS_PER_MS and not self.halted:
+            self.halt()
+        return ticks_of(total)
+
+    def _wander(self) -> None:
+        """Go through the stretches as the program's jumps say."""
+        spent, stretches = self._machine.spent, self._stretches
+        spent[0] = self._watched = self.unwatched = 0
+        self._calls.clear()
+        at = left = 0
+        while at != _END:
+            steps, fixed, go_on = stretches[at]
+            spent[0] += fixed
+            for step in steps:
+                step()
+            at = go_on()
+            left += 1
+            if left > MAX_STRETCHES or spent[0] - self._watched > self._d[8000] * _NS_PER_MS:
+                self.unwatched = max(self.unwatched, spent[0] - self._watched)
+                self.halt()
+                return
+        self.unwatched = max(self.unwatched, spent[0] - self._watched)
+
+    # -- where a stretch leads ---------------------------------------------------------------------
+
+    def _exit(self, builder: Builder, here: int, stretch: Stretch) -> Exit:
+        control, target, following = stretch.exit, stretch.target, here + 1
+        if control is None:
+            last = following >= len(self.program.stretches)
+            return lambda: _END if last else following
+        match control.instruction.spec.name:
+            case "CJ":
+                test = builder.test(control)
+                return lambda: target if test() else following
+            case "CALL":
+                return self._call(builder.test(control), target, following, control.instruction.step)
+            case "SRET":
+                calls = self._calls
+                return lambda: calls.pop() if calls else _END
+            case "FOR":
+                return self._for(control.instruction, here)
+            case "NEXT":
+                return self._next(target, following)
+            case "WDT":
+                return self._watch(builder.test(control), following)
+            case _:  # FEND, END
+                return lambda: _END
+
+    def _call(self, test: Callable[[], int], target: int, following: int, step: int) -> Exit:
+        calls, machine = self._calls, self._machine
+
+        def call() -> int:
+            if not test():
+                return following
+            if len(calls) >= MAX_CALLS:
+                machine.fail(CALLS_TOO_DEEP, step)
+                return following
+            calls.append(following)
+            return target
+
+        return call
+
+    def _for(self, at: Instruction, here: int) -> Exit:
+        machine, loops = self._machine, self._loops
+        read = value_reader(machine, at.operands[0])
+
+        def begin() -> int:
+            try:
+                loops[here] = max(read(), 1)  # 0 and less count as 1 (FX programming manual)
+            except OperationError as error:
+                machine.fail(error.code, at.step)
+                loops[here] = 1
+            return here + 1
+
+        return begin
+
+    def _next(self, body: int, following: int) -> Exit:
+        loops = self._loops
+
+        def again() -> int:
+            loops[body - 1] -= 1
+            return body if loops[body - 1] > 0 else following
+
+        return again
+
+    def _watch(self, test: Callable[[], int], following: int) -> Exit:
+        spent = self._machine.spent
+
+        def watch() -> int:
+            if test():
+                self.unwatched = max(self.unwatched, spent[0] - self._watched)
+                self._watched = spent[0]
+            return following
+
+        return watch

@@ -1,0 +1,560 @@
+"use strict";
+(() => {
+  const payload = JSON.parse(document.getElementById("payload").textContent);
+  const drawn = new Map(); // figure -> what is on it
+  const PRINT_WIDTH = 660;
+  let printing = false;
+
+  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const isDark = () => !printing && matchMedia("(prefers-color-scheme: dark)").matches;
+  const node = (tag, attributes = {}, text = "") => {
+    const made = document.createElement(tag);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    if (text) made.textContent = text;
+    return made;
+  };
+  const digits = (value, most = 3) => value.toLocaleString("en", { maximumFractionDigits: most });
+
+  // Colours of the palette that vanish on a dark page.
+  const DARKER = { "#000000": "#e8e8e8", "#0072B2": "#56b4e9", "#009E73": "#2fd3a2", "#D55E00": "#ff8a3d" };
+  const shown = (colour) => (isDark() && DARKER[colour]) || colour;
+  const grey = (colour) => (isDark() ? "#" + [1, 3, 5].map((at) =>
+    Math.round((255 - parseInt(colour.slice(at, at + 2), 16)) * 0.75 + 50).toString(16).padStart(2, "0")).join("") : colour);
+
+  const axis = (label, extra = {}) => ({
+    label, labelSize: 24, labelFont: "13px system-ui, sans-serif", font: "12px system-ui, sans-serif",
+    stroke: css("--ink"), grid: { stroke: css("--grid"), width: 1 }, ticks: { stroke: css("--line"), width: 1 }, ...extra,
+  });
+  const padded = (low, high, share = 0.03, least = 0.05) => {
+    const extra = Math.max((high - low) * share, (least - (high - low)) / 2, 0);
+    return [low - extra, high + extra];
+  };
+  // As few decimals as the steps between the ticks need.
+  const plain = (u, splits) => {
+    const step = splits.length > 1 ? splits[1] - splits[0] : 1;
+    const places = Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)));
+    return splits.map((value) => value.toLocaleString("en", { maximumFractionDigits: places }));
+  };
+  // Of a logarithmic axis only whole decades are written.
+  const decades = (u, splits) => splits.map((value) => {
+    if (value === null) return "";
+    const power = Math.log10(value);
+    if (Math.abs(power - Math.round(power)) > 1e-6) return "";
+    return power >= 0 && power < 7 ? value.toLocaleString("en") : power >= -2 ? String(+value.toPrecision(2)) : "1e" + Math.round(power);
+  });
+
+  const powers = (low, high) => {
+    const splits = [];
+    for (let at = Math.ceil(Math.log10(low) - 1e-9); 10 ** at <= high; at++) splits.push(10 ** at);
+    return splits;
+  };
+
+  // ---- what all charts have: zoom by keyboard, hover, size ----
+  class Chart {
+    constructor(figure, data) {
+      this.figure = figure;
+      this.data = data;
+      this.plot = figure.querySelector(".plot");
+      this.tools = figure.querySelector(".tools");
+      this.button("Zoom in", () => this.zoom(0.5));
+      this.button("Zoom out", () => this.zoom(2));
+      this.button("←", () => this.move(-0.4), "Move left");
+      this.button("→", () => this.move(0.4), "Move right");
+      this.button("Show all", () => this.range(...this.whole));
+      this.setUp();
+      this.draw();
+    }
+    setUp() {}
+    button(text, act, label = "") {
+      const button = node("button", { type: "button" }, text);
+      button.setAttribute("aria-label", `${label || text}: ${this.data.title}`);
+      button.addEventListener("click", act);
+      this.tools.append(button);
+      return button;
+    }
+    toggle(text, on, act) {
+      const button = this.button(text, () => {
+        const now = button.getAttribute("aria-pressed") !== "true";
+        button.setAttribute("aria-pressed", String(now));
+        act(now);
+      });
+      button.setAttribute("aria-pressed", String(on));
+    }
+    range(low, high) {
+      const [least, most] = this.whole;
+      const span = Math.min(high - low, most - least);
+      low = Math.max(least, Math.min(low, most - span));
+      this.view = [low, low + span];
+      this.u.setScale("x", { min: low, max: low + span });
+    }
+    zoom(factor) {
+      const { min, max } = this.u.scales.x;
+      const middle = (min + max) / 2, half = ((max - min) * factor) / 2;
+      this.range(middle - half, middle + half);
+    }
+    move(share) {
+      const { min, max } = this.u.scales.x;
+      this.range(min + (max - min) * share, max + (max - min) * share);
+    }
+    width() { return printing ? PRINT_WIDTH : Math.max(260, Math.floor(this.plot.clientWidth)); }
+    draw() {
+      this.u?.destroy();
+      this.plot.replaceChildren();
+      const tip = this.tip = node("div", { class: "tip", hidden: "", "aria-hidden": "true" });
+      const view = this.view;
+      const options = this.options();
+      const hooks = options.hooks ?? {};
+      this.u = new uPlot({
+        width: this.width(), height: 300, legend: { show: false }, padding: [12, 14, 0, 0],
+        ...options,
+        cursor: { drag: { x: true, y: false, uni: 8 }, points: { show: false }, y: false, ...options.cursor },
+        hooks: { ...hooks, setCursor: [(u) => this.hover(u)], setSelect: [() => setTimeout(() => {
+          this.view = [this.u.scales.x.min, this.u.scales.x.max];
+        })] },
+      }, this.content(), this.plot);
+      const wrap = this.plot.querySelector(".u-wrap");
+      wrap.setAttribute("role", "img");
+      wrap.setAttribute("aria-label", this.data.description);
+      wrap.append(tip);
+      const legend = this.legend();
+      if (legend.length) {
+        const list = node("ul", { class: "legend" });
+        for (const [colour, text, style] of legend) {
+          const item = node("li"), swatch = node("i", { "aria-hidden": "true" });
+          swatch.style.background = style === "hatch"
+            ? `repeating-linear-gradient(45deg, ${colour} 0 2px, transparent 2px 6px)` : style === "frame" ? "none" : colour;
+          if (style) swatch.style.borderColor = colour;
+          item.append(swatch, text);
+          list.append(item);
+        }
+        this.plot.append(list);
+      }
+      if (view) this.range(...view);
+    }
+    legend() { return []; }
+    hover(u) {
+      const { left, top } = u.cursor;
+      const text = left === null || left < 0 ? "" : this.tell(u, left, top);
+      this.tip.hidden = !text;
+      if (!text) return;
+      this.tip.textContent = text;
+      const x = u.over.offsetLeft + left, y = u.over.offsetTop + top;
+      const box = this.tip.getBoundingClientRect(), room = this.plot.clientWidth;
+      this.tip.style.left = `${Math.max(0, Math.min(x + 12, room - box.width))}px`;
+      this.tip.style.top = `${y + 16}px`;
+    }
+    tell() { return ""; }
+  }
+
+  // ---- histograms, aggregated anew for what is visible ----
+  const MOST_BARS = 150;
+  const barWidth = (span, most) => {
+    for (let decade = 1; ; decade *= 10)
+      for (const width of [decade, 2 * decade, 5 * decade]) if (span <= width * most) return width;
+  };
+  // P(x' > x) between the points of the law.
+  const tailAt = (law, x) => {
+    if (x <= law[0][0]) return 1;
+    let low = 0, high = law.length - 1;
+    if (x >= law[high][0]) return law[high][1];
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (law[middle][0] <= x) low = middle; else high = middle;
+    }
+    const [x0, p0] = law[low], [x1, p1] = law[high];
+    return p0 + ((p1 - p0) * (x - x0)) / (x1 - x0);
+  };
+  class Histogram extends Chart {
+    setUp() {
+      this.several = this.data.series.length > 1;
+      this.sums = this.data.series.map(({ bins }) => {
+        let sum = 0;
+        return [bins.map(([place]) => place), [0, ...bins.map(([, count]) => (sum += count))]];
+      });
+      const places = this.data.series.flatMap(({ bins }) => [bins[0][0], bins[bins.length - 1][0]]);
+      const unit = this.data.bin_ms;
+      this.whole = padded((Math.min(...places) - 0.5) * unit, (Math.max(...places) + 0.5) * unit);
+      this.log = this.whole[1] - this.whole[0] > 5;
+      this.toggle("Logarithmic", this.log, (on) => { this.log = on; this.draw(); });
+    }
+    counted(number, from, to) { // samples in bins from…to-1
+      const [places, sums] = this.sums[number];
+      const before = (place) => {
+        let low = 0, high = places.length;
+        while (low < high) { const middle = (low + high) >> 1; if (places[middle] < place) low = middle + 1; else high = middle; }
+        return sums[low];
+      };
+      return before(to) - before(from);
+    }
+    aggregate(min, max) {
+      const unit = this.data.bin_ms;
+      const width = barWidth(Math.ceil((max - min) / unit), Math.max(30, Math.min(MOST_BARS, this.width() / 6)));
+      const first = Math.floor((min / unit + 0.5) / width), last = Math.ceil((max / unit + 0.5) / width);
+      const x = [], columns = this.data.series.map(() => []), law = [];
+      for (let bar = first; bar <= last; bar++) {
+        const from = bar * width, to = from + width;
+        x.push(((from + to) / 2 - 0.5) * unit);
+        this.data.series.forEach((series, number) => {
+          const count = this.counted(number, from, to);
+          columns[number].push(count === 0 && this.log ? null : this.several ? count / series.count : count);
+        });
+        if (this.data.law.length) {
+          const share = tailAt(this.data.law, (from - 0.5) * unit) - tailAt(this.data.law, (to - 0.5) * unit);
+          law.push(this.data.series[0].count * Math.max(share, 0));
+        }
+      }
+      this.barMs = width * unit;
+      const floor = this.several ? 0.5 / Math.max(...this.data.series.map(({ count }) => count)) : 0.5;
+      const top = Math.max(...columns.flat().filter((value) => value !== null), ...law, this.log ? floor * 4 : 0) || 1;
+      this.y = this.log ? [floor, top * 1.6] : [0, top * 1.06];
+      this.bounds = [first, last, width];
+      return [x, ...columns, ...(law.length ? [law.map((value) => (this.log && value < floor / 10 ? null : value))] : [])];
+    }
+    content() { return this.aggregate(...(this.view ?? this.whole)); }
+    colours() { return this.several ? this.data.series.map((_, number) => shown(payload.runs[number])) : [css("--simulated")]; }
+    options() {
+      const bars = uPlot.paths.bars({ size: [1, Infinity], align: 0 });
+      const colours = this.colours();
+      const series = this.data.series.map(({ label }, number) => this.several
+        ? { label, paths: () => null, points: { show: false } }
+        : { label, fill: colours[number], stroke: colours[number], width: 0, paths: bars, points: { show: false } });
+      if (this.data.law.length) series.push({ label: "exact law", paths: () => null, points: { show: false } });
+      return {
+        scales: {
+          x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) },
+          y: { distr: this.log ? 3 : 1, log: 10, range: () => this.y },
+        },
+        axes: [
+          axis("link scan time (ms)", { values: plain }),
+          axis("", { size: 62, values: this.log ? decades : plain, ...(this.log ? { splits: () => powers(...this.y), filter: (u, all) => all } : {}) }),
+        ],
+        series: [{}, ...series],
+        hooks: {
+          setScale: [(u, key) => {
+            if (key !== "x" || this.busy) return;
+            const { min, max } = u.scales.x, bounds = String(this.bounds);
+            const fresh = this.aggregate(min, max);
+            if (String(this.bounds) === bounds) return;
+            this.busy = true;
+            queueMicrotask(() => { u.setData(fresh, false); u.setScale("x", { min, max }); this.busy = false; });
+          }],
+          drawAxes: [(u) => this.caption(u)],
+          draw: [(u) => this.stairs(u)],
+        },
+      };
+    }
+    // A step as wide as each bar, down to the axis where there is nothing.
+    stairs(u) {
+      const { ctx, bbox } = u, [floor] = this.y, bottom = bbox.top + bbox.height;
+      const lines = this.several ? this.colours().map((colour, number) => [colour, u.data[number + 1], 0.2]) : [];
+      if (this.data.law.length) lines.push([css("--law"), u.data[2], 0]);
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height + 2);
+      ctx.clip();
+      ctx.lineWidth = 2 * devicePixelRatio;
+      for (const [colour, values, shade] of lines) {
+        ctx.strokeStyle = ctx.fillStyle = colour;
+        ctx.beginPath();
+        u.data[0].forEach((x, index) => {
+          const left = u.valToPos(x - this.barMs / 2, "x", true), right = u.valToPos(x + this.barMs / 2, "x", true);
+          const value = values[index] ?? 0;
+          const y = value <= (this.log ? floor : 0) ? bottom : u.valToPos(value, "y", true);
+          if (index === 0) ctx.moveTo(left, bottom);
+          ctx.lineTo(left, y);
+          ctx.lineTo(right, y);
+        });
+        ctx.stroke();
+        ctx.globalAlpha = shade;
+        ctx.fill();
+        ctx.globalAlpha = 1;
+      }
+      ctx.restore();
+    }
+    caption(u) {
+      const text = `${this.several ? "share of link scans" : "link scans"} per ${digits(this.barMs)} ms`;
+      const { ctx } = u, ratio = devicePixelRatio;
+      ctx.save();
+      ctx.fillStyle = css("--ink");
+      ctx.font = `${13 * ratio}px system-ui, sans-serif`;
+      ctx.textAlign = "center";
+      ctx.translate(12 * ratio, u.bbox.top + u.bbox.height / 2);
+      ctx.rotate(-Math.PI / 2);
+      ctx.fillText(text, 0, 0);
+      ctx.restore();
+    }
+    legend() {
+      const colours = this.colours();
+      const entries = this.data.series.map(({ label, count }, number) =>
+        [colours[number], this.several ? `${label}: ${digits(count)} link scans` : `counted: ${digits(count)} link scans`]);
+      if (this.data.law.length) entries.push([css("--law"), `expected by the exact law${this.data.without}`]);
+      return entries;
+    }
+    tell(u, left) {
+      const index = u.cursor.idx;
+      if (index === null || index === undefined) return "";
+      const half = this.barMs / 2, x = u.data[0][index];
+      const parts = [`${digits(x - half)} to ${digits(x + half)} ms`];
+      this.data.series.forEach((series, number) => {
+        const value = u.data[number + 1][index] ?? 0;
+        parts.push(this.several ? `${series.label}: ${digits(100 * value, 4)} %` : `${digits(value)} link scans`);
+      });
+      if (this.data.law.length) parts.push(`expected ${digits(u.data[2][index] ?? 0, 1)}`);
+      return parts.join(" · ");
+    }
+  }
+
+  // ---- how often it takes longer ----
+  class Tail extends Chart {
+    setUp() {
+      const { counted, law } = this.data;
+      const least = 1e-12;
+      this.law = law.filter(([, p]) => p >= least);
+      const xs = [...counted.map(([x]) => x), ...this.law.map(([x]) => x)];
+      if (!xs.length) xs.push(0, 1);
+      this.whole = padded(Math.min(...xs), Math.max(...xs));
+      this.least = Math.min(0.1, ...counted.map(([, p]) => p), ...this.law.map(([, p]) => p));
+    }
+    content() {
+      const tables = [[this.data.counted.map(([x]) => x), this.data.counted.map(([, p]) => p)]];
+      if (this.law.length) tables.push([this.law.map(([x]) => x), this.law.map(([, p]) => p)]);
+      return uPlot.join(tables);
+    }
+    options() {
+      const series = [{ label: "counted", stroke: css("--simulated"), width: 5, spanGaps: true, points: { show: false },
+        paths: uPlot.paths.stepped({ align: 1 }) }];
+      if (this.law.length) series.push({ label: "exact law", stroke: css("--law"), width: 2, spanGaps: true, points: { show: false } });
+      const power = Math.floor(Math.log10(this.least));
+      const every = Math.max(1, Math.ceil(-power / 8));
+      const splits = [];
+      for (let at = 0; at >= power; at -= every) splits.unshift(10 ** at);
+      return {
+        scales: {
+          x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) },
+          y: { distr: 3, log: 10, range: () => [10 ** power, 1.6] },
+        },
+        axes: [axis("link scan time x (ms)", { values: plain }),
+          axis("share of link scans over x", { size: 62, values: decades, splits: () => splits, filter: (u, all) => all })],
+        series: [{}, ...series],
+      };
+    }
+    legend() {
+      const entries = [[css("--simulated"), "counted in the run"]];
+      if (this.law.length) entries.push([css("--law"), `exact law${this.data.without}`]);
+      return entries;
+    }
+    tell(u, left) {
+      const x = u.posToVal(left, "x");
+      const last = this.data.counted.filter(([at]) => at <= x).pop();
+      const once = (p) => (p >= 0.5 ? `${digits(100 * p, 1)} %` : p > 0 ? `1 in ${digits(1 / p, 1 / p < 10 ? 1 : 0)}` : "none");
+      const parts = [`over ${digits(x)} ms`, `counted ${x < (this.data.counted[0]?.[0] ?? 0) ? "all" : once(
+        last && x <= this.data.counted[this.data.counted.length - 1][0] ? last[1] : 0)}`];
+      if (this.law.length) parts.push(x > this.law[this.law.length - 1][0] ? "law: under 1 in 1e12" : `law ${once(tailAt(this.law, x))}`);
+      return parts.join(" · ");
+    }
+  }
+
+  // ---- over the run ----
+  const LANE = 14;
+  class OverRun extends Chart {
+    setUp() {
+      this.whole = [0, this.data.end];
+      this.rows = [["faults", this.data.faults, "--fault"], ["in error", this.data.errors, "--error"]]
+        .filter(([, spans]) => spans.length);
+    }
+    content() {
+      const { cells } = this.data;
+      return [cells.map(([x]) => x), cells.map(([, longest]) => longest), cells.map(([, , shortest]) => shortest)];
+    }
+    options() {
+      const values = this.data.cells.flatMap(([, a, b]) => [a, b]);
+      const [low, high] = padded(Math.min(...values), Math.max(...values), 0.06, 1);
+      return {
+        padding: [12, 14, this.rows.length * LANE, 0],
+        scales: { x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) },
+          y: { range: () => [Math.max(0, low), high] } },
+        axes: [axis("time of the run (s)", { values: plain }), axis("link scan time (ms)", { size: 62, values: plain })],
+        series: [{}, { label: "longest", stroke: css("--simulated"), width: 1, points: { show: true, size: 3, fill: css("--simulated") }, paths: () => null },
+          { label: "shortest", stroke: css("--simulated"), width: 1, points: { show: false }, paths: () => null }],
+        hooks: { draw: [(u) => this.bars(u)] },
+      };
+    }
+    bars(u) {
+      const { ctx, bbox } = u, ratio = devicePixelRatio;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, 0, bbox.width, ctx.canvas.height);
+      ctx.clip();
+      ctx.strokeStyle = css("--simulated");
+      ctx.globalAlpha = 0.45;
+      ctx.lineWidth = ratio;
+      ctx.beginPath();
+      for (const [x, longest, shortest] of this.data.cells) {
+        if (longest === shortest) continue;
+        const at = u.valToPos(x, "x", true);
+        ctx.moveTo(at, u.valToPos(longest, "y", true));
+        ctx.lineTo(at, u.valToPos(shortest, "y", true));
+      }
+      ctx.stroke();
+      this.rows.forEach(([, spans, colour], row) => {
+        ctx.fillStyle = css(colour);
+        for (const [, from, to] of spans) {
+          const left = u.valToPos(from, "x", true), right = u.valToPos(to, "x", true);
+          ctx.globalAlpha = 0.13;
+          ctx.fillRect(left, bbox.top, right - left, bbox.height);
+          ctx.globalAlpha = 1;
+          ctx.fillRect(left, ctx.canvas.height - (this.rows.length - row) * LANE * ratio + 3 * ratio,
+            Math.max(right - left, 2 * ratio), (LANE - 5) * ratio);
+        }
+      });
+      ctx.restore();
+    }
+    legend() {
+      const entries = [[css("--simulated"), "longest and shortest of neighbouring link scans"]];
+      for (const [name, , colour] of this.rows)
+        entries.push([css(colour), name === "faults" ? "a fault acts" : "the master has a station in error"]);
+      return entries;
+    }
+    tell(u, left) {
+      const x = u.posToVal(left, "x"), index = u.cursor.idx, parts = [];
+      if (index !== null && index !== undefined && this.data.cells[index]) {
+        const [at, longest, shortest] = this.data.cells[index];
+        parts.push(`${digits(at)} s`, longest === shortest ? `${digits(longest)} ms` : `${digits(shortest)} to ${digits(longest)} ms`);
+      }
+      for (const [, spans] of this.rows) for (const [text, from, to] of spans) if (from <= x && x <= to) parts.push(text);
+      return parts.join(" · ");
+    }
+  }
+
+  // ---- the timeline, like a logic analyser ----
+  class Timeline extends Chart {
+    setUp() { this.whole = [0, this.data.span]; }
+    content() { return [[0, this.data.span], [0, this.data.lanes.length]]; }
+    options() {
+      const count = this.data.lanes.length, narrow = this.width() < 600;
+      const most = narrow ? 13 : 22;
+      return {
+        height: 24 * count + 74,
+        cursor: { y: true },
+        scales: { x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) }, y: { range: () => [0, count], dir: -1 } },
+        axes: [
+          axis(`ms after ${this.data.begin_s.toFixed(6)} s`, { values: plain }),
+          axis(null, { size: narrow ? 98 : 160, gap: 6, grid: { show: false }, ticks: { show: false },
+            splits: () => this.data.lanes.map((_, lane) => lane + 0.5),
+            values: () => this.data.lanes.map((name) => (name.length > most ? name.slice(0, most - 1) + "…" : name)) }),
+        ],
+        series: [{}, { paths: () => null, points: { show: false } }],
+        hooks: { draw: [(u) => this.shapes(u)] },
+      };
+    }
+    colour(kind) {
+      const look = this.data.looks[kind];
+      return look.grey ? grey(look.colour) : shown(look.colour);
+    }
+    shapes(u) {
+      const { ctx, bbox } = u, ratio = devicePixelRatio, { min, max } = u.scales.x;
+      const tall = bbox.height / this.data.lanes.length;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      ctx.textBaseline = "middle";
+      ctx.textAlign = "center";
+      for (const [lane, from, to, kind, label] of this.data.boxes) {
+        if (to < min || from > max) continue;
+        const look = this.data.looks[kind], colour = this.colour(kind);
+        const left = u.valToPos(Math.max(from, min), "x", true), right = u.valToPos(Math.min(to, max), "x", true);
+        const over = kind === "damage" || kind === "heard damage" || kind === "lost";
+        const wide = Math.max(right - left, (over ? 3 : 1) * ratio), high = tall * look.height, top = bbox.top + tall * (lane + 0.5) - high / 2;
+        ctx.fillStyle = ctx.strokeStyle = colour;
+        ctx.lineWidth = ratio;
+        if (look.filled) ctx.fillRect(left, top, wide, high);
+        if (look.hatch) {
+          ctx.save();
+          ctx.beginPath();
+          ctx.rect(left, top, wide, high);
+          ctx.clip();
+          ctx.beginPath();
+          for (let at = left - high; at < right; at += 7 * ratio) { ctx.moveTo(at, top + high); ctx.lineTo(at + high, top); }
+          ctx.stroke();
+          ctx.restore();
+        }
+        ctx.strokeStyle = look.filled && !over ? css("--soft") : colour;
+        if (wide > 5 * ratio || !look.filled) ctx.strokeRect(left, top, wide, high);
+        if (!label) continue;
+        const room = ctx.measureText(label).width;
+        if (room + 8 * ratio > wide) continue;
+        const middle = (left + right) / 2, centre = top + high / 2 + ratio;
+        if (look.hatch) {
+          ctx.fillStyle = css("--plot");
+          ctx.fillRect(middle - room / 2 - 3 * ratio, top + 2 * ratio, room + 6 * ratio, high - 4 * ratio);
+        }
+        ctx.fillStyle = look.hatch || (look.grey && isDark()) ? css("--ink") : look.colour === "#000000" && !isDark() ? "#ffffff" : "#000000";
+        ctx.fillText(label, middle, centre);
+      }
+      for (const [lane, at, kind] of this.data.marks) {
+        if (at < min || at > max) continue;
+        const look = this.data.mark_looks[kind], x = u.valToPos(at, "x", true);
+        const bottom = bbox.top + tall * (lane + 1);
+        ctx.fillStyle = ctx.strokeStyle = shown(look.colour);
+        ctx.beginPath();
+        if (look.below) {
+          ctx.strokeStyle = css("--soft");
+          ctx.lineWidth = ratio;
+          ctx.moveTo(x, bottom - 5 * ratio);
+          ctx.lineTo(x, bottom);
+          ctx.stroke();
+        } else {
+          const y = bottom - tall / 2;
+          ctx.moveTo(x, y + 6 * ratio);
+          ctx.lineTo(x - 5 * ratio, y - 5 * ratio);
+          ctx.lineTo(x + 5 * ratio, y - 5 * ratio);
+          ctx.fill();
+        }
+      }
+      ctx.restore();
+    }
+    legend() {
+      const entries = [];
+      for (const [kind, look] of Object.entries(this.data.looks))
+        if (kind !== "scan" && kind !== "level")
+          entries.push([this.colour(kind), look.meaning, look.hatch ? "hatch" : look.filled ? "" : "frame"]);
+      for (const look of Object.values(this.data.mark_looks))
+        entries.push([look.below ? css("--soft") : shown(look.colour), (look.below ? "| " : "▼ ") + look.meaning]);
+      return entries;
+    }
+    tell(u, left, top) {
+      const x = u.posToVal(left, "x"), lane = Math.floor((top / u.over.clientHeight) * this.data.lanes.length);
+      const near = (u.scales.x.max - u.scales.x.min) / u.over.clientWidth * 5;
+      const parts = [];
+      for (const [at, tick, , text] of this.data.marks) if (at === lane && Math.abs(tick - x) <= near) parts.push(text);
+      for (const [at, from, to, , , text] of this.data.boxes) if (at === lane && from <= x && x <= to) parts.push(text);
+      return parts.length ? `${digits(x)} ms: ${[...new Set(parts)].slice(0, 4).join(" · ")}` : "";
+    }
+  }
+
+  const KINDS = { histogram: Histogram, tail: Tail, "over-run": OverRun, timeline: Timeline };
+  for (const figure of document.querySelectorAll("figure[data-chart]")) {
+    const data = payload.charts[Number(figure.dataset.chart)];
+    drawn.set(figure, new KINDS[data.kind](figure, data));
+  }
+  const again = () => { for (const chart of drawn.values()) chart.draw(); };
+  let waiting = 0;
+  let width = document.documentElement.clientWidth;
+  addEventListener("resize", () => {
+    if (printing || document.documentElement.clientWidth === width) return;
+    width = document.documentElement.clientWidth;
+    clearTimeout(waiting);
+    waiting = setTimeout(again, 100);
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+  const print = (on) => {
+    printing = on;
+    document.documentElement.toggleAttribute("data-print", on);
+    again();
+  };
+  addEventListener("beforeprint", () => print(true));
+  addEventListener("afterprint", () => print(false));
+  document.documentElement.dataset.ready = "true";
+})();

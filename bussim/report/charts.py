@@ -1,0 +1,135 @@
+"""The numbers behind a report's charts, for the script in the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from bussim.report.picture import LOOKS, MARKS, look_of
+from bussim.report.scene import END, Scene
+from bussim.report.source import ExactLaw
+from bussim.results.histogram import BIN_TICKS, Histogram
+from bussim.results.record import LinkRecord
+from bussim.results.timeline import Span
+from bussim.units import milliseconds, seconds
+
+#: Of a simulated tail, a point stands for at least so many samples.
+_LEAST = 1
+#: Significant digits of a probability in the page.
+_DIGITS = 6
+
+
+def histogram_chart(histograms: Mapping[str, Histogram], law: ExactLaw | None, title: str) -> dict[str, Any]:
+    """Histograms by label, as (bin number, count); the law as (x in ms, P(scan > x))."""
+    return {
+        "kind": "histogram",
+        "title": title,
+        "bin_ms": milliseconds(BIN_TICKS),
+        "series": [
+            {
+                "label": label,
+                "count": histogram.count,
+                "bins": [[place, histogram.bins[place]] for place in sorted(histogram.bins)],
+            }
+            for label, histogram in histograms.items()
+        ],
+        "law": _law_points(law),
+        "without": _without(law),
+    }
+
+
+def tail_chart(histogram: Histogram, law: ExactLaw | None, title: str) -> dict[str, Any]:
+    """How often a link scan takes longer than x: counted, and by the law."""
+    places = sorted(histogram.bins)
+    beyond, points = histogram.count, []
+    for place in places:
+        beyond -= histogram.bins[place]
+        if beyond < _LEAST:
+            break
+        # All samples of a bin are at most half a bin above its centre.
+        points.append([round(milliseconds((place + 0.5) * BIN_TICKS), 6), beyond / histogram.count])
+    return {
+        "kind": "tail",
+        "title": title,
+        "counted": points,
+        "law": _law_points(law),
+        "without": _without(law),
+    }
+
+
+def _without(law: ExactLaw | None) -> str:
+    return " of the undisturbed line" if law is not None and law.notes else ""
+
+
+def _law_points(law: ExactLaw | None) -> list[list[float]]:
+    if law is None:
+        return []
+    return [[round(x, 6), float(f"{p:.{_DIGITS}g}")] for x, p in zip(law.x, law.tail, strict=True)]
+
+
+def over_run_chart(
+    link: LinkRecord, faults: Sequence[tuple[str, Span]], duration: int, title: str
+) -> dict[str, Any]:
+    """Longest and shortest of neighbouring link scans over the run, faults, stations in error."""
+    end = seconds(duration)
+    return {
+        "kind": "over-run",
+        "title": title,
+        "end": end,
+        "cells": [
+            [
+                round(seconds(cell.start), 6),
+                round(milliseconds(cell.longest), 6),
+                round(milliseconds(cell.shortest), 6),
+            ]
+            for cell in link.timeline
+        ],
+        "faults": [[text, *_span(span, end)] for text, span in faults],
+        "errors": [
+            [f"station {station} in error", *_span(span, end)]
+            for station, spans in link.in_error.items()
+            for span in spans
+        ],
+    }
+
+
+def _span(span: Span, end: float) -> list[float]:
+    return [round(seconds(span.start), 6), end if span.end is None else round(seconds(span.end), 6)]
+
+
+def scene_chart(scene: Scene, title: str) -> dict[str, Any]:
+    """A timeline: lanes, boxes and marks, in ms from its beginning."""
+
+    def at(tick: int) -> float:
+        return round(milliseconds(tick - scene.begin), 6)
+
+    return {
+        "kind": "timeline",
+        "title": title,
+        "begin_s": seconds(scene.begin),
+        "span": at(scene.end),
+        "lanes": list(scene.lanes),
+        "boxes": [
+            [box.lane, at(box.start), at(box.end), box.kind, box.label, box.text] for box in scene.boxes
+        ],
+        "marks": [[mark.lane, at(mark.tick), mark.kind, mark.text] for mark in scene.marks],
+        "looks": {
+            kind: {
+                "colour": look_of(kind).colour,
+                "height": look_of(kind).height,
+                "hatch": bool(look_of(kind).hatch),
+                "filled": look_of(kind).filled,
+                "meaning": look_of(kind).meaning,
+                "grey": kind in LOOKS and look_of(kind).colour in _GREYS,
+            }
+            for kind in dict.fromkeys(box.kind for box in scene.boxes)
+        },
+        "mark_looks": {
+            kind: {"colour": MARKS[kind][1], "meaning": MARKS[kind][3], "below": kind == END}
+            for kind in dict.fromkeys(mark.kind for mark in scene.marks)
+        },
+    }
+
+
+#: Greys of the picture, which a dark page turns round.
+_GREYS = frozenset(look.colour for look in LOOKS.values() if len(set(look.colour[1::2])) == 1)

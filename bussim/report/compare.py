@@ -1,0 +1,155 @@
+"""Several runs side by side: settings, figures and scenarios, with what differs from the first run."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from bussim.report.source import Source
+from bussim.report.tables import NONE, Cell, Table, label_of, leaves, number, plain, pointer
+
+_HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
+_SETTINGS = {
+    "stations": "stations",
+    "mode": "refresh mode (D8178)",
+    "retries": "retries (D8179)",
+    "attempts": "attempts a poll",
+    "timeout_ms": "timeout (ms)",
+}
+_FIGURES = (
+    ("scans", "link scans", None),
+    ("bus_load", "bus load (share of the time)", 4),
+    ("polls", "polls", None),
+    ("collisions", "collisions", None),
+    ("undetected_frames", "damaged frames taken for good ones", None),
+)
+_TIMES = {
+    "min": "shortest",
+    "p50": "typical",
+    "mean": "mean",
+    "p99": "p99",
+    "p999": "p999",
+    "max": "longest",
+}
+_EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
+    ("exact: mean link scan (ms)", lambda figures: figures["mean_ms"]),
+    ("exact: link scan at worst (ms)", lambda figures: figures["worst_case_ms"]),
+    ("exact: one station dead (ms)", lambda figures: figures["one_dead_ms"]),
+    ("exact: dead station noticed at the latest (ms)", lambda figures: figures["detect_ms"]["max"]),
+    ("exact: false station errors begin, a year", lambda figures: figures["false_error_onsets_per_year"]),
+)
+
+
+def head_table(sources: Sequence[Source]) -> Table:
+    """What was run."""
+    rows = [(label, _row(sources, (key,), change=False)) for key, label in _HEAD.items()]
+    return Table("The runs", ["", *(source.label for source in sources)], rows)
+
+
+def link_table(sources: Sequence[Source], bus: str) -> Table:
+    """Settings and figures of one link in every run that has it."""
+    rows = [(label, _row(sources, ("links", bus, key), change=False)) for key, label in _SETTINGS.items()]
+    rows += [(label, _row(sources, ("links", bus, key), decimals)) for key, label, decimals in _FIGURES]
+    for key, label in _TIMES.items():
+        rows.append((f"link scan, {label} (ms)", _row(sources, ("links", bus, "scan_time_ms", key), 3)))
+    rows.append(("failed attempts", _marked([_failed(source, bus) for source in sources])))
+    rows.append(("link scans with a station in error", _marked([_errors(source, bus) for source in sources])))
+    for label, get in _EXACT:
+        cells = _marked([_exact(source, bus, get) for source in sources])
+        if any(cell.text != NONE for cell in cells):
+            rows.append((label, cells))
+    return Table(f"The link on bus {bus}", ["", *(source.label for source in sources)], rows)
+
+
+def thing_tables(sources: Sequence[Source]) -> list[Table]:
+    """Ports, devices and latencies that more than one run has, a table each."""
+    tables = []
+    for section in ("ports", "devices", "latency"):
+        every = [name for source in sources for name in source.summary.get(section) or {}]
+        for name in dict.fromkeys(every):
+            if every.count(name) < 2:
+                continue
+            told = [dict(leaves(_value(source.summary, (section, name)) or {})) for source in sources]
+            keys = dict.fromkeys(key for values in told for key in values if key)
+            rows = [(label_of(key), _row(sources, (section, name, *key), 3)) for key in keys]
+            tables.append(Table(name, ["", *(source.label for source in sources)], rows))
+    return tables
+
+
+def scenario_changes(sources: Sequence[Source]) -> list[tuple[str, list[str]]]:
+    """The lines in which each further scenario differs from the first, as a unified diff."""
+    first = sources[0]
+    changes = []
+    for source in sources[1:]:
+        lines = difflib.unified_diff(
+            first.scenario.splitlines(),
+            source.scenario.splitlines(),
+            first.label,
+            source.label,
+            n=1,
+            lineterm="",
+        )
+        changes.append((source.label, list(lines)))
+    return changes
+
+
+def _row(
+    sources: Sequence[Source], keys: Sequence[str], decimals: int | None = None, *, change: bool = True
+) -> list[Cell]:
+    return _marked([_value(source.summary, keys) for source in sources], keys, decimals, change=change)
+
+
+def _value(data: Any, keys: Sequence[str]) -> Any:
+    for key in keys:
+        if not isinstance(data, Mapping) or key not in data:
+            return None
+        data = data[key]
+    return data
+
+
+def _marked(
+    values: Sequence[Any], keys: Sequence[str] = (), decimals: int | None = None, *, change: bool = True
+) -> list[Cell]:
+    """The cells of a row; what is not the first run's value is marked, if wished with its change."""
+    cells = []
+    for value in values:
+        text = _shown(value, decimals) if keys else _short(value)
+        differs = value != values[0]
+        by = _change(values[0], value) if change else ""
+        cells.append(Cell(text, pointer(*keys) if keys else "", by, differs=differs))
+    return cells
+
+
+def _shown(value: Any, decimals: int | None) -> str:
+    return number(value, decimals) if isinstance(value, float) else plain(value)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:,.3f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2g}"
+    return number(value)
+
+
+def _change(first: Any, value: Any) -> str:
+    both = all(isinstance(v, int | float) and not isinstance(v, bool) for v in (first, value))
+    if not both or first == value:
+        return ""
+    return f"{100 * (value - first) / first:+,.1f} %" if first else f"{value - first:+,.6g}"
+
+
+def _failed(source: Source, bus: str) -> int | None:
+    link = source.summary["links"].get(bus)
+    if link is None:
+        return None
+    return sum(sum(codes.values()) for codes in link["failed_attempts"].values())
+
+
+def _errors(source: Source, bus: str) -> int | None:
+    link = source.summary["links"].get(bus)
+    return None if link is None else sum(link["station_errors"].values())
+
+
+def _exact(source: Source, bus: str, get: Callable[[Mapping[str, Any]], Any]) -> Any:
+    law = source.laws.get(bus)
+    return get(law.figures) if law is not None and law.valid else None

@@ -1,0 +1,356 @@
+"""The report: one HTML page that needs nothing else, from finished runs."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from bussim.report import charts, compare, tables
+from bussim.report.scene import Scene
+from bussim.report.settings import mov_lines
+from bussim.report.source import Source
+from bussim.report.tables import Table
+from bussim.report.words import expected, health, ports, seen
+from bussim.results.plots import run_labels
+from bussim.results.style import RUNS
+from bussim.results.timeline import fault_spans
+from bussim.units import seconds
+from bussim.version import __version__
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+#: No report is larger (bytes); timelines are the part that could be.
+LARGEST = 5 * 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A chart of the page: its heading, what a screen reader says of it, and its data as a table."""
+
+    number: int
+    title: str
+    description: str
+    data: Table | None = None
+    caption: str = ""
+
+
+@dataclass(slots=True)
+class _Charts:
+    """Numbers the charts of a page and keeps what its script needs."""
+
+    payload: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, content: dict[str, Any], description: str, data: Table | None, caption: str = "") -> Chart:
+        self.payload.append({**content, "description": description})
+        return Chart(len(self.payload) - 1, content["title"], description, data, caption)
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A figure that is told large."""
+
+    label: str
+    value: str
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkPart:
+    """One link of one run, as the template shows it."""
+
+    bus: str
+    keys: Sequence[Key]
+    verdict: Sequence[str]
+    charts: Sequence[Chart]
+    timeline: Chart | None
+    why: Sequence[str]
+    no_timeline: str
+    tables: Sequence[Table]
+    settings: Table
+    programs: Sequence[tuple[str, Sequence[str]]]
+
+
+@dataclass(frozen=True, slots=True)
+class RunPart:
+    """One run, as the template shows it. ``ident`` begins the ids of its sections."""
+
+    ident: str
+    source: Source
+    about: str
+    links: Sequence[LinkPart]
+    buses: Sequence[tuple[str, Chart, Sequence[str]]]
+    said: Sequence[str]
+    tables: Sequence[Table]
+    faults: Sequence[tuple[str, str, str]]
+    warnings: Sequence[str]
+    commands: Sequence[str]
+
+
+def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
+    """The page, at most :data:`LARGEST` bytes of UTF-8 unless a scenario alone is as large.
+
+    ``command`` is how it was asked for, to tell how to get it again.
+    """
+    drawn = _Charts()
+    runs = [_run(source, f"run{number}", drawn, command) for number, source in enumerate(sources, 1)]
+    buses = _common(sources)
+    comparison = None
+    if len(sources) > 1:
+        comparison = {
+            "tables": [
+                compare.head_table(sources),
+                *(compare.link_table(sources, bus) for bus in buses),
+                *compare.thing_tables(sources),
+            ],
+            "charts": [_overlay(sources, bus, drawn) for bus in buses if _scanned(sources, bus)],
+            "changes": compare.scenario_changes(sources),
+        }
+    script = _text("vendor/uPlot.iife.min.js"), _text("assets/page.js")
+    title = (
+        f"{sources[0].record.scenario}: simulation report"
+        if len(sources) == 1
+        else f"{len(sources)} runs compared: simulation report"
+    )
+    return (
+        _environment()
+        .get_template("page.html.jinja")
+        .render(
+            title=title,
+            runs=runs,
+            comparison=comparison,
+            css=[_text("vendor/uPlot.min.css"), _text("assets/page.css")],
+            scripts=script,
+            hashes=[_hash(text) for text in script],
+            licence=_text("vendor/LICENSE.uPlot.txt"),
+            payload=_payload({"charts": drawn.payload, "runs": RUNS}),
+            version=__version__,
+            command=" ".join(command),
+        )
+    )
+
+
+def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> RunPart:
+    summary = source.summary
+    about = (
+        f"Scenario {summary['scenario']}, {summary['duration_s']:g} s simulated, seed {summary['seed']}, "
+        f"bussim {summary['bussim']}."
+    )
+    whole = [
+        tables.plcs(source),
+        *tables.ports(summary),
+        tables.things(summary, ["devices"], "Devices"),
+        tables.things(summary, ["buses"], "Buses beside the N:N links"),
+        tables.things(summary, ["latency"], "Latency"),
+    ]
+    links = [_link(source, bus, drawn) for bus in summary["links"]]
+    buses = [
+        (bus, _timeline(scene, drawn), scene.why)
+        for bus, scene in source.scenes.items()
+        if bus not in summary["links"]
+    ]
+    return RunPart(
+        ident,
+        source,
+        about,
+        links,
+        buses,
+        ports(summary),
+        [table for table in whole if table is not None and table.rows],
+        _faults(source),
+        summary["warnings"],
+        _commands(source, command),
+    )
+
+
+def _link(source: Source, bus: str, drawn: _Charts) -> LinkPart:
+    link = source.summary["links"][bus]
+    record = source.record.links[bus]
+    law = source.laws.get(bus)
+    names = source.station_names(bus)
+    some = [tables.link_figures(source, bus)]
+    if link["scans"]:
+        some.insert(0, tables.scan_times(source, bus))
+    if link["station_errors"]:
+        some.append(tables.stations(source, bus))
+    if law is not None and law.valid:
+        some.append(tables.exact_figures(bus, law))
+    if link["refresh_gap_ms"]:
+        some.append(tables.refresh_gaps(source, bus))
+    scene = source.scenes.get(bus)
+    return LinkPart(
+        bus,
+        _keys(source, bus),
+        [
+            *seen(link),
+            *health(link, record.in_error, names, source.record.duration),
+            *expected(link, law),
+            *([source.no_law] if source.no_law else []),
+        ],
+        _link_charts(source, bus, drawn) if link["scans"] else [],
+        None if scene is None else _timeline(scene, drawn),
+        [] if scene is None else scene.why,
+        source.no_trace,
+        some,
+        tables.settings(source, bus),
+        [
+            (seat, mov_lines(source.summary["plcs"][seat]["registers"]))
+            for seat in record.seats
+            if seat in source.summary["plcs"]
+        ],
+    )
+
+
+def _keys(source: Source, bus: str) -> list[Key]:
+    link = source.summary["links"][bus]
+    times = link["scan_time_ms"]
+    if not link["scans"]:
+        return []
+    usual = times["p50"] if times["p50"] is not None else times["mean"]
+    keys = [
+        Key("typical link scan", f"{usual:,.1f} ms"),
+        Key("longest seen", f"{times['max']:,.1f} ms", f"at {times['max_at_s']:.2f} s"),
+    ]
+    law = source.laws.get(bus)
+    if law is not None and law.valid:
+        figures = law.figures
+        keys.append(Key("longest possible", f"{figures['worst_case_ms']:,.1f} ms"))
+        onsets = figures["false_error_onsets_per_year"]
+        if onsets is not None:
+            rare = onsets < 0.01
+            keys.append(Key("false station errors a year", "under 0.01" if rare else f"{onsets:,.2g}"))
+        if figures["one_dead_ms"] is not None:
+            keys.append(Key("link scan with one station dead", f"{figures['one_dead_ms']:,.1f} ms"))
+    keys.append(Key("bus load", f"{100 * link['bus_load']:.1f} %"))
+    return keys
+
+
+def _link_charts(source: Source, bus: str, drawn: _Charts) -> list[Chart]:
+    record = source.record.links[bus]
+    histogram, law = record.scan_times.histogram, source.laws.get(bus)
+    law = law if law is not None and law.valid else None
+    times = source.summary["links"][bus]["scan_time_ms"]
+    beside = ", with the exact law over it" if law is not None else ""
+    where = f"from {times['min']:.1f} to {times['max']:.1f} ms, mean {times['mean']:.1f} ms"
+    one = drawn.add(
+        charts.histogram_chart(
+            {source.label: histogram}, law, f"Histogram of the link scan time on bus {bus}"
+        ),
+        f"Histogram of {histogram.count:,} link scan times, {where}{beside}.",
+        tables.histogram_data(histogram, bus),
+        "Bars: link scans counted."
+        + (" Line: how many the exact law expects in each bar of this width." if law is not None else ""),
+    )
+    two = drawn.add(
+        charts.tail_chart(histogram, law, f"How often a link scan on bus {bus} takes longer"),
+        f"Share of link scans that take longer than x, on a logarithmic axis, {where}{beside}.",
+        None,
+        "Read: how large a share of all link scans takes longer than the time below.",
+    )
+    faults = fault_spans(source.record.notes, {bus, *record.seats})
+    three = drawn.add(
+        charts.over_run_chart(
+            record, faults, source.record.duration, f"Link scan time on bus {bus} over the run"
+        ),
+        f"Longest and shortest link scans over the {source.summary['duration_s']:g} s of the run, {where}; "
+        f"{len(faults)} faults acted.",
+        None,
+        "Bars below: when faults acted and when the master had a station in error."
+        if faults or record.in_error
+        else "",
+    )
+    return [one, two, three]
+
+
+def _timeline(scene: Scene, drawn: _Charts) -> Chart:
+    where = f"{seconds(scene.begin):.3f} s to {seconds(scene.end):.3f} s"
+    return drawn.add(
+        charts.scene_chart(scene, f"Timeline of bus {scene.bus}, {where}"),
+        f"What each station sent on bus {scene.bus} from {where}, a lane each. {' '.join(scene.why)}",
+        tables.scene_data(scene),
+        "Drag to zoom, double-click for the whole; point at a frame to read what it is.",
+    )
+
+
+def _overlay(sources: Sequence[Source], bus: str, drawn: _Charts) -> Chart:
+    histograms = {
+        source.label: source.record.links[bus].scan_times.histogram for source in _scanned(sources, bus)
+    }
+    return drawn.add(
+        charts.histogram_chart(histograms, None, f"Link scan times on bus {bus}, all runs"),
+        f"Histograms of the link scan times of {', '.join(histograms)} on one axis.",
+        None,
+        "Each run as the share of its own link scans.",
+    )
+
+
+def _scanned(sources: Sequence[Source], bus: str) -> list[Source]:
+    links = ((source, source.record.links.get(bus)) for source in sources)
+    return [source for source, link in links if link is not None and link.scan_times.histogram.count]
+
+
+def _common(sources: Sequence[Source]) -> list[str]:
+    """The links that more than one run has, in order of appearance."""
+    every = [bus for source in sources for bus in source.summary["links"]]
+    return [bus for bus in dict.fromkeys(every) if every.count(bus) > 1]
+
+
+def _faults(source: Source) -> list[tuple[str, str, str]]:
+    """Faults in words, from when and until when."""
+    # Of every bus, so every place that a fault names counts.
+    places = {str(note.detail.get(key)) for note in source.record.notes for key in ("node", "bus")}
+    rows = []
+    for text, span in fault_spans(source.record.notes, places):
+        until = "to the end" if span.end is None else f"{seconds(span.end):.3f} s"
+        rows.append((text, f"{seconds(span.start):.3f} s", "at once" if span.end == span.start else until))
+    return rows
+
+
+def _commands(source: Source, command: Sequence[str]) -> list[str]:
+    """How to get the run again from the scenario in the page."""
+    lines = [
+        f"pip install bussim=={source.summary['bussim']}",
+        "# save the scenario below as scenario.yaml; it holds the seed and every default",
+        "bussim run scenario.yaml --trace --out again",
+        "bussim report again -o again.html",
+    ]
+    return [*lines, f"# this page: {' '.join(command)}"] if command else lines
+
+
+def labels_of(names: Sequence[str], sources: Iterable[Any]) -> list[str]:
+    """A different label for each run: its folder's name, or more where that is not enough."""
+    if len(set(names)) == len(names):
+        return list(names)
+    return run_labels(list(sources))
+
+
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("bussim.report", "assets"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _text(name: str) -> str:
+    return files("bussim.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _hash(script: str) -> str:
+    digest = hashlib.sha256(script.encode("utf-8")).digest()
+    return f"sha256-{base64.b64encode(digest).decode('ascii')}"
+
+
+def _payload(data: dict[str, Any]) -> str:
+    """JSON that no browser takes for markup, whatever a scenario calls its stations."""
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")

@@ -1,0 +1,226 @@
+"""A timeline as a picture, like a logic analyser's: matplotlib's PNG and SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.text import Text
+
+from bussim.report.scene import (
+    ACTING,
+    DAMAGE,
+    END,
+    EVENT,
+    FLAG,
+    GOOD,
+    HEARD_DAMAGE,
+    LEVEL,
+    LOST,
+    SCAN,
+    TROUBLE,
+    WAIT,
+    Box,
+    Mark,
+    Scene,
+)
+from bussim.results.style import (
+    FAULT,
+    FRAMES,
+    GREY,
+    IN_ERROR,
+    Picture,
+    finish_picture,
+    new_picture,
+    shorten,
+    style,
+)
+from bussim.units import milliseconds, seconds
+
+_WIDTH = 13.0
+_LANE_HEIGHT = 0.36
+_MOST_EVENTS = 6
+_LINE = 150  # characters of a line under the picture
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a kind of box is drawn: its colour, its height as a part of the lane, and a hatch."""
+
+    colour: str
+    height: float = 0.62
+    hatch: str = ""
+    filled: bool = True
+    meaning: str = ""
+
+
+#: Frames have the colours of :data:`bussim.results.style.FRAMES`.
+LOOKS = {
+    SCAN: Look("#e4e4e4", 0.7, meaning="link scan"),
+    GOOD: Look("#c8c8c8", 0.5, meaning="answered attempt"),
+    WAIT: Look(IN_ERROR, 0.7, "////", filled=False, meaning="failed attempt, until it was given up"),
+    DAMAGE: Look(IN_ERROR, 0.8, meaning="damaged character"),
+    HEARD_DAMAGE: Look(IN_ERROR, 0.3, filled=False, meaning="damaged in this receiver only"),
+    LOST: Look(IN_ERROR, 0.8, "xxxx", filled=False, meaning="frame that collided or was cut off"),
+    ACTING: Look(FAULT, 0.5, meaning="a fault acts"),
+    FLAG: Look(IN_ERROR, 0.5, meaning="the master has a station in error"),
+    LEVEL: Look("#eeeeee", 0.62, meaning="value of a device"),
+}
+MARKS = {
+    END: ("|", GREY, 5, "END of the PLC's scan"),
+    EVENT: ("v", FAULT, 7, "event"),
+    TROUBLE: ("v", IN_ERROR, 7, "error"),
+}
+
+
+def look_of(kind: str) -> Look:
+    """How a kind of box is drawn; a frame of a kind that has no colour is grey."""
+    return LOOKS.get(kind) or Look(FRAMES.get(kind, GREY), meaning=f"{kind.removesuffix('s')} frame")
+
+
+def timeline_picture(scene: Scene, description: str) -> Picture:
+    """The picture of a timeline; ``description`` is what it rests on (scenario, seed, version)."""
+    texts = _texts(scene)
+    lines = sum(text.count("\n") + 1 for text in texts)
+    with style():
+        height = _LANE_HEIGHT * len(scene.lanes) + 1.6 + 0.17 * lines
+        picture = new_picture(_WIDTH, height, description)
+        axes = picture.add_subplot()
+        _draw_boxes(axes, scene)
+        _draw_marks(axes, scene)
+        axes.set_yticks(range(len(scene.lanes)), [shorten(lane, 30) for lane in scene.lanes])
+        axes.set_ylim(len(scene.lanes) - 0.45, -0.6)
+        axes.set_xlim(0, milliseconds(scene.end - scene.begin))
+        axes.grid(visible=False, axis="y")
+        axes.tick_params(axis="y", length=0)
+        label = f"ms after {seconds(scene.begin):.6f} s"
+        axes.set_xlabel("\n".join([label, *texts]) if texts else label, loc="left", fontsize=9)
+        heading = f"{scene.bus}, {seconds(scene.begin):.3f} s to {seconds(scene.end):.3f} s"
+        finish_picture(picture, heading, _legend(scene), columns=4)
+        # Only now is it known how wide a box is on paper.
+        picture.draw_without_rendering()
+        _label_boxes(axes, scene)
+    return picture
+
+
+def _draw_boxes(axes: Axes, scene: Scene) -> None:
+    by_kind: dict[str, list[Rectangle]] = {}
+    for box in scene.boxes:
+        look = look_of(box.kind)
+        start, width = _place(scene, box)
+        rectangle = Rectangle((start, box.lane - look.height / 2), width, look.height)
+        by_kind.setdefault(box.kind, []).append(rectangle)
+    for kind, rectangles in by_kind.items():
+        look = look_of(kind)
+        over = kind in (DAMAGE, HEARD_DAMAGE, LOST)
+        axes.add_collection(
+            PatchCollection(
+                rectangles,
+                facecolor=look.colour if look.filled else "none",
+                edgecolor=look.colour if over else IN_ERROR if look.hatch else "#555555",
+                linewidth=0.5,
+                hatch=look.hatch or None,
+                zorder=3 if over else 2,
+            )
+        )
+
+
+def _place(scene: Scene, box: Box) -> tuple[float, float]:
+    """Where the visible part of a box begins, and how wide it is, in ms."""
+    start, end = max(box.start, scene.begin), min(box.end, scene.end)
+    return milliseconds(start - scene.begin), milliseconds(end - start)
+
+
+def _draw_marks(axes: Axes, scene: Scene) -> None:
+    for kind, (shape, colour, size, _) in MARKS.items():
+        marks = [mark for mark in scene.marks if mark.kind == kind]
+        below = 0.38 if kind == END else 0.0
+        axes.plot(
+            [milliseconds(mark.tick - scene.begin) for mark in marks],
+            [mark.lane + below for mark in marks],
+            shape,
+            color=colour,
+            markersize=size,
+            zorder=4,
+        )
+    for number, mark in enumerate(_events(scene), 1):
+        if number <= _MOST_EVENTS:
+            at = milliseconds(mark.tick - scene.begin)
+            axes.annotate(
+                f"{number}", (at, mark.lane), xytext=(5, -3), textcoords="offset points", fontsize=8, zorder=5
+            )
+
+
+def _events(scene: Scene) -> list[Mark]:
+    return [mark for mark in scene.marks if mark.kind != END]
+
+
+def _label_boxes(axes: Axes, scene: Scene) -> None:
+    """Write each box's label into it where it fits."""
+    renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined] # Agg's
+    per_ms = axes.transData.transform((1, 0))[0] - axes.transData.transform((0, 0))[0]
+    widths: dict[str, float] = {}
+    probe = Text(0, 0, "", fontsize=7, figure=axes.figure)
+    for box in scene.boxes:
+        if not box.label:
+            continue
+        start, width = _place(scene, box)
+        if box.label not in widths:
+            probe.set_text(box.label)
+            widths[box.label] = probe.get_window_extent(renderer).width
+        if widths[box.label] + 4 > width * per_ms:
+            continue
+        look = look_of(box.kind)
+        behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.8} if look.hatch else None
+        dark = look.filled and look.colour == "#000000"
+        axes.text(
+            start + width / 2,
+            box.lane,
+            shorten(box.label, 60),
+            ha="center",
+            va="center",
+            fontsize=7,
+            color="white" if dark else "black",
+            zorder=4,
+            bbox=behind,
+        )
+
+
+def _texts(scene: Scene) -> list[str]:
+    """What is written under the picture: the events by number, and why link scans took so long."""
+    events = [
+        f"{number}  {milliseconds(mark.tick - scene.begin):.3f} ms: {mark.text}"
+        for number, mark in enumerate(_events(scene), 1)
+    ]
+    if len(events) > _MOST_EVENTS:
+        events[_MOST_EVENTS:] = [f"… and {len(events) - _MOST_EVENTS} more events"]
+    if scene.left_out:
+        events.append(f"{scene.left_out} more devices changed")
+    texts = [*events, *scene.why]
+    return [shorten("\n".join(wrap(text, _LINE)), 1200) for text in texts]
+
+
+def _legend(scene: Scene) -> Sequence[Artist]:
+    handles: list[Artist] = []
+    for kind in scene.kinds():
+        if kind in MARKS:
+            shape, colour, size, meaning = MARKS[kind]
+            handles.append(Line2D([], [], linestyle="", marker=shape, color=colour, ms=size, label=meaning))
+        elif kind not in (SCAN, LEVEL):
+            look = look_of(kind)
+            handles.append(
+                Patch(
+                    facecolor=look.colour if look.filled else "none",
+                    edgecolor=IN_ERROR if look.hatch or kind == HEARD_DAMAGE else "#555555",
+                    linewidth=0.5,
+                    hatch=look.hatch or None,
+                    label=look.meaning,
+                )
+            )
+    return handles

@@ -1,0 +1,286 @@
+"""A timeline as plain shapes: lanes, boxes and marks, for whoever draws them (picture or web page).
+
+Times are ticks of 1/72 MHz. A lane is a line of the picture: the link scans, the attempts of the
+master, a node of the bus each, what else happened, and the devices that changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from bussim.report.stretch import Stretch, parts_of_scan, told
+from bussim.results.timeline import Span
+from bussim.trace import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
+from bussim.units import milliseconds, seconds
+
+#: Most lanes of devices that changed; the least busy ones are left out.
+MOST_DEVICES = 8
+#: Most shapes that a picture can show and a page can carry.
+MOST_SHAPES = 20_000
+
+#: Kinds of boxes besides those of frames (:data:`bussim.results.style.FRAMES`), and what they are.
+SCAN, GOOD, WAIT, DAMAGE, HEARD_DAMAGE, LEVEL = "scan", "good", "wait", "damage", "heard damage", "level"
+ACTING, FLAG, LOST = "acting", "flag", "lost"
+#: Kinds of marks.
+END, EVENT, TROUBLE = "end", "event", "trouble"
+
+#: M8183 + k is the error flag of station k (PW10 board manual, section 7.5).
+_FLAG = 8183
+_TROUBLE_KINDS = frozenset({"station_error", "watchdog", "undetected", "refused", "no_parameters"})
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Something that lasts. ``label`` is short, for inside; ``text`` is whole, for reading."""
+
+    lane: int
+    start: int
+    end: int
+    kind: str
+    label: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Something at an instant."""
+
+    lane: int
+    tick: int
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A timeline. ``why`` tells in sentences what made link scans longer than plain ones.
+
+    ``left_out`` counts the devices that changed and have no lane.
+    """
+
+    bus: str
+    begin: int
+    end: int
+    lanes: Sequence[str]
+    boxes: Sequence[Box]
+    marks: Sequence[Mark]
+    why: Sequence[str]
+    left_out: int = 0
+
+    def kinds(self) -> list[str]:
+        """Kinds of boxes and marks in it, for a legend, in order of appearance."""
+        return list(dict.fromkeys([*(box.kind for box in self.boxes), *(mark.kind for mark in self.marks)]))
+
+
+@dataclass(slots=True)
+class _Painter:
+    stretch: Stretch
+    lanes: list[str] = field(default_factory=list)
+    boxes: list[Box] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
+
+    def lane(self, name: str) -> int:
+        self.lanes.append(name)
+        return len(self.lanes) - 1
+
+    def box(self, lane: int, start: int, end: int, kind: str, label: str, text: str) -> None:
+        if end > self.stretch.begin and start < self.stretch.end:
+            self.boxes.append(Box(lane, start, end, kind, label, text))
+
+    def mark(self, lane: int, tick: int, kind: str, text: str) -> None:
+        if self.stretch.begin <= tick < self.stretch.end:
+            self.marks.append(Mark(lane, tick, kind, text))
+
+    def scans(self, scans: Sequence[ScanRecord]) -> None:
+        if not scans:
+            return
+        lane = self.lane("link scans")
+        for scan in scans:
+            took = ms(scan.duration)
+            text = f"link scan {scan.number}: {took}" + (f", {scan.cause}" if scan.cause else "")
+            self.box(lane, scan.start, scan.start + scan.duration, SCAN, took, text)
+
+    def attempts(self, attempts: Sequence[AttemptRecord]) -> None:
+        if not attempts:
+            return
+        lane = self.lane("attempts")
+        for a in attempts:
+            took = ms(a.end - a.start)
+            where = f"attempt {a.number} at {self.stretch.station(a.station)}"
+            if a.code:
+                text = f"{where}: {a.outcome}, code {a.code:02X}, given up after {took}"
+                self.box(lane, a.start, a.end, WAIT, f"try {a.number}: {a.outcome} ({a.code:02X})", text)
+            else:
+                late = "" if a.turnaround is None else f", turnaround {ms(a.turnaround)}"
+                self.box(lane, a.start, a.end, GOOD, f"to {a.station}", f"{where}: answered{late}")
+
+    def transactions(self, transactions: Sequence[TransactionRecord]) -> None:
+        masters = dict.fromkeys(t.master for t in transactions)
+        for master in masters:
+            lane = self.lane(f"{master} asks" if len(masters) > 1 else "attempts")
+            for t in transactions:
+                if t.master != master or t.sent is None:
+                    continue
+                what = f"{t.poll or 'request'}: function {t.function} at station {t.station}, "
+                what += f"address {t.address}, quantity {t.quantity}, attempt {t.attempt}"
+                if t.outcome == "ok":
+                    self.box(lane, t.sent, t.end, GOOD, t.poll, f"{what}: answered")
+                else:
+                    text = f"{what}: {t.outcome}"
+                    self.box(lane, t.sent, t.end, WAIT, f"try {t.attempt}: {t.outcome}", text)
+
+    def nodes(self) -> None:
+        stretch = self.stretch
+        numbers = {name: number for number, name in stretch.stations.items()}
+        senders = [f.sender for f in stretch.frames]
+        places: dict[str, int] = {}
+        for name in dict.fromkeys([*stretch.nodes, *senders]):
+            places[name] = self.lane(f"{numbers[name]} {name}" if name in numbers else name)
+        for frame in stretch.frames:
+            self._frame(places[frame.sender], frame)
+            for receiver, bits in frame.damaged_at.items():
+                if receiver in places:
+                    for start, end, text in _damage(frame, bits):
+                        heard = f"{receiver} hears {text} of {frame.sender} damaged"
+                        self.box(places[receiver], start, end, HEARD_DAMAGE, "", heard)
+        for plc, ticks in stretch.ends.items():
+            for name in (plc, *(n for n in places if n.startswith(f"{plc}."))):
+                if name in places:
+                    for tick in ticks:
+                        self.mark(places[name], tick, END, f"END of {plc}")
+
+    def _frame(self, lane: int, frame: FrameRecord) -> None:
+        of = "" if frame.station is None else f", station {frame.station}"
+        count = "" if frame.counter is None else f", counter {frame.counter}"
+        faults = [word for word, on in (("collided", frame.collided), ("cut off", frame.cut)) if on]
+        if frame.damaged_bits:
+            number = len(frame.damaged_bits)
+            faults.append(f"{number} damaged bit{'s' if number > 1 else ''}")
+        text = f"{frame.sender}: {frame.kind} frame{of}{count}, {len(frame.chars)} characters, "
+        text += ms(frame.end - frame.start) + (f"; {', '.join(faults)}" if faults else "")
+        plain = frame.station is None or frame.kind == "parameters"
+        label = frame.kind if plain else f"{frame.kind} {frame.station}"
+        self.box(lane, frame.start, frame.end, frame.kind, label, text)
+        for start, end, what in _damage(frame, frame.damaged_bits):
+            self.box(
+                lane, start, end, DAMAGE, "", f"{what} of {frame.sender}'s {frame.kind} frame is damaged"
+            )
+        if frame.collided or frame.cut:
+            self.box(lane, frame.start, frame.end, LOST, "", text)
+
+    def spans(self) -> None:
+        stretch = self.stretch
+        faults: dict[str, list[Span]] = {}
+        for text, span in stretch.faults:
+            faults.setdefault(text, []).append(span)
+        for text, spans in faults.items():
+            self._spans("fault", spans, ACTING, text, text)
+        for station, flags in stretch.flags.items():
+            text = f"M{_FLAG + station} is on: {stretch.station(station)} is in error"
+            self._spans(f"M{_FLAG + station}", flags, FLAG, "ON", text)
+
+    def _spans(self, name: str, spans: Sequence[Span], kind: str, label: str, text: str) -> None:
+        begin, end = self.stretch.begin, self.stretch.end
+        # What hits a number of frames has a beginning only, which is among the events.
+        shown = [(s.start, end if s.end is None else s.end) for s in spans if s.end != s.start]
+        shown = [(start, until) for start, until in shown if start < end and until > begin]
+        if shown:
+            lane = self.lane(name)
+            for start, until in shown:
+                self.box(lane, start, until, kind, label, text)
+
+    def notes(self) -> None:
+        shown = [n for n in self.stretch.notes if self.stretch.begin <= n.tick < self.stretch.end]
+        if not shown:
+            return
+        lane = self.lane("events")
+        # What several stations say of one thing at one instant is one mark.
+        said: dict[tuple[int, str, str], list[str]] = {}
+        for note in shown:
+            over = " is over" if note.kind == "fault_over" else ""
+            kind = TROUBLE if note.kind in _TROUBLE_KINDS else EVENT
+            who = said.setdefault((note.tick, kind, note.text + over), [])
+            if note.where not in (self.stretch.bus, "") and not note.kind.startswith("fault"):
+                who.append(note.where)
+        for (tick, kind, text), who in said.items():
+            self.mark(lane, tick, kind, f"{', '.join(who)}: {text}" if who else text)
+
+    def values(self) -> int:
+        stretch = self.stretch
+        changes: dict[tuple[str, str], list[tuple[int, int]]] = {}
+        for value in stretch.values:
+            changes.setdefault((value.plc, value.device), []).append((value.tick, value.value))
+        inside = {
+            key: sum(stretch.begin <= tick < stretch.end for tick, _ in past) for key, past in changes.items()
+        }
+        busiest = sorted((key for key in changes if inside[key]), key=lambda key: -inside[key])
+        kept = set(busiest[:MOST_DEVICES])
+        for key, past in changes.items():
+            if key not in kept:
+                continue
+            plc, device = key
+            lane = self.lane(f"{plc} {device}")
+            steps = sorted(past)
+            for (tick, number), (until, _) in pairwise([*steps, (stretch.end, 0)]):
+                self.box(lane, tick, until, LEVEL, f"{number}", f"{plc}: {device} = {number}")
+        return len(busiest) - len(kept)
+
+
+def scene_of(stretch: Stretch) -> Scene:
+    """The timeline of a stretch."""
+    painter = _Painter(stretch)
+    painter.scans(stretch.scans)
+    painter.attempts(stretch.attempts)
+    painter.transactions(stretch.transactions)
+    painter.nodes()
+    painter.spans()
+    painter.notes()
+    left_out = painter.values()
+    return Scene(
+        stretch.bus,
+        stretch.begin,
+        stretch.end,
+        painter.lanes,
+        painter.boxes,
+        painter.marks,
+        list(_why(stretch)),
+        left_out,
+    )
+
+
+def ms(ticks: int | float) -> str:
+    """``51.719 ms``."""
+    return f"{milliseconds(ticks):.3f} ms"
+
+
+def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int, str]]:
+    """The characters that hold damaged bits: from when, until when, and which of how many."""
+    number = len(frame.chars)
+    if not bits or not number:
+        return
+    per_char = _bits_per_char(frame.format)
+    for char in sorted({min(bit // per_char, number - 1) for bit in bits}):
+        span = frame.end - frame.start
+        start, end = (frame.start + span * place // number for place in (char, char + 1))
+        yield start, end, f"character {char + 1} of {number}"
+
+
+def _bits_per_char(form: str) -> int:
+    """Bits on the wire of a character: ``7E1`` has a start bit, seven, a parity bit and a stop bit."""
+    return 1 + int(form[0]) + (form[1] != "N") + int(form[2])
+
+
+def _why(stretch: Stretch) -> Iterable[str]:
+    """What the time of each link scan with failed attempts went to, one sentence a scan."""
+    for scan in stretch.scans:
+        whole = stretch.begin <= scan.start and scan.start + scan.duration <= stretch.end
+        if not whole or not (scan.failed or scan.cause):
+            continue
+        parts = parts_of_scan(stretch, scan)
+        lost = sum(part.ticks for part in parts if part.lost)
+        yield (
+            f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {ms(scan.duration)}, "
+            f"{ms(lost)} of it for what a plain one has not: {' + '.join(told(parts))}."
+        )

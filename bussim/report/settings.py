@@ -1,0 +1,37 @@
+"""The settings of the stations on an N:N link: register table and instructions that set them.
+
+PW10 board manual, sections 5 and 7 (D8176–D8180, M8179; the program sets them at M8002).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+MEANINGS = {
+    "D8176": "station number (0: master)",
+    "D8177": "number of slaves",
+    "D8178": "refresh mode",
+    "D8179": "retries",
+    "D8180": "communication timeout, in 10 ms",
+    "M8179": "port (0: COM3, 1: COM4)",
+}
+#: A slave needs only these; it learns the rest from the master.
+_OF_SLAVES = ("D8176", "M8179")
+
+
+def used(registers: Mapping[str, Any]) -> dict[str, int]:
+    """The settings that a station's registers hold and that count there."""
+    names = MEANINGS if registers.get("D8176") == 0 else _OF_SLAVES
+    return {name: int(registers[name]) for name in names if name in registers}
+
+
+def mov_lines(registers: Mapping[str, Any]) -> list[str]:
+    """The setting program of a station, executed in the first scan after RUN (M8002)."""
+    lines = ["LD M8002"]
+    for name, value in used(registers).items():
+        if name.startswith("D"):
+            lines.append(f"MOV K{value} {name}")
+    if "M8179" in registers:
+        lines.append("SET M8179" if registers["M8179"] else "RST M8179")
+    return lines

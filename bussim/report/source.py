@@ -1,0 +1,77 @@
+"""What a report is made from: finished runs, and what the exact law says of them, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from bussim.report.scene import Scene
+from bussim.results.record import RunRecord
+
+
+@dataclass(frozen=True, slots=True)
+class ExactLaw:
+    """The exact law of one link's scan time.
+
+    ``figures`` are one link of ``bussim exact --json``. ``said`` tells in words how often a living
+    station is reported as failed. ``notes`` name what was left out of the law, such as faults that act
+    for a part of the run. ``x`` (ms, ascending) and ``tail`` are points of P(link scan > x); empty
+    where there is no law.
+    """
+
+    figures: Mapping[str, Any]
+    said: str = ""
+    notes: Sequence[str] = ()
+    x: Sequence[float] = ()
+    tail: Sequence[float] = ()
+
+    @property
+    def valid(self) -> bool:
+        """Whether the closed form holds for the line."""
+        return bool(self.figures["valid"])
+
+
+@dataclass(frozen=True, slots=True)
+class StationTimes:
+    """What the attempts of a traced run tell of one station: answered polls, turnarounds in ms.
+
+    A quantile with fewer than ten samples beyond it is None.
+    """
+
+    replies: int
+    turnaround_ms: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One run to report.
+
+    ``label`` tells it from the others; ``folder`` is its folder as the user named it. ``laws``,
+    ``stations`` and ``scenes`` are by bus; ``stations`` by station number below. ``no_trace`` says why
+    there is no timeline, ``no_law`` why no exact law could be asked for.
+    """
+
+    label: str
+    folder: str
+    record: RunRecord
+    scenario: str
+    laws: Mapping[str, ExactLaw] = field(default_factory=dict)
+    no_law: str = ""
+    stations: Mapping[str, Mapping[int, StationTimes]] = field(default_factory=dict)
+    scenes: Mapping[str, Scene] = field(default_factory=dict)
+    no_trace: str = ""
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The content of ``summary.json``."""
+        return self.record.summary
+
+    def station_names(self, bus: str) -> dict[int, str]:
+        """The names of a link's stations by number: of several with one number the first."""
+        names: dict[int, str] = {}
+        for seat in self.record.links[bus].seats:
+            registers = self.summary["plcs"].get(seat, {}).get("registers", {})
+            if "D8176" in registers:
+                names.setdefault(int(registers["D8176"]), seat)
+        return names

@@ -1,0 +1,359 @@
+"""A report's tables as plain values; the page's template draws them all in one way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from bussim.report.scene import END, Scene
+from bussim.report.settings import MEANINGS, used
+from bussim.report.source import ExactLaw, Source
+from bussim.report.stations import StationRow, station_rows
+from bussim.report.words import CODES
+from bussim.results.histogram import BIN_TICKS, Histogram
+from bussim.units import milliseconds
+
+#: Where a quantile has too few samples beyond it, or a figure does not exist.
+NONE = "–"
+_MOST_BARS = 40
+_MOST_EVENTS = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A cell: what it shows, where in ``summary.json`` that stands (a JSON pointer), what else to say.
+
+    ``differs`` marks a value that is not that of the first run.
+    """
+
+    text: str
+    path: str = ""
+    title: str = ""
+    differs: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table: the first column of each row is its heading. ``rows`` are (heading, cells)."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[Cell]]]
+    note: str = ""
+
+
+def pointer(*keys: object) -> str:
+    """A JSON pointer (RFC 6901)."""
+    return "".join("/" + str(key).replace("~", "~0").replace("/", "~1") for key in keys)
+
+
+def number(value: object, decimals: int | None = None) -> str:
+    """A value of ``summary.json`` as a cell shows it."""
+    if value is None:
+        return NONE
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:,.{decimals}f}" if decimals is not None else f"{value:,.6g}"
+
+
+def found(summary: Mapping[str, Any], *keys: str, decimals: int | None = None) -> Cell:
+    """The cell of a value of ``summary.json``."""
+    value: Any = summary
+    for key in keys:
+        value = value[key]
+    few = "too few samples to tell" if value is None else ""
+    return Cell(number(value, decimals), pointer(*keys), few)
+
+
+def scan_times(source: Source, bus: str) -> Table:
+    """The link scan time over the whole run and after start-up."""
+    at = ("links", bus, "scan_time_ms")
+    keys = {
+        "min": "shortest",
+        "mean": "mean",
+        "p50": "typical (half are shorter)",
+        "p95": "95 of 100 are shorter",
+    }
+    keys |= {"p99": "99 of 100 are shorter", "p999": "999 of 1,000 are shorter", "max": "longest"}
+    rows = [
+        (
+            label,
+            [
+                found(source.summary, *at, key, decimals=3),
+                found(source.summary, *at, "after_startup", key, decimals=3),
+            ],
+        )
+        for key, label in keys.items()
+    ]
+    return Table(
+        f"Link scan time on bus {bus} (ms)",
+        ["", "whole run", "once all stations were healthy"],
+        rows,
+        "A dash: too few link scans beyond it to tell.",
+    )
+
+
+def link_figures(source: Source, bus: str) -> Table:
+    """What else was counted of a link."""
+    at = ("links", bus)
+    labels = {
+        "stations": "stations",
+        "mode": "refresh mode (D8178)",
+        "retries": "retries (D8179)",
+        "attempts": "attempts a poll",
+        "timeout_ms": "timeout (ms)",
+        "scans": "link scans",
+        "polls": "polls, repeats not counted",
+        "collisions": "collisions",
+        "undetected_frames": "damaged frames taken for good ones",
+        "healthy_at_s": "all stations healthy for the first time (s)",
+    }
+    rows = [(label, [found(source.summary, *at, key)]) for key, label in labels.items()]
+    load = source.summary["links"][bus]["bus_load"]
+    rows.append(("bus load", [Cell(f"{100 * load:.2f} %", pointer(*at, "bus_load"))]))
+    return Table(f"The link on bus {bus}", ["", "value"], rows)
+
+
+def exact_figures(bus: str, law: ExactLaw) -> Table:
+    """What the exact law says of a link."""
+    f = law.figures
+    rows: list[tuple[str, str]] = [
+        ("mean link scan (ms)", number(f["mean_ms"], 3)),
+        (
+            "without errors, shortest and longest (ms)",
+            " to ".join(number(f["no_error_ms"][k], 3) for k in ("min", "max")),
+        ),
+        *(
+            (f"exceeded by 1 scan in {1 / float(key):,.0f} (ms)", number(x, 3))
+            for key, x in f["quantiles_ms"].items()
+        ),
+        ("at worst (ms)", number(f["worst_case_ms"], 3)),
+        ("one station dead (ms)", number(f["one_dead_ms"], 3)),
+        ("two stations dead (ms)", number(f["two_dead_ms"], 3)),
+        ("a dead station is noticed: mean (ms)", number(f["detect_ms"]["mean"], 3)),
+        ("a dead station is noticed: at the latest (ms)", number(f["detect_ms"]["max"], 3)),
+        ("silence that passes unreported (ms)", number(f["ride_through_ms"]["silence"], 3)),
+        ("false station errors begin, a year", _rate(f["false_error_onsets_per_year"])),
+    ]
+    return Table(
+        f"The exact law of the link on bus {bus}",
+        ["", "value"],
+        [(label, [Cell(text)]) for label, text in rows],
+    )
+
+
+def _rate(value: float | None) -> str:
+    return NONE if value is None else "0" if value == 0 else f"{value:.2g}"
+
+
+def stations(source: Source, bus: str) -> Table:
+    """One row a slave: failed attempts by code, station errors, and what a trace adds."""
+    rows = station_rows(source, bus)
+    codes = sorted({code for row in rows for code in row.failed})
+    traced = any(row.times is not None for row in rows)
+    head = ["station", *(f"failed {code}" for code in codes), "link scans in error", "in error (s)"]
+    if traced:
+        head[1:1] = ["replies", "turnaround p50 (ms)", "p99 (ms)", "max (ms)"]
+    head += ["errors counted", "last code", "flag now"]
+    master = source.station_names(bus).get(0, "")
+    table = [
+        (_station(row), [*_station_cells(source, bus, row, codes, master, traced=traced)]) for row in rows
+    ]
+    note = "; ".join(f"{code}: {CODES[code]}" for code in codes if code in CODES)
+    note += (
+        "" if traced else f"{'. ' if note else ''}Replies and turnarounds need a trace (bussim run … --trace)"
+    )
+    return Table(f"The slaves on bus {bus}, as the master saw them", head, table, f"{note}." if note else "")
+
+
+def _station(row: StationRow) -> str:
+    return f"{row.number} ({row.name})" if row.name else str(row.number)
+
+
+def _station_cells(
+    source: Source, bus: str, row: StationRow, codes: Sequence[str], master: str, *, traced: bool
+) -> Iterator[Cell]:
+    if traced:
+        times = row.times
+        yield Cell(number(times.replies if times else 0))
+        for key in ("p50", "p99", "max"):
+            yield Cell(number(times.turnaround_ms[key] if times else None, 3))
+    for code in codes:
+        here = code in row.failed
+        path = pointer("links", bus, "failed_attempts", row.number, code) if here else ""
+        yield Cell(number(row.failed.get(code, 0)), path)
+    yield Cell(number(row.errors), pointer("links", bus, "station_errors", row.number))
+    yield Cell(number(row.error_s, 3))
+    registers = source.summary["plcs"].get(master, {}).get("registers", {})
+    for name, show in (
+        (f"D{8203 + row.number}", str),
+        (f"D{8211 + row.number}", _code),
+        (f"M{8183 + row.number}", _on),
+    ):
+        value = registers.get(name)
+        path = pointer("plcs", master, "registers", name) if value is not None else ""
+        yield Cell(NONE if value is None else show(value), path, name)
+
+
+def _code(value: int) -> str:
+    return f"{value:02X}"
+
+
+def _on(value: int) -> str:
+    return "ON" if value else "off"
+
+
+def refresh_gaps(source: Source, bus: str) -> Table:
+    """The time between two arrivals of one station's block at another."""
+    gaps = source.summary["links"][bus]["refresh_gap_ms"]
+    rows = [
+        (
+            pair.replace("->", " → "),
+            [
+                found(source.summary, "links", bus, "refresh_gap_ms", pair, key, decimals=3)
+                for key in ("p50", "p99", "max", "open")
+            ],
+        )
+        for pair in gaps
+    ]
+    note = (
+        "Choose the preset of a heartbeat from the longest, not from the link scan time: "
+        "retries do not cover it."
+    )
+    head = ["from → to", "typical", "p99", "longest", "still open at the end"]
+    return Table(f"Time between refreshes on bus {bus} (ms)", head, rows, note)
+
+
+def settings(source: Source, bus: str) -> Table:
+    """The special registers with which each station was set."""
+    seats = source.record.links[bus].seats
+    rows = []
+    for name, meaning in MEANINGS.items():
+        cells = []
+        for seat in seats:
+            registers = source.summary["plcs"].get(seat, {}).get("registers", {})
+            here = name in used(registers)
+            cells.append(
+                Cell(str(registers[name]), pointer("plcs", seat, "registers", name)) if here else Cell(NONE)
+            )
+        rows.append((f"{name}: {meaning}", cells))
+    return Table(
+        f"Settings of the stations on bus {bus}",
+        ["register", *seats],
+        rows,
+        "A slave needs only its number and its port; it learns the rest from the master.",
+    )
+
+
+def plcs(source: Source) -> Table:
+    """The PLCs' own scans and serial errors."""
+    rows = []
+    for name, plc in source.summary["plcs"].items():
+        cells = [found(source.summary, "plcs", name, "scan_ms", key, decimals=3) for key in ("mean", "max")]
+        for register in ("D8201", "D8202", "D8063"):
+            here = register in plc["registers"]
+            cells.append(found(source.summary, "plcs", name, "registers", register) if here else Cell(NONE))
+        rows.append((name, cells))
+    head = ["PLC", "scan mean (ms)", "scan max (ms)", "D8201 (link scan now)", "D8202 (longest)", "D8063"]
+    return Table("The PLCs", head, rows)
+
+
+def things(summary: Mapping[str, Any], at: Sequence[str], caption: str, apart: str = "") -> Table | None:
+    """A part of ``summary.json`` that names things (ports, devices, latency), whatever it tells of each.
+
+    A column a thing, a row a figure; the key ``apart`` of each is left out. None where the part is
+    missing or empty.
+    """
+    named: Any = summary
+    for step in at:
+        named = named.get(step) or {}
+    told = {
+        name: dict(leaves({key: value for key, value in thing.items() if key != apart}))
+        for name, thing in named.items()
+    }
+    keys = dict.fromkeys(key for values in told.values() for key in values)
+    rows = []
+    for key in keys:
+        cells = [
+            Cell(plain(values[key]), pointer(*at, name, *key)) if key in values else Cell("")
+            for name, values in told.items()
+        ]
+        rows.append((label_of(key), cells))
+    return Table(caption, ["", *told], rows) if rows else None
+
+
+def ports(summary: Mapping[str, Any]) -> list[Table]:
+    """The ports beside the links: a table of all, and one of each port's polls."""
+    tables = [things(summary, ["ports"], "Modbus and free-protocol ports", "polls")]
+    tables += [
+        things(summary, ["ports", port, "polls"], f"The polls of {port}")
+        for port in summary.get("ports") or {}
+    ]
+    return [table for table in tables if table is not None]
+
+
+def leaves(value: object, at: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every value of nested data with the keys that lead to it; an empty object is a value."""
+    if isinstance(value, Mapping) and value:
+        for key, inner in value.items():
+            yield from leaves(inner, (*at, str(key)))
+    else:
+        yield at, value
+
+
+def plain(value: object) -> str:
+    """A value of any kind as a cell shows it."""
+    if isinstance(value, Mapping | list | tuple):
+        return ", ".join(map(str, value)) or "none"
+    return number(value, 3) if isinstance(value, float) else number(value)
+
+
+def label_of(key: Sequence[str]) -> str:
+    """``response_ms, p50`` as ``response p50 (ms)``."""
+    unit = next((part.rsplit("_", 1)[1] for part in key if part.endswith(("_ms", "_s"))), "")
+    unit = "" if key[-1] == "count" else unit
+    words = " ".join(part.removesuffix("_ms").removesuffix("_s") for part in key).replace("_", " ")
+    return f"{words} ({unit})" if unit else words
+
+
+def histogram_data(histogram: Histogram, bus: str) -> Table:
+    """A histogram in at most some tens of rows, for who cannot see the chart."""
+    places = sorted(histogram.bins)
+    span = places[-1] - places[0] + 1
+    width = next(w for w in _widths() if span <= w * _MOST_BARS)
+    bars: dict[int, int] = {}
+    for place in places:
+        bars[place // width] = bars.get(place // width, 0) + histogram.bins[place]
+    rows = []
+    for bar, count in sorted(bars.items()):
+        low, high = (milliseconds((edge * width - 0.5) * BIN_TICKS) for edge in (bar, bar + 1))
+        rows.append((f"{low:.3f} to {high:.3f}", [Cell(f"{count:,}")]))
+    return Table(f"Link scan times on bus {bus}, counted", ["link scan time (ms)", "link scans"], rows)
+
+
+def _widths() -> Iterable[int]:
+    decade = 1
+    while True:
+        yield from (decade, 2 * decade, 5 * decade)
+        decade *= 10
+
+
+def scene_data(scene: Scene) -> Table:
+    """A timeline as a list, for who cannot see the chart."""
+    shapes = [(box.start, box.end, scene.lanes[box.lane], box.text) for box in scene.boxes]
+    shapes += [
+        (mark.tick, mark.tick, scene.lanes[mark.lane], mark.text) for mark in scene.marks if mark.kind != END
+    ]
+    rows = [
+        (
+            f"{milliseconds(start - scene.begin):.3f}",
+            [Cell(f"{milliseconds(end - start):.3f}"), Cell(lane), Cell(text)],
+        )
+        for start, end, lane, text in sorted(shapes)
+    ]
+    note = f"The first {_MOST_EVENTS} of {len(rows):,}." if len(rows) > _MOST_EVENTS else ""
+    head = ["from (ms)", "for (ms)", "lane", "what"]
+    return Table(f"What happened on bus {scene.bus}", head, rows[:_MOST_EVENTS], note)

@@ -1,0 +1,75 @@
+"""Two hundred random programs do the same here and in the tests' own interpreter."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from bussim.plc.memory import Memory
+from bussim.plc.program.catalog import FORMS
+from bussim.plc.program.program import Program
+from bussim.plc.program.run import ProgramRun
+from bussim.units import TICKS_PER_MS
+
+from .random_programs import Writer
+from .reference import Reference
+
+PROGRAMS, SCANS = 200, 15
+#: What the reference does not keep: the steps of errors, the watchdog's time.
+UNTOLD = {8000, 8068, 8069}
+
+
+def state(memory: Memory) -> dict[tuple[str, int], int]:
+    """Every device that is not 0; a bit's letter in capitals, a word's in small letters."""
+    found = {}
+    for letters, shelf in (("XYMSTC", memory.bits), ("DTCVZ", memory.words)):
+        for letter in letters:
+            devices = np.asarray(shelf(letter))
+            shown = letter if shelf == memory.bits else letter.lower()
+            found |= {(shown, int(at)): int(devices[at]) for at in np.flatnonzero(devices)}
+    return {place: value for place, value in found.items() if place[0] != "d" or place[1] not in UNTOLD}
+
+
+def expected(reference: Reference) -> dict[tuple[str, int], int]:
+    found = {place: 1 for place, bit in reference.bits.items() if bit}
+    return found | {
+        (letter.lower(), at): word & (0xFFFFFFFF if letter == "C" and at >= 200 else 0xFFFF)
+        for (letter, at), word in reference.words.items()
+        if word
+    }
+
+
+@pytest.mark.parametrize("seed", range(PROGRAMS))
+def test_a_random_program_does_the_same_compiled_and_interpreted(seed: int) -> None:
+    text = Writer(seed).program()
+    memory, reference = Memory(), Reference(text)
+    run = ProgramRun(Program.parse(text, "random"), memory)
+    run.run(0)
+    luck = random.Random(seed)
+    now = 0
+    for number in range(SCANS):
+        for point in range(8):
+            bit = luck.getrandbits(1)
+            memory.bits("X")[point] = bit
+            reference.bits["X", point] = bit
+        run.scan(now)
+        reference.scan(now)
+        assert state(memory) == expected(reference), f"scan {number} of\n{text}"
+        now += luck.choice((1, 5, 30, 100)) * TICKS_PER_MS + luck.randrange(1000)
+
+
+def test_the_random_programs_are_no_trifles() -> None:
+    """They use every instruction, and operands of every kind; some run into errors, some do not."""
+    texts = [Writer(seed).program() for seed in range(PROGRAMS)]
+    used = {line.split()[0] for text in texts for line in text.split("\n")}
+    missing = {name for name in FORMS if name not in used} - {"NOP", "WDT", "WDTP", "RS2", "CPAVL"}
+    assert not missing
+    errors = 0
+    for text in texts[:60]:
+        reference = Reference(text)
+        for number in range(5):
+            reference.scan(number * 720_000)
+        errors += reference.bits["M", 8067]
+    assert 5 < errors < 55

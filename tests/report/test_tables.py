@@ -1,0 +1,163 @@
+"""The report's tables, without a browser."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pandas as pd
+import pytest
+
+import bussim
+from bussim.report import compare, settings, tables
+from bussim.report.charts import histogram_chart, tail_chart
+from bussim.report.source import ExactLaw, Source
+from bussim.report.stations import measured_times, station_rows
+from bussim.results.record import RunRecord
+
+
+@pytest.fixture(scope="module")
+def source() -> Source:
+    return Source("press", "runs/press", bussim.run("press_line", rows=False).record, "schema: 1\nseed: 7\n")
+
+
+def changed(source: Source, **summary: Any) -> Source:
+    record = source.record
+    return replace(
+        source,
+        record=RunRecord({**record.summary, **summary}, record.duration, record.links, record.notes),
+    )
+
+
+def test_numbers_are_shown_to_their_digits() -> None:
+    assert tables.number(1234567) == "1,234,567"
+    assert tables.number(50.41, 3) == "50.410"
+    assert tables.number(None, 3) == "–"
+    assert tables.number(0.059384) == "0.059384"
+    assert tables.pointer("a/b", "c~d") == "/a~1b/c~0d"
+
+
+def test_only_the_settings_that_count_are_shown(source: Source) -> None:
+    table = tables.settings(source, "link")
+    assert table.head == ["register", "press1", "press2", "press3"]
+    shown = {heading.split(":")[0]: [cell.text for cell in cells] for heading, cells in table.rows}
+    assert shown["D8176"] == ["0", "1", "2"]
+    assert shown["D8179"] == ["5", "–", "–"]
+    assert shown["M8179"] == ["1", "1", "1"]
+
+
+def test_the_setting_program_sets_what_the_scenario_has() -> None:
+    plcs = bussim.run("press_line", rows=False).summary["plcs"]
+    assert settings.mov_lines(plcs["press1"]["registers"]) == [
+        "LD M8002",
+        "MOV K0 D8176",
+        "MOV K2 D8177",
+        "MOV K2 D8178",
+        "MOV K5 D8179",
+        "MOV K5 D8180",
+        "SET M8179",
+    ]
+    assert settings.mov_lines(plcs["press2"]["registers"]) == ["LD M8002", "MOV K1 D8176", "SET M8179"]
+    assert settings.mov_lines({"D8176": 3, "M8179": 0})[-1] == "RST M8179"
+
+
+def test_a_station_counts_the_time_of_its_flag(source: Source) -> None:
+    first, second = station_rows(source, "link")
+    (span,) = source.record.links["link"].in_error[1]
+    assert span.end is not None
+    assert first.error_s == pytest.approx((span.end - span.start) / 72e6)
+    assert (first.name, first.failed["01"], first.errors) == ("press2", 90, 15)
+    assert (second.error_s, second.errors) == (0, 0)
+
+
+def test_turnarounds_come_from_good_attempts_and_rare_quantiles_are_not_told() -> None:
+    rows = [("link", 1, "ok", 0.3 + 0.001 * n) for n in range(200)] + [("link", 1, "damaged", 9.0)]
+    table = pd.DataFrame(rows, columns=["bus", "station", "outcome", "turnaround_ms"])
+    times = measured_times(table)["link"][1]
+    assert times.replies == 200
+    assert times.turnaround_ms["p50"] == pytest.approx(0.399)
+    assert times.turnaround_ms["p95"] == pytest.approx(0.489)
+    assert times.turnaround_ms["p99"] is None
+    assert times.turnaround_ms["max"] == pytest.approx(0.499)
+
+
+def test_any_section_of_things_becomes_a_table(source: Source) -> None:
+    ports = {
+        "press1.COM3": {
+            "protocol": "modbus-rtu-master",
+            "transactions": 300,
+            "response_ms": {"p50": 58.1, "max": 63.0, "count": 300},
+            "polls": {"read": {"ok": 299}},
+        },
+        "press2.COM3": {"protocol": "free", "exceptions": {}},
+    }
+    table, polls = tables.ports({"ports": ports})
+    assert table.head == ["", "press1.COM3", "press2.COM3"]
+    shown = {heading: [cell.text for cell in cells] for heading, cells in table.rows}
+    assert shown["response p50 (ms)"] == ["58.100", ""]
+    assert shown["response count"] == ["300", ""]
+    assert shown["transactions"] == ["300", ""]
+    assert (polls.caption, polls.head) == ("The polls of press1.COM3", ["", "read"])
+    assert polls.rows == [("ok", [tables.Cell("299", "/ports/press1.COM3/polls/read/ok")])]
+    assert shown["exceptions"] == ["", "none"]
+    paths = {cell.path for _, cells in table.rows for cell in cells}
+    assert "/ports/press1.COM3/response_ms/p50" in paths
+    assert tables.things(source.summary, ["latency"], "Latency") is None
+
+
+def test_what_differs_between_runs_is_marked(source: Source) -> None:
+    other = bussim.run(bussim.load("press_line", ["plcs.press1.nn.retries=2"]), rows=False).record
+    second = Source("fewer", "runs/fewer", other, "schema: 1\nseed: 7\nretries: 2\n")
+    table = compare.link_table([source, second], "link")
+    cells = dict(table.rows)
+    assert [cell.differs for cell in cells["retries (D8179)"]] == [False, True]
+    assert cells["retries (D8179)"][1].title == ""
+    assert [cell.differs for cell in cells["timeout (ms)"]] == [False, False]
+    first, longest = (run.record.summary["links"]["link"]["scan_time_ms"]["max"] for run in (source, second))
+    assert cells["link scan, longest (ms)"][1].title == f"{100 * (longest - first) / first:+.1f} %"
+    ((label, lines),) = compare.scenario_changes([source, second])
+    assert label == "fewer"
+    assert "+retries: 2" in lines
+
+
+def test_a_run_without_the_link_has_dashes(source: Source) -> None:
+    empty = changed(source, links={})
+    cells = dict(compare.link_table([source, empty], "link").rows)
+    assert cells["link scans"][1].text == "–"
+    assert cells["failed attempts"][1].text == "–"
+
+
+def test_charts_carry_the_counts_and_the_law(source: Source) -> None:
+    histogram = source.record.links["link"].scan_times.histogram
+    law = ExactLaw({"valid": True}, x=[50.0, 50.5, 51.0], tail=[1.0, 0.25, 0.0])
+    chart = histogram_chart({"press": histogram}, law, "t")
+    (series,) = chart["series"]
+    assert sum(count for _, count in series["bins"]) == series["count"] == histogram.count
+    assert chart["law"] == [[50.0, 1.0], [50.5, 0.25], [51.0, 0.0]]
+    points = tail_chart(histogram, None, "t")["counted"]
+    assert all(0 < p < 1 for _, p in points)
+    assert [p for _, p in points] == sorted((p for _, p in points), reverse=True)
+    # After the bin of a scan time, those that took longer are left.
+    place, count = min(histogram.bins.items())
+    assert points[0] == [pytest.approx((place + 0.5) * 0.01), pytest.approx(1 - count / histogram.count)]
+
+
+def test_a_histogram_is_a_table_too(source: Source) -> None:
+    histogram = source.record.links["link"].scan_times.histogram
+    table = tables.histogram_data(histogram, "link")
+    assert len(table.rows) <= 41
+    assert sum(int(cells[0].text.replace(",", "")) for _, cells in table.rows) == histogram.count
+
+
+def test_ports_of_two_runs_are_compared(source: Source) -> None:
+    runs = [
+        changed(source, ports={"a.COM3": {"ok": ok, "response_ms": {"p50": 44.0}, "errors": {}}})
+        for ok in (10, 9)
+    ]
+    (table,) = compare.thing_tables(runs)
+    cells = dict(table.rows)
+    assert [(cell.text, cell.differs) for cell in cells["ok"]] == [("10", False), ("9", True)]
+    assert [cell.text for cell in cells["response p50 (ms)"]] == ["44.000", "44.000"]
+    assert [cell.text for cell in cells["errors"]] == ["none", "none"]
+    assert cells["ok"][1].path == "/ports/a.COM3/ok"
+    assert compare.thing_tables([source, source]) == []
