@@ -114,7 +114,7 @@ def pcapng_file(run: Path, path: Path, *, since: int) -> Path:
     resolution = struct.pack("<HHB3xHH", 9, 1, 9, 0, 0)
     name = struct.pack("<HH4s", 2, 4, b"link") + resolution
     data = block(0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1))
-    data += block(1, struct.pack("<HHI", 1, 0, 0)) + block(1, struct.pack("<HHI", 147, 0, 0) + name)
+    data += block(1, struct.pack("<HHI", 1, 0, 0)) + block(1, struct.pack("<HHI", 148, 0, 0) + name)
     for frame in frames_of(run):
         stamp = since * 10**9 + round(frame.start * 125 / 9)
         for interface, chars in ((0, b"ethernet"), (1, frame.chars)):
