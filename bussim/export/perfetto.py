@@ -42,7 +42,7 @@ Timed = tuple[int, int, Event]
 
 
 def write_perfetto(path: Path, selection: Selection, comment: str) -> int:
-    """Write the trace; returns how many events. Raises UsageError for none, or more than :data:`MOST_EVENTS`."""
+    """Write the trace; returns how many events. Raises UsageError for none, or too many."""
     tracks = _Tracks(selection)
     events: list[Timed] = []
     for number, (tick, event) in enumerate(_Events(selection, tracks).all()):
