@@ -114,7 +114,7 @@ name: feeder
 duration: 40 s
 seed: 2
 buses: [{name: feeder, baud: 19200, format: 8E1}]
-plcs: []
+plcs: [{name: idle}]
 devices:
   - {name: one, model: v80, bus: feeder, station: 1, delay: 5 ms, jitter: 4 ms}
   - {name: two, model: v80, bus: feeder, station: 2, delay: 2 ms}
