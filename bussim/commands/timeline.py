@@ -26,9 +26,7 @@ _MOST_FRAMES = 1_000
 @click.argument("run", metavar="RUN_DIR")
 @click.option("--from", "since", metavar="T", help="Begin so long after the run's start, such as 10s.")
 @click.option("--span", metavar="T", help=f"Draw so much of it (default: {_DEFAULT_SPAN}).")
-@click.option(
-    "--worst", is_flag=True, help="The longest link scan or Modbus attempt; so too without --from."
-)
+@click.option("--worst", is_flag=True, help="The longest link scan or Modbus attempt; so too without --from.")
 @click.option("--bus", metavar="NAME", help="Which bus (default: the one with the longest link scan).")
 @click.option("-o", "--out", metavar="FILE", help="A .png or .svg (default: a .png in the run's folder).")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
