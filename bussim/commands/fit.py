@@ -131,8 +131,6 @@ def fit(
     from bussim.live.recordings.sources import Kind, kind_of
     from bussim.live.sniff.link import station_name
     from bussim.live.sniff.listener import Listener
-    from bussim.results.record import RunRecord
-    from bussim.results.summary import summarise
     from bussim.units import TICKS_PER_MS
 
     path, kind = Path(source), kind_of(Path(source))
@@ -155,9 +153,7 @@ def fit(
             f"{line.format}; rate and format are set by -b, -d, -P and -s, the protocol by --protocol"
         )
     totals = listener.totals(max(duration, listener.last))
-    links = sink.links(totals)
-    summary = summarise(totals, links, scenario="measured", seed=0)
-    measured = RunRecord(summary, totals.duration, links, tuple(sink.notes), sink.left_out)
+    measured = sink.run(totals, scenario="measured", seed=0)
     return Fitted(listener.bus, names, exact, totals.duration, link, ports, measured)
 
 

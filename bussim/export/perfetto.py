@@ -42,7 +42,7 @@ Timed = tuple[int, int, Event]
 
 
 def write_perfetto(path: Path, selection: Selection, comment: str) -> int:
-    """Write the trace; returns how many events. Raises UsageError for none, or more than :data:`MOST_EVENTS`."""
+    """Write the trace; returns how many events. Raises UsageError for none, or too many."""
     tracks = _Tracks(selection)
     events: list[Timed] = []
     for number, (tick, event) in enumerate(_Events(selection, tracks).all()):
@@ -155,7 +155,11 @@ class _Events:
             case TransactionRecord():
                 yield from self._transaction(record)
             case PollRecord():
-                args = {"attempts": record.attempts, "error": record.error, "late_us": microseconds(record.late)}
+                args = {
+                    "attempts": record.attempts,
+                    "error": record.error,
+                    "late_us": microseconds(record.late),
+                }
                 name = record.poll or "poll"
                 yield self._on_bus(record, "polls", "poll", name, record.start, record.end, args)
             case CycleRecord():
@@ -166,7 +170,10 @@ class _Events:
                 yield from self._free(record)
             case DeviceValueRecord():
                 pid = self._tracks.plc(record.plc)
-                yield record.tick, _event("C", record.device, "register", record.tick, pid, 0, {"value": record.value})
+                yield (
+                    record.tick,
+                    _event("C", record.device, "register", record.tick, pid, 0, {"value": record.value}),
+                )
             case EndsRecord():
                 yield from self._ends(record)
             case NoteRecord():
@@ -233,7 +240,10 @@ class _Events:
         if done.error is not None:
             pid = self._tracks.bus(done.bus)
             tid = self._tracks.thread(pid, track)
-            yield done.end, _instant(f"error {done.error}: {done.outcome}", done.end, pid, tid, {"poll": done.poll})
+            yield (
+                done.end,
+                _instant(f"error {done.error}: {done.outcome}", done.end, pid, tid, {"poll": done.poll}),
+            )
 
     def _free(self, record: FreeRecord) -> Iterator[tuple[int, Event]]:
         args = {"bytes": record.data.hex(" ").upper(), "ended": record.ended, "damaged": record.damaged}
@@ -309,9 +319,7 @@ def _event(
     }
 
 
-def _slice(
-    name: str, category: str, begin: int, end: int, pid: int, tid: int, args: dict[str, Any]
-) -> Event:
+def _slice(name: str, category: str, begin: int, end: int, pid: int, tid: int, args: dict[str, Any]) -> Event:
     event = _event("X", name, category, begin, pid, tid, args)
     event["dur"] = microseconds(end - begin)
     return event

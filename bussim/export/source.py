@@ -112,7 +112,9 @@ def nothing_there(selection: Selection, what: str) -> str:
     until = "the end" if selection.stop is None else format_time(selection.stop)
     span: tuple[int, int] | None = None
     for frame in selection.trace.of(FrameRecord, bus=selection.bus):
-        span = (frame.start, frame.end) if span is None else (min(span[0], frame.start), max(span[1], frame.end))
+        span = (
+            (frame.start, frame.end) if span is None else (min(span[0], frame.start), max(span[1], frame.end))
+        )
     there = (
         "and no frame at another time"
         if span is None

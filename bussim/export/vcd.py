@@ -7,6 +7,7 @@ each transmitter, see :mod:`bussim.export.lanes`.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from bussim.export.lanes import Lanes, by_scope
 from bussim.version import __version__
@@ -15,7 +16,6 @@ from bussim.version import __version__
 def write_vcd(path: Path, lanes: Lanes, comment: str) -> None:
     """Write the lanes; memory does not depend on their length."""
     from vcd import VCDWriter
-    from vcd.writer import ScalarVariable
 
     with path.open("w", encoding="utf-8", newline="\n") as file:
         writer = VCDWriter(
@@ -27,7 +27,7 @@ def write_vcd(path: Path, lanes: Lanes, comment: str) -> None:
             check_values=False,
             init_timestamp=lanes.begin,
         )
-        wires: list[ScalarVariable[object]] = [None] * len(lanes.lanes)  # type: ignore[list-item] # filled below
+        wires: list[Any] = [None] * len(lanes.lanes)
         for scope, members in by_scope(lanes.lanes).items():
             for number in members:
                 name = lanes.lanes[number].name

@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping
 from bussim.plc.inputs import Change, Stimulus
 from bussim.plc.memory import BlockPlace, Device, Memory, SharedAreas
 from bussim.plc.ports.rs2 import Drive, Rs2
-from bussim.plc.program import Program, ProgramRun
+from bussim.plc.program.program import Program
+from bussim.plc.program.run import ProgramRun
 from bussim.plc.program.times import InstructionTimes
 
 #: Carries an RS2 out: the instruction, its operands, the tick, whether it is driven.

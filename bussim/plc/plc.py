@@ -18,7 +18,7 @@ from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.ports.rs2 import Drive, Rs2, port_of
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
-from bussim.plc.program import Program
+from bussim.plc.program.program import Program
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source
 from bussim.plc.streams import Streams

@@ -22,7 +22,7 @@ from bussim.line.characters import LineTiming
 from bussim.plc.inputs import InputSpec
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
-from bussim.plc.program import Program
+from bussim.plc.program.program import Program
 from bussim.plc.sources import Source
 
 
