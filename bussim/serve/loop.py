@@ -76,6 +76,7 @@ class RealTime:
         gc.freeze()  # what was built for the run need not be looked through again and again
         try:
             clock.restart()
+            kernel.run(kernel.now + 1)  # whatever has its supply from the start hears what has come before
             while not stopped() and kernel.now < until:
                 # An event at a tick is done when the tick is over.
                 wait(self._wires, clock, min(kernel.next() + 1, until, clock.now() + PATIENCE))

@@ -142,6 +142,16 @@ class Session:
         """What the other side opens, by the names of lines; of a port its URL."""
         return {place.name: wire.name for place, wire in zip(self.places, self.wires, strict=True)}
 
+    def described(self) -> tuple[str, ...]:
+        """What is served where, a line each node: ``drive: Modbus RTU slave … on /dev/pts/3``."""
+        lines = []
+        for place, wire in zip(self.places, self.wires, strict=True):
+            for node in place.nodes:
+                number = f", station {node.station}" if node.station is not None and not node.nn else ""
+                line = f"{place.timing.baud} {place.timing.format}"
+                lines.append(f"{node.node}: {node.what}{number}, {line}, on {wire.name}")
+        return tuple(lines)
+
     @property
     def now(self) -> int:
         """The present tick of the simulation."""
