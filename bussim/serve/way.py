@@ -66,30 +66,31 @@ class Way:
             return
         if self.journal is not None:
             self.journal.cut()
-        chars = self._as_read(tx)
+        if tx.damaged or not tx.sender.nominal:
+            read = sampled(tx, self.stranger.seat, self.line.timing)
+            sound = [char for char in read if char.parity_ok and char.stop_ok]
+            chars, ends = bytes(char.value for char in sound), [char.end for char in sound]
+        else:
+            chars, ends = tx.chars, None
+        if self._mask < 0xFF:
+            chars = bytes(value & self._mask for value in chars)
         if self.wire.options.echo:
             self._echo += len(chars)
         if not self.wire.options.paced:
             if chars:
-                self.wire.write(bytes(value & self._mask for _, value in chars))
+                self.wire.write(chars)
             return
-        self._queue.extend(chars)
+        if ends is None:
+            ends = [tx.start + tx.timing.characters(number) for number in range(1, len(chars) + 1)]
+        self._queue.extend(zip(ends, chars, strict=True))
         if self._queue and self._timer.at < 0:
             self._timer.set(max(self._queue[0][0], self._kernel.now))
-
-    def _as_read(self, tx: Transmission) -> list[tuple[int, int]]:
-        """The characters that a receiver on the line reads, with the ends of their last stop bits."""
-        if not tx.damaged and tx.sender.nominal:
-            timing, start = tx.timing, tx.start
-            return [(start + timing.characters(number), value) for number, value in enumerate(tx.chars, 1)]
-        read = sampled(tx, self.stranger.seat, self.line.timing)
-        return [(char.end, char.value) for char in read if char.parity_ok and char.stop_ok]
 
     def _pace(self, now: int) -> None:
         queue, due = self._queue, bytearray()
         now = max(now, self.wire.clock.now())
         while queue and queue[0][0] <= now:
-            due.append(queue.popleft()[1] & self._mask)
+            due.append(queue.popleft()[1])
         if due:
             self.wire.write(bytes(due))
         if queue:
@@ -116,8 +117,7 @@ class Way:
             return
         line, tolerance = self.line, self.wire.options.tolerance
         if not self._queue:
-            for port in line.ports:
-                port.finish_early(now)
+            self._end_what_is_sent(now)
         character = line.character
         chars = self._arrivals.lump(data, now)
         begun = late + (now - character if self.wire.instant else chars[0][1])
@@ -141,6 +141,18 @@ class Way:
                 heard = [(char, min(self._last, end), end), *heard[1:]]
             port.ear.overhear(heard, now, port.quiet(port.timing) + extra + late)
         self._last = now + late
+
+    def _end_what_is_sent(self, now: int) -> None:
+        """What nodes send has left already, since it was answered: all who hear it have heard it all."""
+        ports = self.line.ports
+        for port in ports:
+            tx = port.sending
+            if tx is None:
+                continue
+            for other in ports:
+                if other is not port and other.ear.is_open:
+                    other.ear.replan(tx.end)
+            port.finish_early(now)
 
     def _foreign(self, data: bytes) -> bytes:
         if not self._echo:

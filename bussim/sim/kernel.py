@@ -143,4 +143,5 @@ class Kernel:
         if self.chained is not None:  # set from outside of any action
             self.chained.unchain()
         self.env.run(until)
+        self.env.step()  # SimPy puts the event that stopped it back into its queue
         self.now = until
