@@ -26,6 +26,8 @@ COMMANDS = {
     "export": "Write a run for Wireshark, PulseView, Perfetto.",
     "report": "Write a page on one run, or compare several.",
     "poll": "Poll Modbus stations on a serial port.",
+    "serve": "Serve parts of a scenario on real ports, the rest simulated.",
+    "inject": "Let a fault begin in a scenario that is being served.",
     "sniff": "Listen to a line, or read a recording of one.",
     "fit": "Estimate a scenario from a recording.",
 }

@@ -53,6 +53,7 @@ class Endpoint(Protocol):
     """An open port. Every method may raise one of :data:`LOST_ERRORS`: then the port is gone."""
 
     name: str  # what the other side connects to, or the URL
+    handle: int | None  # the file that may be waited for, None where there is none
     instant: bool  # bytes take no time
     warnings: tuple[str, ...]
 
@@ -108,7 +109,7 @@ class SerialEndpoint:
             self._set_direction(url)
         if self._rts:
             self._port.rts = False
-        self._handle = _handle(self._port)
+        self.handle = _handle(self._port)
 
     def _set_direction(self, url: str) -> None:
         try:
@@ -122,12 +123,12 @@ class SerialEndpoint:
 
     def read(self, timeout: float) -> bytes:
         """See the protocol."""
-        if self._handle is None:
+        if self.handle is None:
             return self._look(timeout)
-        ready, _, _ = select.select((self._handle,), (), (), timeout)
+        ready, _, _ = select.select((self.handle,), (), (), timeout)
         if not ready:
             return b""
-        data = os.read(self._handle, LUMP)
+        data = os.read(self.handle, LUMP)
         if not data:
             raise OSError("the other side has closed the connection")
         return data
