@@ -12,7 +12,7 @@ from bussim.live.clock import Clock
 from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
-from bussim.results.record import RunRecord
+from bussim.results.record import LinkRecord, RunRecord
 from bussim.results.summary import summarise
 from bussim.scenario import model
 from bussim.scenario.header import trace_header
@@ -200,10 +200,15 @@ class Session:
     def record(self) -> RunRecord:
         """The results, as of a run."""
         totals, collector, scenario = self.totals(), self.collector, self.scenario
-        links = collector.links(totals)
+        links = {name: self._known(name, link) for name, link in collector.links(totals).items()}
         summary = summarise(totals, links, scenario=scenario.name, seed=scenario.seed)
         summary["served"] = self._served()
         return RunRecord(summary, totals.duration, links, tuple(collector.notes), collector.left_out)
+
+    def _known(self, line: str, link: LinkRecord) -> LinkRecord:
+        """A link without what nobody here can know: when those outside received a block."""
+        here = {port.name for port in self.simulation.links[line].ports}
+        return replace(link, refresh={pair: gaps for pair, gaps in link.refresh.items() if pair[1] in here})
 
     def _served(self) -> dict[str, Any]:
         late = self.loop.lateness
@@ -233,10 +238,10 @@ def session_header(scenario: model.Scenario, places: Sequence[Place]) -> TraceHe
         own = [place for place in places if place.bus == bus.name]
         away = {node.node for place in own for node in place.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
-        if left or not own:
+        if (left and not bus.nn) or not own:
             buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
         for place in own:
-            nodes = tuple(node.node for node in place.nodes)
+            nodes = bus.nodes if bus.nn else tuple(node.node for node in place.nodes)
             stations = dict(bus.stations) if bus.nn else _only(bus.stations, nodes)
             timing = place.timing
             buses.append(TraceBus(place.name, bus.nn, timing.baud, str(timing.format), nodes, stations))
