@@ -18,10 +18,9 @@ from bussim.errors import UsageError
 from bussim.results.collector import Collector, Rows
 from bussim.results.files import RunFolder
 from bussim.results.load import FolderRows, load_run
+from bussim.results.memory import MemoryRows
 from bussim.results.record import RunRecord
 from bussim.results.result import Result
-from bussim.results.rows import MemoryRows
-from bussim.results.summary import summarise
 from bussim.scenario.header import trace_header
 from bussim.scenario.model import Scenario
 from bussim.trace import RunTotals
@@ -61,10 +60,11 @@ def run(
     """Simulate a scenario, given as such, as a file or by a built-in name.
 
     ``out`` is a folder to write (summary, tables, pictures); without it the result stays in memory.
-    ``rows`` keeps one row a link scan, ``trace`` also every attempt, frame and event; without both
-    the memory needed does not depend on the run's length. ``format`` is that of the tables, "csv"
-    or "parquet". Where ``out`` exists, ``force`` replaces the folder of an earlier run and ``numbered``
-    takes the next free of ``out-2``, ``out-3`` and so on; :attr:`Result.folder` tells which.
+    ``rows`` keeps one row a link scan, Modbus transaction, free-protocol message and change of an
+    observed device, ``trace`` also every attempt, frame and event; without both the memory needed
+    does not depend on the run's length. ``format`` is that of the tables, "csv" or "parquet". Where
+    ``out`` exists, ``force`` replaces the folder of an earlier run and ``numbered`` takes the next
+    free of ``out-2``, ``out-3`` and so on; :attr:`Result.folder` tells which.
 
     Raises ScenarioError or UsageError for bad input, RunError if writing fails.
     """
@@ -73,7 +73,7 @@ def run(
     if out is None:
         if force or numbered or format != "csv":
             raise UsageError("format, force and numbered are about a folder: give out as well")
-        memory = MemoryRows(scans=rows, traced=trace, header=trace_header(scenario))
+        memory = MemoryRows(rows=rows, traced=trace, header=trace_header(scenario))
         totals, record = _simulate(scenario, memory if rows or trace else None, trace, progress)
         return Result(record, memory, totals=totals)
     from bussim.scenario.dump import dumps
@@ -114,6 +114,4 @@ def _simulate(
     bus_of = {plc.name: plc.seat.bus for plc in scenario.plcs if plc.seat is not None}
     collector = Collector(traced=trace, rows=rows, bus_of=bus_of)
     totals = simulate(scenario, collector, progress=progress)
-    links = collector.links(totals)
-    summary = summarise(totals, links, scenario=scenario.name, seed=scenario.seed)
-    return totals, RunRecord(summary, totals.duration, links, tuple(collector.notes), collector.left_out)
+    return totals, collector.run(totals, scenario=scenario.name, seed=scenario.seed)

@@ -23,6 +23,7 @@ COMMANDS = {
     "scenarios": "List, show or copy the built-in scenarios.",
     "plot": "Draw the link scan times of one run or several.",
     "timeline": "Draw a bus like a logic analyser.",
+    "export": "Write a run for Wireshark, PulseView, Perfetto.",
     "report": "Write a page on one run, or compare several.",
     "poll": "Poll Modbus stations on a serial port.",
     "serve": "Serve parts of a scenario on real ports, the rest simulated.",

@@ -129,6 +129,18 @@ class DeviceValueRecord(NamedTuple):
     value: int
 
 
+class InputRecord(NamedTuple):
+    """An input's wire has changed (only of inputs that the scenario drives)."""
+
+    tick: int
+    plc: str
+    device: str
+    level: int  # from then on
+    sampled: int  # the beginning of the scan that looked at it next
+    seen: bool  # whether it was still so then
+    end: int  # the END of that scan: when what the program made of it can leave the PLC
+
+
 class NoteRecord(NamedTuple):
     """Anything else worth a line: faults, flags, PLC states, late replies."""
 
@@ -212,6 +224,9 @@ class Sink(Protocol):
     def value(self, record: DeviceValueRecord) -> None:
         """An observed device has changed."""
 
+    def input(self, record: InputRecord) -> None:
+        """An input's wire has changed; told when the PLC looks at it, in order."""
+
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """ENDs of a PLC, in order (only if :attr:`traced`; later than they happen, in blocks)."""
 
@@ -279,6 +294,7 @@ class PortTotals:
     answered: int
     exceptions: dict[int, int]  # slave: exception code → answers with it
     rejected: dict[str, int]  # slave: reason → frames ignored
+    timeout: int | None = None  # ticks, of a Modbus master
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,6 +311,7 @@ class DeviceTotals:
     exceptions: dict[int, int]
     rejected: dict[str, int]
     state: dict[str, int]  # what is worth telling of the model itself, such as the stepper's position
+    timeout: int | None = None  # ticks, of a Modbus master
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import click
 
 from bussim.errors import Problem, ScenarioError
 from bussim.scenario.loader import Examined, examine
-from bussim.scenario.model import Scenario
+from bussim.scenario.model import HmiSettings, Scenario
 from bussim.units import format_time
 
 
@@ -49,12 +49,17 @@ def describe(scenario: Scenario) -> str:
             len(scenario.buses) - links, "other bus" if links else "bus", "other buses" if links else "buses"
         ),
         _count(len(scenario.devices), "device"),
-        _count(sum(len(plc.polls) for plc in scenario.plcs), "poll"),
+        _count(_polls(scenario), "poll"),
         _count(len(scenario.noise), "noise entry", "noise entries"),
         _count(len(scenario.faults), "fault"),
         f"{format_time(scenario.duration)}, seed {scenario.seed}",
     ]
     return f"{scenario.name}: {', '.join(part for part in parts if part)}"
+
+
+def _polls(scenario: Scenario) -> int:
+    hmis = [device.settings for device in scenario.devices if isinstance(device.settings, HmiSettings)]
+    return sum(len(plc.polls) for plc in scenario.plcs) + sum(len(hmi.polls) for hmi in hmis)
 
 
 def _count(number: int, one: str, many: str | None = None) -> str:

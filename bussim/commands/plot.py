@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,43 +21,80 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--kind",
-    type=click.Choice(["histogram", "over-run", "both"]),
-    default="both",
+    type=click.Choice(["histogram", "over-run", "responses", "all"]),
+    default="all",
     show_default=True,
-    help="Histogram of link scan times, or scan times over the run with its faults.",
+    help="Histogram of link scan times, scan times over the run with its faults, or histograms of the "
+    "response times of Modbus masters.",
 )
 @click.option("--bus", metavar="NAME", help="Only this N:N link (default: every one).")
-def command(runs: tuple[str, ...], *, out: str | None, kind: str, bus: str | None) -> None:
-    """Draw the link scan times of one run or several, as PNG and SVG.
+@click.option(
+    "--port", metavar="NODE", help="Only this Modbus master, such as press1.COM3 (default: every one)."
+)
+def command(runs: tuple[str, ...], *, out: str | None, kind: str, bus: str | None, port: str | None) -> None:
+    """Draw the link scan times and response times of one run or several, as PNG and SVG.
 
     The histograms of several runs share one axis. Prints the paths of the pictures.
     """
     from bussim.results.load import load_run
-    from bussim.results.names import file_name, file_names
-    from bussim.results.plot_run import scan_times_over_run
-    from bussim.results.plots import scan_time_histogram
 
+    if bus is not None and kind == "responses":
+        raise UsageError("--bus is about link scans, --kind responses draws none")
+    if port is not None and kind in ("histogram", "over-run"):
+        raise UsageError(f"--port is about response times, --kind {kind} draws none")
     folders = [Path(run) for run in runs]
     records = [load_run(folder) for folder in folders]
     labels = _labels(folders)
-    buses = _buses(records, labels, bus)
-    alone = len(records) == 1
+    # Who names one thing wants nothing else.
+    links = [] if kind == "responses" or (port and not bus) else _buses(records, bus)
+    nodes = [] if kind in ("histogram", "over-run") or (bus and not port) else _masters(records, port)
+    if not links and not nodes:
+        raise UsageError(_nothing(records, labels, kind))
     place = _place(folders, out)
-    stems = file_names(records[0].links)
-    paths: list[Path] = []
-    for name in buses:
-        stem = stems[name]
-        if kind != "over-run":
-            ending = "" if alone else f"_{file_name('_'.join(labels))}"
-            shown = None if alone else labels
-            picture = scan_time_histogram(records, name, shown)
-            paths += picture.save_both(place / f"scan_time_{stem}{ending}")
-        if kind != "histogram":
-            for record, ending in zip(records, file_names(labels).values(), strict=True):
-                over_run = f"scan_time_over_run_{stem}" + ("" if alone else f"_{ending}")
-                paths += scan_times_over_run(record, name).save_both(place / over_run)
-    for path in paths:
+    for path in [
+        *_draw_links(records, labels, links, kind, place),
+        *_draw_responses(records, labels, nodes, place),
+    ]:
         click.echo(path)
+
+
+def _draw_links(
+    records: Sequence[RunRecord], labels: Sequence[str], buses: Sequence[str], kind: str, place: Path
+) -> Iterator[Path]:
+    from bussim.results.names import file_names
+    from bussim.results.plot_run import scan_times_over_run
+    from bussim.results.plots import scan_time_histogram
+
+    shown, ending = _together(labels)
+    stems = file_names(records[0].links)
+    for name in buses:
+        if kind != "over-run":
+            picture = scan_time_histogram(records, name, shown)
+            yield from picture.save_both(place / f"scan_time_{stems[name]}{ending}")
+        if kind != "histogram":
+            for record, label in zip(records, file_names(labels).values(), strict=True):
+                over_run = f"scan_time_over_run_{stems[name]}" + (f"_{label}" if ending else "")
+                yield from scan_times_over_run(record, name).save_both(place / over_run)
+
+
+def _draw_responses(
+    records: Sequence[RunRecord], labels: Sequence[str], nodes: Sequence[str], place: Path
+) -> Iterator[Path]:
+    from bussim.results.names import file_names
+    from bussim.results.response_plots import masters, response_time_histogram
+
+    shown, ending = _together(labels)
+    stems = file_names(masters(records[0]))
+    for node in nodes:
+        picture = response_time_histogram(records, node, shown)
+        yield from picture.save_both(place / f"response_time_{stems[node]}{ending}")
+
+
+def _together(labels: Sequence[str]) -> tuple[Sequence[str] | None, str]:
+    """Labels of the runs on one axis, and what the file's name gets of them; of one run nothing."""
+    from bussim.results.names import file_name
+
+    return (None, "") if len(labels) == 1 else (labels, f"_{file_name('_'.join(labels))}")
 
 
 def _labels(folders: Sequence[Path]) -> list[str]:
@@ -72,7 +109,7 @@ def _labels(folders: Sequence[Path]) -> list[str]:
     return paths
 
 
-def _buses(records: Sequence[RunRecord], labels: Sequence[str], wanted: str | None) -> list[str]:
+def _buses(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
     """The links to draw: the wanted one, or all that made scans in every run."""
     from bussim.results.plots import link_of
 
@@ -80,18 +117,41 @@ def _buses(records: Sequence[RunRecord], labels: Sequence[str], wanted: str | No
         for run in records:
             link_of(run, wanted)  # says what is wrong
         return [wanted]
-    common = [
+    return [
         bus
         for bus in records[0].links
         if all(bus in run.links and run.links[bus].scan_times.histogram.count for run in records)
     ]
-    if not common:
-        found = "; ".join(
-            f"{label}: {', '.join(run.links) or 'none'}" for label, run in zip(labels, records, strict=True)
+
+
+def _masters(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
+    """The Modbus masters to draw: the wanted one, or all that had an answer in every run."""
+    from bussim.results.response_plots import master_of, masters
+
+    if wanted is not None:
+        for run in records:
+            master_of(run, wanted)  # says what is wrong
+        return [wanted]
+    return [node for node in masters(records[0]) if all(node in masters(run) for run in records[1:])]
+
+
+def _nothing(records: Sequence[RunRecord], labels: Sequence[str], kind: str) -> str:
+    links = "; ".join(
+        f"{label}: {', '.join(run.links) or 'none'}" for label, run in zip(labels, records, strict=True)
+    )
+    ports = "; ".join(
+        f"{label}: {', '.join(name for name, port in run.ports.items() if port.polls) or 'none'}"
+        for label, run in zip(labels, records, strict=True)
+    )
+    where = "in this run" if len(records) == 1 else "common to these runs"
+    if kind == "responses":
+        return f"no Modbus master with an answer {where} (masters: {ports})"
+    if kind == "all":
+        return (
+            f"no N:N link with link scans and no Modbus master with an answer {where} "
+            f"(links: {links}; masters: {ports})"
         )
-        where = "in this run" if len(records) == 1 else "common to these runs"
-        raise UsageError(f"no N:N link with link scans {where} (links: {found})")
-    return common
+    return f"no N:N link with link scans {where} (links: {links})"
 
 
 def _place(folders: Sequence[Path], out: str | None) -> Path:

@@ -30,7 +30,7 @@ _PATIENCE = 2.0
     "--out", metavar="DIR", help="Folder to write (default: runs/NAME, with a number if it exists)."
 )
 @click.option("--trace", is_flag=True, help="Also write every attempt, frame and event.")
-@click.option("--no-rows", is_flag=True, help="Write no row per link scan.")
+@click.option("--no-rows", is_flag=True, help="Write no tables, only statistics.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option(
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables."
@@ -102,7 +102,8 @@ def _show(result: Result) -> None:
     console = Console(highlight=False)
     show_result(console, result.record, names)
     if result.folder is not None:
-        pictures = sorted(result.folder.glob("scan_time_*.png"))
+        kinds = ("scan_time_*.png", "response_time_*.png")
+        pictures = [path for kind in kinds for path in sorted(result.folder.glob(kind))]
         click.echo(f"\nresults: {result.folder}")
         for picture in pictures:
             click.echo(f"picture: {picture}")

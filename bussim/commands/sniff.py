@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.port_options import format_of, options_of, port_options, time_of
+from bussim.commands.port_options import options_of, port_options, time_of
+from bussim.commands.recording import bus_of, is_recording, line_of, read
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.commands.sniff_tally import Tally
     from bussim.line.characters import LineTiming
-    from bussim.live.recordings.sources import Kind
     from bussim.live.sniff.heard import Protocol
     from bussim.live.sniff.listener import Listener
     from bussim.results.files import RunFolder
-    from bussim.trace import TraceBus
 
 _PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
 
@@ -79,15 +78,15 @@ def command(
     from bussim.live.sniff.heard import Protocol
 
     known = None if protocol == "auto" else Protocol(protocol)
-    timing = _line(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
+    timing = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
     limit = None if duration is None else time_of("--duration", duration)
-    kind = kind_of(Path(source)) if _is_recording(source) else None
+    kind = kind_of(Path(source)) if is_recording(source) else None
     if kind is not None and bridge is not None:
         raise UsageError("--bridge joins two ports; a recording has none")
     names: dict[int, str] = {}
     if kind is Kind.TRACE:
-        known_bus, exact = _bus_of(source, bus)
+        known_bus, exact = bus_of(source, bus)
         bus = known_bus.name
         timing = LineTiming(known_bus.baud, CharFormat.parse(known_bus.format))
         names = {number: node for node, number in reversed(known_bus.stations.items())}
@@ -102,7 +101,7 @@ def command(
 
             ended = listen(source, bridge, timing, options, session.listener, limit, session.display(as_json))
         else:
-            ended = _read(Path(source), kind, session.listener, channel, limit)
+            ended = read(Path(source), kind, session.listener, channel, limit)
         session.finish(source, ended, as_json=as_json)
 
 
@@ -172,89 +171,11 @@ class _Session:
             click.echo(f"recorded: {self.folder.target}")
 
     def _record(self, source: str, duration: int) -> None:
-        from bussim.results.record import RunRecord
-        from bussim.results.summary import summarise
         from bussim.version import __version__
 
         assert self.folder is not None  # noqa: S101 - narrows the type
         warnings = () if self.exact else ("times are the operating system's, not the wire's",)
         totals = self.listener.totals(duration, warnings)
-        links = self.tally.links(totals)
-        summary = summarise(totals, links, scenario=self.listener.bus, seed=0)
-        record = RunRecord(summary, duration, links, tuple(self.tally.notes), self.tally.left_out)
+        record = self.tally.run(totals, scenario=self.listener.bus, seed=0)
         text = f"# Recorded by bussim {__version__} from {source}; bussim fit makes a scenario of it.\n"
         self.folder.finish(record, text)
-
-
-def _bus_of(source: str, name: str | None) -> tuple[TraceBus, bool]:
-    """The bus of a trace (of that name, else the first), and whether its times are exact."""
-    from bussim.results.trace_file import read_trace
-
-    trace = read_trace(source)
-    if name is None and trace.header.buses:
-        return trace.header.buses[0], trace.header.exact
-    return trace.bus(name or "line"), trace.header.exact
-
-
-def _is_recording(source: str) -> bool:
-    """Whether a source is a file or folder, and not a device of the system."""
-    path = Path(source)
-    return path.is_dir() or path.is_file()
-
-
-def _line(
-    protocol: Protocol | None,
-    baud: int | None,
-    *,
-    data_bits: int | None,
-    parity: str | None,
-    stop_bits: int | None,
-) -> LineTiming:
-    """Rate and format: what is given, the rest as usual for the protocol (auto: the N:N link)."""
-    from bussim.engines.modbus.adu import Mode
-    from bussim.line.characters import NN_LINE, LineTiming
-    from bussim.live.modbus import STANDARD_FORMATS
-    from bussim.live.sniff.heard import Protocol
-
-    if protocol in (None, Protocol.NN):
-        usual, rate = NN_LINE.format, NN_LINE.baud
-    else:
-        usual = STANDARD_FORMATS[Mode.RTU if protocol is Protocol.RTU else Mode.ASCII]
-        rate = 19200
-    fmt = format_of(usual, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
-    return LineTiming(baud or rate, fmt)
-
-
-def _read(path: Path, kind: Kind, listener: Listener, channel: str | None, limit: int | None) -> int:
-    """Read a recording up to a tick; returns when it ends."""
-    from bussim.live.recordings.sources import Kind, characters
-
-    if kind is Kind.TRACE:
-        return _read_trace(path, listener, limit)
-    last = 0
-    for chars in characters(path, kind, listener.timing, channel=channel):
-        if limit is not None and chars[-1][2] > limit:
-            return limit
-        last = chars[-1][2]
-        listener.chars(chars)
-    return last
-
-
-def _read_trace(path: Path, listener: Listener, limit: int | None) -> int:
-    from bussim.live.recordings.frames import heard_of
-    from bussim.results.trace_file import read_trace
-    from bussim.trace import FrameRecord
-
-    trace = read_trace(path)
-    last = 0
-    frames: Iterator[FrameRecord] = trace.of(FrameRecord, bus=listener.bus)
-    for record in frames:
-        if limit is not None and record.end > limit:
-            return limit
-        heard = heard_of(record)
-        if heard is not None:
-            listener.heard(heard)
-        last = max(last, record.end)
-    if limit is None and trace.header.duration is not None:
-        last = max(last, trace.header.duration)
-    return last

@@ -13,6 +13,7 @@ from bussim.errors import UsageError
 if TYPE_CHECKING:
     from bussim.report.stretch import Stretch
     from bussim.results.record import RunRecord
+    from bussim.results.trace_file import Trace
     from bussim.trace import TraceBus
 
 #: Where neither --from nor --span says how long.
@@ -25,7 +26,7 @@ _MOST_FRAMES = 1_000
 @click.argument("run", metavar="RUN_DIR")
 @click.option("--from", "since", metavar="T", help="Begin so long after the run's start, such as 10s.")
 @click.option("--span", metavar="T", help=f"Draw so much of it (default: {_DEFAULT_SPAN}).")
-@click.option("--worst", is_flag=True, help="The longest link scan; so too without --from.")
+@click.option("--worst", is_flag=True, help="The longest link scan or Modbus attempt; so too without --from.")
 @click.option("--bus", metavar="NAME", help="Which bus (default: the one with the longest link scan).")
 @click.option("-o", "--out", metavar="FILE", help="A .png or .svg (default: a .png in the run's folder).")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
@@ -63,7 +64,7 @@ def command(
     trace = read_trace(folder)
     buses = {each.name: each for each in trace.header.buses}
     name = _bus(record, buses, bus)
-    begin, end = _window(record, name, since, span, worst=worst)
+    begin, end = _window(trace, record, name, since, span, worst=worst)
     stem = file_names(buses)[name]
     place = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
     target = checked_target(place, (".png", ".svg"), force=force)
@@ -103,10 +104,10 @@ def _names(buses: dict[str, TraceBus]) -> str:
 
 
 def _window(
-    record: RunRecord, bus: str, since: str | None, span: str | None, *, worst: bool
+    trace: Trace, record: RunRecord, bus: str, since: str | None, span: str | None, *, worst: bool
 ) -> tuple[int, int]:
     """First and last tick to draw."""
-    from bussim.report.reading import window_of_longest
+    from bussim.report.reading import worst_window
     from bussim.units import format_time, seconds
 
     if since is None:
@@ -114,9 +115,10 @@ def _window(
             raise UsageError("--worst draws the longest link scan, however long: leave --span away")
         if span is not None:
             raise UsageError("--span says how much to draw: say from when as well, with --from")
-        found = window_of_longest(record, bus)
+        found = worst_window(trace, record, bus)
         if found is None:
-            raise UsageError(f"the bus {bus!r} made no complete link scan; choose with --from and --span")
+            what = "made no complete link scan" if bus in record.links else "carried nothing"
+            raise UsageError(f"the bus {bus!r} {what}; choose a stretch with --from and --span")
         return found
     if worst:
         raise UsageError("--worst chooses the stretch itself: leave --from away")

@@ -136,13 +136,7 @@ class Memory:
 
     def block_image(self, place: BlockPlace) -> bytes:
         """A shared block as its frame carries it: M low byte first, then D words high byte first."""
-        bits = self._bits["M"][place.bit : place.bit + place.bits]
-        # The lowest M is bit 0: as a binary number it is written last.
-        packed = int(bits[::-1].translate(_AS_DIGITS), 2) if bits else 0
-        words = self._words["D"][place.word : place.word + place.words]
-        if sys.byteorder == "little":
-            words.byteswap()
-        return packed.to_bytes(place.bits // 8, "little") + words.tobytes()
+        return _block_image(self._bits["M"], self._words["D"], place)
 
     def store_block(self, place: BlockPlace, image: bytes) -> None:
         """Write a received block."""
@@ -155,3 +149,39 @@ class Memory:
         if sys.byteorder == "little":
             words.byteswap()
         self._words["D"][place.word : place.word + place.words] = words
+
+
+class SharedAreas:
+    """A copy of what the link can share of a memory: M up to station 7's block, and ``words`` D."""
+
+    __slots__ = ("_bits", "_copied", "_memory", "_words")
+
+    def __init__(self, memory: Memory, words: int) -> None:
+        self._memory = memory
+        self._copied = words
+        self._bits = bytearray()
+        self._words = array("H")
+        self.take()
+
+    def take(self) -> None:
+        """Copy what the memory holds now."""
+        self._bits = self._memory.bits("M")[:_SHARED_BITS]
+        self._words = self._memory.words("D")[: self._copied]
+
+    def block_image(self, place: BlockPlace) -> bytes:
+        """A shared block of the copy; see :meth:`Memory.block_image`."""
+        return _block_image(self._bits, self._words, place)
+
+
+#: M1511 is the last M of station 7.
+_SHARED_BITS = 1512
+
+
+def _block_image(m: bytearray, d: array[int], place: BlockPlace) -> bytes:
+    bits = m[place.bit : place.bit + place.bits]
+    # The lowest M is bit 0: as a binary number it is written last.
+    packed = int(bits[::-1].translate(_AS_DIGITS), 2) if bits else 0
+    words = d[place.word : place.word + place.words]
+    if sys.byteorder == "little":
+        words.byteswap()
+    return packed.to_bytes(place.bits // 8, "little") + words.tobytes()

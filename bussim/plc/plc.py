@@ -10,12 +10,15 @@ from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master
 from bussim.plc.board import LinkBoard, LinkEngine, setting_defaults
 from bussim.plc.errors import SerialErrors
+from bussim.plc.inputs import Change, Stimulus
+from bussim.plc.logic import Logic
 from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports.board import Maps, PortBoard
 from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.ports.rs2 import Drive, Rs2, port_of
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
-from bussim.plc.profiles import Profile
+from bussim.plc.profiles import MAX_SLAVES, Profile
+from bussim.plc.program.program import Program
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source
 from bussim.plc.streams import Streams
@@ -41,7 +44,8 @@ class Plc:
     ``scan_mean`` and ``scan_jitter`` are without N:N; the profile's factor is applied while the link
     runs. ``registers`` are written at power-on. ``linked`` says whether it takes part in N:N. ``ports``
     are those that CPAVL has set up, ``polls`` what is exchanged on them where no program does it;
-    ``maps`` makes the register map of those that are Modbus slaves.
+    ``maps`` makes the register map of those that are Modbus slaves. A PLC with a ``program`` or ``inputs``
+    carries every scan out (see :mod:`bussim.plc.logic`), and so does one with ``observed`` devices.
 
     Whoever runs it carries its ENDs out: :meth:`end` at the tick that :meth:`wanted_end` names. All other
     ENDs need no call; what they would have done is done when somebody looks.
@@ -62,6 +66,9 @@ class Plc:
         ports: Sequence[PortSpec] = (),
         polls: Sequence[PollSpec | FreeSpec] = (),
         maps: Maps | None = None,
+        program: Program | None = None,
+        inputs: Mapping[Device, Stimulus] | None = None,
+        observed: Iterable[Device] = (),
     ) -> None:
         self.name = name
         self.profile = profile
@@ -89,6 +96,16 @@ class Plc:
         self._image_until = -1
         self._driven = self._taken = -1  # the ENDs at which sources and received blocks were taken last
         self._done = -1  # the END that was carried out last
+        self._program = program
+        self._inputs = dict(inputs or {})
+        #: Its program and inputs, from power-on to power-off; None where it has neither.
+        self.logic: Logic | None = None
+        #: Told of an input's changes: the device, the changes since the sampling before, the sampling and
+        #: the END of the scan that begins with it.
+        self.sampled: Callable[[Device, Sequence[Change], int, int], None] | None = None
+        self._observed = dict.fromkeys(observed, 0)
+        #: Told of a new value of an observed device: the device, its value, the END.
+        self.changed: Callable[[Device, int, int], None] | None = None
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
@@ -101,7 +118,7 @@ class Plc:
 
     # -- supply and mode switch --------------------------------------------------------------------
 
-    def power_on(self) -> None:
+    def power_on(self, now: int = 0) -> None:
         """The supply comes back: memory at its power-on values, then STOP."""
         self.memory = Memory()
         for address, value in setting_defaults(self.profile).items():
@@ -113,6 +130,17 @@ class Plc:
         self.board = LinkBoard(self.profile, self.memory, self.errors)
         for port, code in self._board_errors:
             self.errors.report((port, code), port, code)
+        if self._program is not None or self._inputs:
+            self.logic = Logic(
+                self._program,
+                self._inputs,
+                self.memory,
+                (MAX_SLAVES + 1) * self.profile.word_spacing,
+                self.profile.instruction_times,
+                self._rs2,
+                self.cpavl,
+                now,
+            )
         self.state = PlcState.STOP
 
     def run(self, now: int, *, traced: bool) -> tuple[LinkEngine | None, int]:
@@ -121,6 +149,8 @@ class Plc:
         The engine is None where the PLC takes no part in N:N or refuses its parameters (then M8063
         and D8063 say so). The other ports' engines are those of :attr:`boards`, to be started too.
         """
+        # The first scan begins; settings that its program writes are in force from here on.
+        spent = self.logic.run(now) if self.logic is not None else 0
         mean, jitter = self.scan_under_link()
         engine = self.board.take_over(self.longest_scan(), traced=traced) if self._linked else None
         if engine is None:
@@ -131,7 +161,11 @@ class Plc:
         for board in self.boards.values():
             board.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
-        return engine, self.cycle.run(now, mean, jitter, self._phase)
+        first_end = self.cycle.run(now, mean, jitter, self._phase)
+        if self._phase is None and spent:
+            first_end = self.cycle.run(now, mean, jitter, first_end - now + spent)
+        self._tell_inputs(now, first_end)
+        return engine, first_end
 
     def stop(self, now: int) -> None:
         """RUN→STOP: what had arrived by the last END stays in memory. An END at ``now`` does not happen."""
@@ -140,6 +174,8 @@ class Plc:
         self.board.release()
         for board in self.boards.values():
             board.release(now)
+        if self.logic is not None:
+            self.logic.stop()
         self.state = PlcState.STOP
 
     def power_off(self, now: int) -> None:
@@ -181,6 +217,8 @@ class Plc:
         image = self._image
         if image is not None and now < self._image_until:
             return image  # whichever END was the latest one
+        if self.logic is not None:
+            return self._frozen_image()
         end = self.cycle.latest_end(now)
         if image is not None and (end is None or end < self._image_until):
             return image
@@ -193,6 +231,16 @@ class Plc:
             self._image = fresh
             return fresh
         return image
+
+    def _frozen_image(self) -> bytes:
+        """The block as the latest END left it, which the scan under way does not change."""
+        assert self.logic is not None  # noqa: S101 - narrows the type; asked for only then
+        place = self.board.place
+        fresh = self.logic.image(place) if place is not None else b""
+        if self._image is None or fresh != self._image:
+            self._image = fresh
+        self._image_until = _NEVER  # until END says otherwise
+        return self._image
 
     def _next_change(self, end: int | None) -> int:
         if end is None:
@@ -212,9 +260,10 @@ class Plc:
         """Bring the memory to what this PLC's latest END at or before ``now`` left in it."""
         if self.state is not PlcState.RUN:
             return
-        end = self.cycle.latest_end(now)
-        if end is not None:
-            self._arrive(end)
+        if self.logic is None:  # else every END is carried out when it happens
+            end = self.cycle.latest_end(now)
+            if end is not None:
+                self._arrive(end)
         self._publish()
 
     def _publish(self) -> None:
@@ -239,25 +288,64 @@ class Plc:
         """
         if self.state is not PlcState.RUN:
             return None
+        if self.every_end:
+            return self.cycle.next_end(max(self._done + 1, now), now)
         wanted = [tick for board in self.boards.values() if (tick := board.wanted_end(now)) is not None]
         return self.cycle.next_end(max(min(wanted), self._done + 1, now), now) if wanted else None
+
+    @property
+    def every_end(self) -> bool:
+        """Whether every END is carried out."""
+        return self.logic is not None or bool(self._observed)
+
+    @property
+    def has_ends(self) -> bool:
+        """Whether any END may have to be carried out: it has ports, a program, inputs or observed devices."""
+        return bool(self.boards or self._program or self._inputs or self._observed)
 
     def end(self, now: int) -> dict[str, int]:
         """Carry out the END at ``now``; returns hints for each port's engine.
 
         What has been received by then shows in memory before the ports act on it, and what they write
         is in the block's image at once. The scan that begins lasts longer by the profile's
-        ``transaction_time`` for each port with a transaction under way.
+        ``transaction_time`` for each port with a transaction under way, and by its instructions' time.
         """
         self._done = now
+        logic, boards = self.logic, self.boards
         self._arrive(now)
-        if self._linked and any(board.shows_memory for board in self.boards.values()):
+        if self.every_end or (self._linked and any(board.shows_memory for board in boards.values())):
             self._publish()
-        hints = {name: board.at_end(now) for name, board in self.boards.items()}
-        active = sum(board.active for board in self.boards.values())
-        self.cycle.set_load(now, active * self.profile.transaction_time)
+        hints = {name: board.at_end(now) for name, board in boards.items()}
+        extra = sum(board.active for board in boards.values()) * self.profile.transaction_time
         self._image_until = -1
+        if self._observed:
+            self._observe(now)
+        if logic is not None:
+            logic.freeze()
+            extra += logic.scan(now)
+        self.cycle.set_load(now, extra)
+        if logic is not None:
+            following = self.cycle.next_end(now + 1, now)
+            logic.overrun(following - now)
+            self._tell_inputs(now, following)
         return hints
+
+    def _tell_inputs(self, sampled: int, end: int) -> None:
+        if self.logic is not None and self.sampled is not None:
+            for device, changes in self.logic.changes:
+                self.sampled(device, changes, sampled, end)
+
+    def _observe(self, end: int) -> None:
+        memory, seen = self.memory, self._observed
+        for device, before in seen.items():
+            value = memory.get(device)
+            if value != before:
+                seen[device] = value
+                if self.changed is not None:
+                    self.changed(device, value, end)
+
+    def _rs2(self, instruction: Hashable, operands: Rs2, now: int, driven: bool) -> Drive:  # noqa: FBT001 - as the logic's ports call it
+        return self.rs2(instruction, operands, now, driven=driven)
 
     def rs2(self, instruction: Hashable, operands: Rs2, now: int, *, driven: bool) -> Drive:
         """An RS2 instruction is executed in the scan before the next END, its contact on or off.

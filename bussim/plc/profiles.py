@@ -14,6 +14,7 @@ from enum import StrEnum
 from fractions import Fraction
 
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
+from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 
@@ -123,6 +124,7 @@ class Profile:
     ``com2_station``          D8121, the station number of COM2 as a slave, at power-on      assumed
     ``free_awaits_first``     +9 also limits the wait for a reception's first character      assumed
     ``free_keeps_frame``      start and end character count as received data                 assumed
+    ``instruction_times``     what a program's instructions take                             assumed
     ========================  =============================================================  ========
     """
 
@@ -151,6 +153,7 @@ class Profile:
     com2_station: int = 1
     free_awaits_first: bool = False
     free_keeps_frame: bool = False
+    instruction_times: InstructionTimes = DEFAULT_TIMES
 
 
 _PW10 = Profile("pw10")

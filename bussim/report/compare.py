@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from bussim.report.source import Source
-from bussim.report.tables import NONE, Cell, Table, number, pointer
+from bussim.report.tables import NONE, Cell, Table, label_of, leaves, number, plain, pointer
 
 _HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
 _SETTINGS = {
@@ -62,6 +62,21 @@ def link_table(sources: Sequence[Source], bus: str) -> Table:
     return Table(f"The link on bus {bus}", ["", *(source.label for source in sources)], rows)
 
 
+def thing_tables(sources: Sequence[Source]) -> list[Table]:
+    """Ports, devices and latencies that more than one run has, a table each."""
+    tables = []
+    for section in ("ports", "devices", "latency"):
+        every = [name for source in sources for name in source.summary.get(section) or {}]
+        for name in dict.fromkeys(every):
+            if every.count(name) < 2:
+                continue
+            told = [dict(leaves(_value(source.summary, (section, name)) or {})) for source in sources]
+            keys = dict.fromkeys(key for values in told for key in values if key)
+            rows = [(label_of(key), _row(sources, (section, name, *key), 3)) for key in keys]
+            tables.append(Table(name, ["", *(source.label for source in sources)], rows))
+    return tables
+
+
 def scenario_changes(sources: Sequence[Source]) -> list[tuple[str, list[str]]]:
     """The lines in which each further scenario differs from the first, as a unified diff."""
     first = sources[0]
@@ -99,11 +114,15 @@ def _marked(
     """The cells of a row; what is not the first run's value is marked, if wished with its change."""
     cells = []
     for value in values:
-        text = number(value, decimals) if keys else _short(value)
+        text = _shown(value, decimals) if keys else _short(value)
         differs = value != values[0]
         by = _change(values[0], value) if change else ""
         cells.append(Cell(text, pointer(*keys) if keys else "", by, differs=differs))
     return cells
+
+
+def _shown(value: Any, decimals: int | None) -> str:
+    return number(value, decimals) if isinstance(value, float) else plain(value)
 
 
 def _short(value: Any) -> str:

@@ -15,7 +15,7 @@ from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.source import Source
 from bussim.report.tables import Table
-from bussim.report.words import expected, health, seen
+from bussim.report.words import expected, health, ports, seen
 from bussim.results.plots import run_labels
 from bussim.results.style import RUNS
 from bussim.results.timeline import fault_spans
@@ -24,9 +24,6 @@ from bussim.version import __version__
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-#: No report is larger (bytes); timelines are the part that could be.
-LARGEST = 5 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +82,7 @@ class RunPart:
     about: str
     links: Sequence[LinkPart]
     buses: Sequence[tuple[str, Chart, Sequence[str]]]
+    said: Sequence[str]
     tables: Sequence[Table]
     faults: Sequence[tuple[str, str, str]]
     warnings: Sequence[str]
@@ -92,7 +90,7 @@ class RunPart:
 
 
 def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
-    """The page, at most :data:`LARGEST` bytes of UTF-8 unless a scenario alone is as large.
+    """The page. Up to seven runs stay under 5 MB unless their scenarios are as large.
 
     ``command`` is how it was asked for, to tell how to get it again.
     """
@@ -102,7 +100,11 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
     comparison = None
     if len(sources) > 1:
         comparison = {
-            "tables": [compare.head_table(sources), *(compare.link_table(sources, bus) for bus in buses)],
+            "tables": [
+                compare.head_table(sources),
+                *(compare.link_table(sources, bus) for bus in buses),
+                *compare.thing_tables(sources),
+            ],
             "charts": [_overlay(sources, bus, drawn) for bus in buses if _scanned(sources, bus)],
             "changes": compare.scenario_changes(sources),
         }
@@ -138,9 +140,10 @@ def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> 
     )
     whole = [
         tables.plcs(source),
-        tables.things(source, "ports", "Modbus and free-protocol ports"),
-        tables.things(source, "devices", "Devices"),
-        tables.things(source, "latency", "Latency"),
+        *tables.ports(summary),
+        tables.things(summary, ["devices"], "Devices"),
+        tables.things(summary, ["buses"], "Buses beside the N:N links"),
+        tables.things(summary, ["latency"], "Latency"),
     ]
     links = [_link(source, bus, drawn) for bus in summary["links"]]
     buses = [
@@ -154,6 +157,7 @@ def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> 
         about,
         links,
         buses,
+        ports(summary),
         [table for table in whole if table is not None and table.rows],
         _faults(source),
         summary["warnings"],

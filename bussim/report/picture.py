@@ -22,6 +22,7 @@ from bussim.report.scene import (
     GOOD,
     HEARD_DAMAGE,
     LEVEL,
+    LOST,
     SCAN,
     TROUBLE,
     WAIT,
@@ -66,6 +67,7 @@ LOOKS = {
     WAIT: Look(IN_ERROR, 0.7, "////", filled=False, meaning="failed attempt, until it was given up"),
     DAMAGE: Look(IN_ERROR, 0.8, meaning="damaged character"),
     HEARD_DAMAGE: Look(IN_ERROR, 0.3, filled=False, meaning="damaged in this receiver only"),
+    LOST: Look(IN_ERROR, 0.8, "xxxx", filled=False, meaning="frame that collided or was cut off"),
     ACTING: Look(FAULT, 0.5, meaning="a fault acts"),
     FLAG: Look(IN_ERROR, 0.5, meaning="the master has a station in error"),
     LEVEL: Look("#eeeeee", 0.62, meaning="value of a device"),
@@ -116,7 +118,7 @@ def _draw_boxes(axes: Axes, scene: Scene) -> None:
         by_kind.setdefault(box.kind, []).append(rectangle)
     for kind, rectangles in by_kind.items():
         look = look_of(kind)
-        over = kind in (DAMAGE, HEARD_DAMAGE)
+        over = kind in (DAMAGE, HEARD_DAMAGE, LOST)
         axes.add_collection(
             PatchCollection(
                 rectangles,

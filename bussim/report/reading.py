@@ -15,20 +15,39 @@ from bussim.trace import (
     ScanRecord,
     TransactionRecord,
 )
+from bussim.units import TICKS_PER_MS
 
 #: The margin on each side of a link scan is so small a part of it.
 _MARGIN = 20
+#: Of a bus that is no link at least so much is shown (ticks): 200 ms.
+_LEAST = 200 * TICKS_PER_MS
 _KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, NoteRecord, EndsRecord)
 
 
-def window_of_longest(run: RunRecord, bus: str) -> tuple[int, int] | None:
-    """From when until when the longest link scan of a link lasted, with a margin; None without one."""
+def worst_window(trace: Trace, run: RunRecord, bus: str) -> tuple[int, int] | None:
+    """The stretch of a bus that one looks at first, in ticks, with a margin.
+
+    The longest link scan; on another bus the longest attempt of a Modbus master, or what was sent
+    first. None where there was nothing. Raises UsageError as :func:`read_stretch`.
+    """
     link = run.links.get(bus)
-    if link is None or link.scan_times.longest_at is None or link.scan_times.histogram.maximum is None:
-        return None
-    start, duration = link.scan_times.longest_at, link.scan_times.histogram.maximum
-    margin = max(1, duration // _MARGIN)
-    return max(0, start - margin), min(run.duration, start + duration + margin)
+    if link is not None:
+        start, duration = link.scan_times.longest_at, link.scan_times.histogram.maximum
+        return None if start is None or duration is None else _around(run, start, start + duration)
+    longest = None
+    for asked in trace.of(TransactionRecord, bus=bus):
+        if asked.sent is not None and (longest is None or asked.end - asked.sent > longest[1] - longest[0]):
+            longest = asked.sent, asked.end
+    if longest is None:
+        first = next(trace.of(FrameRecord, bus=bus), None)
+        longest = None if first is None else (first.start, first.end)
+    return None if longest is None else _around(run, *longest, least=_LEAST)
+
+
+def _around(run: RunRecord, start: int, end: int, least: int = 0) -> tuple[int, int]:
+    """A little more than from start to end, at least so long, within the run."""
+    margin = max(1, (end - start) // _MARGIN, (least - (end - start)) // 2)
+    return max(0, start - margin), min(run.duration, end + margin)
 
 
 def read_stretch(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -> Stretch:

@@ -17,12 +17,12 @@ from bussim.units import milliseconds, seconds
 
 #: Most lanes of devices that changed; the least busy ones are left out.
 MOST_DEVICES = 8
-#: Most shapes that a picture can show and a page can carry.
-MOST_SHAPES = 20_000
+#: Most shapes of the timelines that one page can carry.
+MOST_SHAPES = 6_000
 
 #: Kinds of boxes besides those of frames (:data:`bussim.results.style.FRAMES`), and what they are.
 SCAN, GOOD, WAIT, DAMAGE, HEARD_DAMAGE, LEVEL = "scan", "good", "wait", "damage", "heard damage", "level"
-ACTING, FLAG = "acting", "flag"
+ACTING, FLAG, LOST = "acting", "flag", "lost"
 #: Kinds of marks.
 END, EVENT, TROUBLE = "end", "event", "trouble"
 
@@ -168,7 +168,7 @@ class _Painter:
                 lane, start, end, DAMAGE, "", f"{what} of {frame.sender}'s {frame.kind} frame is damaged"
             )
         if frame.collided or frame.cut:
-            self.box(lane, frame.start, frame.end, DAMAGE, "", text)
+            self.box(lane, frame.start, frame.end, LOST, "", text)
 
     def spans(self) -> None:
         stretch = self.stretch

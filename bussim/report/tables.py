@@ -261,46 +261,61 @@ def plcs(source: Source) -> Table:
     return Table("The PLCs", head, rows)
 
 
-def things(source: Source, section: str, caption: str) -> Table | None:
-    """A section of ``summary.json`` that names things (ports, devices, latency), whatever it tells of each.
+def things(summary: Mapping[str, Any], at: Sequence[str], caption: str, apart: str = "") -> Table | None:
+    """A part of ``summary.json`` that names things (ports, devices, latency), whatever it tells of each.
 
-    A column a thing, a row a figure. None where the section is missing or empty.
+    A column a thing, a row a figure; the key ``apart`` of each is left out. None where the part is
+    missing or empty.
     """
-    section_data = source.summary.get(section) or {}
-    if not section_data:
-        return None
-    keys: dict[tuple[str, ...], None] = {}
-    for thing in section_data.values():
-        keys.update(dict.fromkeys(path for path, _ in _leaves(thing)))
+    named: Any = summary
+    for step in at:
+        named = named.get(step) or {}
+    told = {
+        name: dict(leaves({key: value for key, value in thing.items() if key != apart}))
+        for name, thing in named.items()
+    }
+    keys = dict.fromkeys(key for values in told.values() for key in values)
     rows = []
     for key in keys:
-        cells = []
-        for name, thing in section_data.items():
-            values = dict(_leaves(thing))
-            at = pointer(section, name, *key)
-            cells.append(Cell(_plain(values[key]), at) if key in values else Cell(""))
-        rows.append((_label(key), cells))
-    return Table(caption, ["", *section_data], rows)
+        cells = [
+            Cell(plain(values[key]), pointer(*at, name, *key)) if key in values else Cell("")
+            for name, values in told.items()
+        ]
+        rows.append((label_of(key), cells))
+    return Table(caption, ["", *told], rows) if rows else None
 
 
-def _leaves(value: object, at: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+def ports(summary: Mapping[str, Any]) -> list[Table]:
+    """The ports beside the links: a table of all, and one of each port's polls."""
+    tables = [things(summary, ["ports"], "Modbus and free-protocol ports", "polls")]
+    tables += [
+        things(summary, ["ports", port, "polls"], f"The polls of {port}")
+        for port in summary.get("ports") or {}
+    ]
+    return [table for table in tables if table is not None]
+
+
+def leaves(value: object, at: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every value of nested data with the keys that lead to it; an empty object is a value."""
     if isinstance(value, Mapping) and value:
         for key, inner in value.items():
-            yield from _leaves(inner, (*at, str(key)))
+            yield from leaves(inner, (*at, str(key)))
     else:
         yield at, value
 
 
-def _plain(value: object) -> str:
+def plain(value: object) -> str:
+    """A value of any kind as a cell shows it."""
     if isinstance(value, Mapping | list | tuple):
         return ", ".join(map(str, value)) or "none"
     return number(value, 3) if isinstance(value, float) else number(value)
 
 
-def _label(key: Sequence[str]) -> str:
+def label_of(key: Sequence[str]) -> str:
     """``response_ms, p50`` as ``response p50 (ms)``."""
     unit = next((part.rsplit("_", 1)[1] for part in key if part.endswith(("_ms", "_s"))), "")
-    words = " ".join(part.removesuffix(f"_{unit}") if unit else part for part in key).replace("_", " ")
+    unit = "" if key[-1] == "count" else unit
+    words = " ".join(part.removesuffix("_ms").removesuffix("_s") for part in key).replace("_", " ")
     return f"{words} ({unit})" if unit else words
 
 

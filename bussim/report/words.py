@@ -135,6 +135,27 @@ def health(
     return said
 
 
+def ports(summary: Mapping[str, Any]) -> list[str]:
+    """How every Modbus master fared, one sentence each."""
+    said = []
+    for name, port in (summary.get("ports") or {}).items():
+        asked = port.get("transactions")
+        if not asked:
+            continue
+        failed = asked - port["ok"]
+        text = f"{name} asked {asked:,} times and got what it asked for "
+        text += "each time" if not failed else f"{port['ok']:,} times ({failed:,} failed"
+        if failed:
+            timeouts = port.get("timeouts")
+            text += f", {timeouts:,} of them without an answer in time)" if timeouts else ")"
+        times = port.get("response_ms") or {}
+        usual = times.get("p50") if times.get("p50") is not None else times.get("mean")
+        if usual is not None:
+            text += f"; an answer typically takes {ms(usual)}, the slowest took {ms(times['max'])}"
+        said.append(f"{text}.")
+    return said
+
+
 def ms(value: float) -> str:
     """Milliseconds for a sentence: three significant digits and at most three decimals."""
     if value >= 1000:

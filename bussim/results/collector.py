@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from bussim.results.record import LinkRecord, ScanTimes
+from bussim.results.ports import PortMeter, PortRecord
+from bussim.results.record import LinkRecord, RunRecord, ScanTimes
 from bussim.results.refresh import RefreshMeter
+from bussim.results.summary import summarise
 from bussim.results.timeline import Spans, Timeline
+from bussim.results.trace_file import Record
 from bussim.trace import (
     AttemptRecord,
     CycleRecord,
     DeviceValueRecord,
+    EndsRecord,
     FrameRecord,
     FreeRecord,
+    InputRecord,
     LinkTotals,
     NoteRecord,
     PollRecord,
@@ -30,35 +35,8 @@ _ALWAYS_KEPT = frozenset({"fault", "fault_over"})
 class Rows(Protocol):
     """Where single records go: files, or memory."""
 
-    def scan(self, record: ScanRecord) -> None:
-        """A link scan."""
-
-    def attempt(self, record: AttemptRecord) -> None:
-        """An attempt of a traced run."""
-
-    def frame(self, record: FrameRecord) -> None:
-        """A frame of a traced run."""
-
-    def note(self, record: NoteRecord) -> None:
-        """A note."""
-
-    def transaction(self, record: TransactionRecord) -> None:
-        """A transaction."""
-
-    def poll_turn(self, record: PollRecord) -> None:
-        """A turn of a poll."""
-
-    def cycle(self, record: CycleRecord) -> None:
-        """A cycle of a poll list."""
-
-    def free(self, record: FreeRecord) -> None:
-        """Bytes of the free protocol."""
-
-    def value(self, record: DeviceValueRecord) -> None:
-        """A device's new value."""
-
-    def ends(self, plc: str, ticks: Sequence[int]) -> None:
-        """ENDs of a traced run."""
+    def take(self, record: Record) -> None:
+        """A record; attempts, frames and ENDs only of a traced run."""
 
 
 class _Link:
@@ -114,7 +92,7 @@ class Collector:
     """A :class:`bussim.trace.Sink` that keeps statistics, and hands single records on to ``rows``.
 
     ``bus_of`` names the N:N link of each PLC, so that what a PLC reports is booked on its link.
-    After the run, :meth:`links` gives what was kept. ``notes`` are all faults and the first
+    After the run, :meth:`run` gives what was kept. ``notes`` are all faults and the first
     :data:`MOST_NOTES` other notes; ``left_out`` counts the rest by kind.
     """
 
@@ -129,22 +107,23 @@ class Collector:
         self._bus_of = bus_of or {}
         self._links: dict[str, _Link] = {}
         self._meter = RefreshMeter()
+        self._ports = PortMeter()
 
     def scan(self, record: ScanRecord) -> None:
         """Count a link scan."""
         self._link(record.bus).scan(record)
         if self._rows is not None:
-            self._rows.scan(record)
+            self._rows.take(record)
 
     def attempt(self, record: AttemptRecord) -> None:
         """Hand an attempt on."""
         if self._rows is not None:
-            self._rows.attempt(record)
+            self._rows.take(record)
 
     def frame(self, record: FrameRecord) -> None:
         """Hand a frame on."""
         if self._rows is not None:
-            self._rows.frame(record)
+            self._rows.take(record)
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None:  # noqa: ARG002 (Sink's signature)
         """Count a failed attempt in the scan under way."""
@@ -171,37 +150,44 @@ class Collector:
         else:
             self.left_out[kind] = self.left_out.get(kind, 0) + 1
         if self._rows is not None:
-            self._rows.note(record)
+            self._rows.take(record)
 
     def transaction(self, record: TransactionRecord) -> None:
         """Count a transaction."""
+        self._ports.transaction(record)
         if self._rows is not None:
-            self._rows.transaction(record)
+            self._rows.take(record)
 
     def poll_turn(self, record: PollRecord) -> None:
         """Count a turn of a poll."""
+        self._ports.turn(record)
         if self._rows is not None:
-            self._rows.poll_turn(record)
+            self._rows.take(record)
 
     def cycle(self, record: CycleRecord) -> None:
         """Count a cycle of a poll list."""
+        self._ports.cycle(record)
         if self._rows is not None:
-            self._rows.cycle(record)
+            self._rows.take(record)
 
     def free(self, record: FreeRecord) -> None:
         """Count bytes of the free protocol."""
+        self._ports.free(record)
         if self._rows is not None:
-            self._rows.free(record)
+            self._rows.take(record)
 
     def value(self, record: DeviceValueRecord) -> None:
         """Hand a device's new value on."""
         if self._rows is not None:
-            self._rows.value(record)
+            self._rows.take(record)
+
+    def input(self, record: InputRecord) -> None:
+        """Take an input's change."""
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on."""
         if self._rows is not None:
-            self._rows.ends(plc, ticks)
+            self._rows.take(EndsRecord(plc, tuple(ticks)))
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """Count a refresh."""
@@ -210,6 +196,16 @@ class Collector:
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """What was kept of every link, in the order of the totals."""
         return {link.bus: self._record(link) for link in totals.links}
+
+    def ports(self, totals: RunTotals) -> dict[str, PortRecord]:
+        """What was kept of every Modbus master and node of the free protocol."""
+        return self._ports.nodes(totals)
+
+    def run(self, totals: RunTotals, *, scenario: str, seed: int) -> RunRecord:
+        """The whole run; ``scenario`` is the scenario's name."""
+        links, ports = self.links(totals), self.ports(totals)
+        summary = summarise(totals, links, ports, scenario=scenario, seed=seed)
+        return RunRecord(summary, totals.duration, links, tuple(self.notes), self.left_out, ports)
 
     def _link(self, bus: str) -> _Link:
         try:

@@ -86,7 +86,7 @@ class RunFolder:
                 _clear(self._part)
                 self._part.mkdir()
                 self._lock = _write_marker(self._part, _MARKER_TEXT)
-            self.rows = FileRows(self._part, scans=rows, traced=traced, fmt=fmt, header=header)
+            self.rows = FileRows(self._part, rows=rows, traced=traced, fmt=fmt, header=header)
         except OSError as error:
             raise UsageError(f"{target}: cannot be written: {_reason(error)}") from error
 
@@ -114,6 +114,7 @@ class RunFolder:
         ``scenario`` is the text of the scenario as run. Returns the target.
         """
         from bussim.results.plots import scan_time_histogram
+        from bussim.results.response_plots import masters, response_time_histogram
 
         self.rows.close()
         _write_json(self._part / SUMMARY, record.summary, indent=2)
@@ -122,6 +123,8 @@ class RunFolder:
         for bus, stem in file_names(record.links).items():
             if record.links[bus].scan_times.histogram.count:
                 scan_time_histogram([record], bus).save_both(self._part / f"scan_time_{stem}")
+        for node, stem in file_names(masters(record)).items():
+            response_time_histogram([record], node).save_both(self._part / f"response_time_{stem}")
         self._move()
         self._lock.close()
         self._finished = True

@@ -28,13 +28,14 @@ def law_and_histogram(
     picture = new_picture(7.5, 4.6, description)
     with style():
         axes = picture.subplots()
-        axes.plot(x / TICKS_PER_MS, tail, color=LAW, linewidth=1.6)
+        axes.plot(x / TICKS_PER_MS, tail, color=LAW, linewidth=1.6, zorder=3)
         handles = [Line2D([], [], color=LAW, label="exact law")]
         if simulated is not None and simulated.count:
             times, share = _frequencies(simulated)
-            axes.step(times / TICKS_PER_MS, share, where="post", color=SIMULATED, linewidth=1.2)
+            axes.step(times / TICKS_PER_MS, share, where="post", color=SIMULATED, linewidth=4)
+            # Broad, for where both agree the law lies over it.
             label = f"simulated, {simulated.count:,} link scans (points of at least {_LEAST})"
-            handles.append(Line2D([], [], color=SIMULATED, label=label))
+            handles.append(Line2D([], [], color=SIMULATED, linewidth=4, label=label))
         axes.set_yscale("log")
         axes.set_ylim(lowest, 1.5)
         shown = x[tail >= lowest]

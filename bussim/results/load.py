@@ -10,14 +10,17 @@ from bussim.errors import UsageError
 from bussim.results.files import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
 from bussim.results.names import from_cell
 from bussim.results.record import SCHEMA, RunRecord
-from bussim.results.tables import ATTEMPT_COLUMNS, FORMATS, PANDAS_TYPES, SCAN_COLUMNS, import_pyarrow
-from bussim.results.trace_file import TRACE, Trace, read_trace
+from bussim.results.rows import FORMS, Form
+from bussim.results.tables import FORMATS, PANDAS_TYPES, import_pyarrow
+from bussim.results.trace_file import TRACE, Record, Trace, read_trace
+from bussim.trace import AttemptRecord, DeviceValueRecord, FreeRecord, ScanRecord, TransactionRecord
 
 if TYPE_CHECKING:
     import pandas as pd
 
 #: No file of a run that is read whole is larger (bytes).
 _LARGEST = 256 * 1024 * 1024
+_NO_ROWS = "it was run without rows (--no-rows)"
 _NO_TRACE = "it was run without a trace (--trace)"
 
 
@@ -57,11 +60,23 @@ class FolderRows:
 
     def link_scans(self) -> pd.DataFrame:
         """The table of link scans."""
-        return _load_table(self._folder, "link_scans", SCAN_COLUMNS, "it was run without rows (--no-rows)")
+        return self._table(ScanRecord, _NO_ROWS)
+
+    def transactions(self) -> pd.DataFrame:
+        """The table of Modbus transactions."""
+        return self._table(TransactionRecord, _NO_ROWS)
+
+    def free(self) -> pd.DataFrame:
+        """The table of the free protocol."""
+        return self._table(FreeRecord, _NO_ROWS)
+
+    def values(self) -> pd.DataFrame:
+        """The table of observed devices."""
+        return self._table(DeviceValueRecord, _NO_ROWS)
 
     def exchanges(self) -> pd.DataFrame:
         """The table of attempts."""
-        return _load_table(self._folder, "exchanges", ATTEMPT_COLUMNS, _NO_TRACE)
+        return self._table(AttemptRecord, _NO_TRACE)
 
     def trace(self) -> list[dict[str, Any]]:
         """The lines of ``trace.jsonl``."""
@@ -78,38 +93,58 @@ class FolderRows:
         """The trace, whose records are read as they are asked for."""
         return read_trace(self._folder)
 
+    def _table(self, kind: type[Record], why_none: str) -> pd.DataFrame:
+        form = FORMS[kind]
+        path = self._file(form)
+        if path is not None:
+            return _load_table(path, form.columns)
+        if form.always or self._file(FORMS[ScanRecord]) is None:
+            stem = form.stem
+            raise UsageError(f"{self._folder} has no {stem}.csv or {stem}.parquet: {why_none}")
+        return _empty_table(form.columns)  # the run kept rows, but had none of these
 
-def _load_table(folder: Path, stem: str, columns: dict[str, str], why_none: str) -> pd.DataFrame:
+    def _file(self, form: Form) -> Path | None:
+        paths = (self._folder / f"{form.stem}.{fmt}" for fmt in FORMATS)
+        return next((path for path in paths if path.is_file()), None)
+
+
+def _empty_table(columns: dict[str, str]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame({name: pd.Series([], dtype=PANDAS_TYPES[kind]) for name, kind in columns.items()})
+
+
+def _load_table(path: Path, columns: dict[str, str]) -> pd.DataFrame:
     import pandas as pd
 
     types = {name: PANDAS_TYPES[kind] for name, kind in columns.items()}
-    for fmt in FORMATS:
-        path = folder / f"{stem}.{fmt}"
-        if not path.is_file():
-            continue
-        try:
-            if fmt == "csv":
-                table = pd.read_csv(
-                    path, dtype=types, keep_default_na=False, na_values=_numbers_missing(columns)
-                )
-            else:
-                import_pyarrow()
-                table = pd.read_parquet(path).astype(types)
-        except (OSError, ValueError) as error:
-            raise UsageError(f"{path} cannot be read: {error}") from error
+    try:
+        if path.suffix == ".csv":
+            # Flags are 0 and 1 there, which pandas reads as numbers only.
+            written = {**types, **dict.fromkeys(_of_kind(columns, "flag"), "int64")}
+            table = pd.read_csv(
+                path, dtype=written, keep_default_na=False, na_values=_numbers_missing(columns)
+            )
+        else:
+            import_pyarrow()
+            table = pd.read_parquet(path)
         if list(table.columns) != list(columns):
             raise UsageError(f"{path} has the columns {', '.join(table.columns)}; not a table of bussim")
-        if fmt == "csv":
-            for name, kind in columns.items():
-                if kind == "text":
-                    table[name] = table[name].map(from_cell).astype("str")
-        return table
-    raise UsageError(f"{folder} has no {stem}.csv or {stem}.parquet: {why_none}")
+        if path.suffix == ".csv":
+            for name in _of_kind(columns, "text"):
+                table[name] = table[name].map(from_cell)
+        return table.astype(types)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} cannot be read: {error}") from error
+
+
+def _of_kind(columns: dict[str, str], wanted: str) -> list[str]:
+    return [name for name, kind in columns.items() if kind == wanted]
 
 
 def _numbers_missing(columns: dict[str, str]) -> dict[str, list[str]]:
     """Only an empty number is a missing one; a bus may be called "NA"."""
-    return {name: [""] for name, kind in columns.items() if kind != "text"}
+    return {name: [""] for name, kind in columns.items() if kind not in ("text", "bytes")}
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import Literal
 
-from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from bussim.errors import UsageError
-from bussim.results.histogram import BIN_TICKS, Histogram
+from bussim.results.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
+from bussim.results.histogram import Histogram
 from bussim.results.record import LinkRecord, RunRecord
 from bussim.results.style import RUNS, Picture, finish_picture, new_picture, shorten, style
-from bussim.units import milliseconds, seconds
+from bussim.units import seconds
 
-_MOST_BARS = 160
-#: Shortest stretch of scan times on an axis, in ms.
-_LEAST_SHOWN = 0.1
+#: What the axes are called.
+_AXES = ("link scan time (ms)", "link scans")
 _MOST_RUNS = len(RUNS)
-#: The whole range is so many times the usual one before that has an axis of its own.
-_FAR = 8
-#: How mean, p99 and maximum are marked.
-_MARKS: dict[str, Literal["-", "--", ":"]] = {"mean": "-", "p99": "--", "max": ":"}
 
 
 def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[str] | None = None) -> Picture:
@@ -39,20 +32,20 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
         raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {_MOST_RUNS}")
     links = [link_of(run, bus) for run in runs]
     histograms = [link.scan_times.histogram for link in links]
-    whole = (min(min(h.bins) for h in histograms), max(max(h.bins) for h in histograms))
-    usual = _usual_range(histograms)
+    whole = whole_range(histograms)
+    usual = usual_range(histograms)
     with style():
         picture = new_picture(7.5, 4.4 + 0.2 * len(runs), _captions(runs))
-        if (usual[1] - usual[0]) * _FAR < whole[1] - whole[0]:
+        if is_far(whole, usual):
             close_up, axes = picture.subplots(1, 2, width_ratios=(2, 3))
-            _draw(close_up, histograms, usual)
+            draw(close_up, histograms, usual, *_AXES)
             close_up.set_title("the usual scans")
             close_up.locator_params(axis="x", nbins=5)
             axes.set_title("all scans")
             axes.set_yscale("log")
         else:
             axes = picture.add_subplot()
-        _draw(axes, histograms, whole)
+        draw(axes, histograms, whole, *_AXES)
         if axes.get_yscale() == "log":
             axes.set_ylim(bottom=0.6)
         if len(runs) == 1:
@@ -103,90 +96,15 @@ def _captions(runs: Sequence[RunRecord]) -> str:
     return "; ".join(dict.fromkeys(caption(run) for run in runs))
 
 
-def _usual_range(histograms: Sequence[Histogram]) -> tuple[int, int]:
-    """The bins around the densest half of every histogram."""
-    halves = [_densest_half(histogram) for histogram in histograms]
-    low, high = min(low for low, _ in halves), max(high for _, high in halves)
-    margin = max(3 * (high - low) // 2, 5)
-    return low - margin, high + margin
-
-
-def _densest_half(histogram: Histogram) -> tuple[int, int]:
-    """First and last bin of the shortest stretch that holds half of the samples."""
-    places = sorted(histogram.bins)
-    best = (places[0], places[-1])
-    held, tail = 0, 0
-    for place in places:
-        held += histogram.bins[place]
-        while 2 * (held - histogram.bins[places[tail]]) >= histogram.count:
-            held -= histogram.bins[places[tail]]
-            tail += 1
-        if 2 * held >= histogram.count and place - places[tail] < best[1] - best[0]:
-            best = (places[tail], place)
-    return best
-
-
-def _draw(axes: Axes, histograms: Sequence[Histogram], shown: tuple[int, int]) -> None:
-    """Draw the bins ``shown`` (first and last) of all histograms, and their marks."""
-    first, last = shown
-    width = _bar_width(last - first + 1)
-    alone = len(histograms) == 1
-    for number, histogram in enumerate(histograms):
-        bars: dict[int, int] = {}
-        for place, times in histogram.bins.items():
-            if first <= place <= last:
-                bars[place // width] = bars.get(place // width, 0) + times
-        _draw_bars(axes, bars, width, RUNS[number], alone=alone)
-    # The margins are those of the bars; a mark outside of them does not widen the axis.
-    low, high = axes.get_xlim()
-    missing = max(_LEAST_SHOWN - (high - low), 0.0)
-    axes.set_xlim(low - missing / 2, high + missing / 2)
-    if axes.get_yscale() == "linear":
-        axes.yaxis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
-    for number, histogram in enumerate(histograms):
-        for name, value in _marked(histogram).items():
-            colour = "black" if alone else RUNS[number]
-            axes.axvline(milliseconds(value), color=colour, linestyle=_MARKS[name], linewidth=1.2)
-    axes.set_xlabel("link scan time (ms)")
-    axes.set_ylabel(f"link scans per {_width_text(width)}")
-
-
-def _bar_width(span: int) -> int:
-    """Width of a bar in bins: the least of 1, 2, 5, 10… with which ``span`` bins fit on the axis."""
-    decade = 1
-    while True:
-        for width in (decade, 2 * decade, 5 * decade):
-            if span <= width * _MOST_BARS:
-                return width
-        decade *= 10
-
-
-def _draw_bars(axes: Axes, bars: dict[int, int], width: int, colour: str, *, alone: bool) -> None:
-    if not bars:
-        return
-    first, last = min(bars), max(bars)
-    counts = [bars.get(bar, 0) for bar in range(first, last + 1)]
-    # A bar begins half a bin before its first bin's centre.
-    edges = [milliseconds((bar * width - 0.5) * BIN_TICKS) for bar in range(first, last + 2)]
-    axes.stairs(counts, edges, fill=True, color=colour, alpha=0.85 if alone else 0.25, linewidth=0)
-    if not alone:
-        axes.stairs(counts, edges, color=colour, linewidth=1.2)
-
-
-def _marked(histogram: Histogram) -> dict[str, float]:
-    values = {"mean": histogram.mean, "p99": histogram.quantile(990), "max": histogram.maximum}
-    return {name: value for name, value in values.items() if value is not None}
-
-
 def _explain_one(link: LinkRecord) -> list[Line2D]:
     times = link.scan_times
-    texts = {name: f"{name} {_ms_text(value)}" for name, value in _marked(times.histogram).items()}
+    texts = {name: f"{name} {ms_text(value)}" for name, value in marked(times.histogram).items()}
     if times.longest_at is not None:
         texts["max"] += f" at {seconds(times.longest_at):.2f} s"
         if times.longest_cause:
             texts["max"] += f": {times.longest_cause}"
     return [
-        Line2D([], [], color="black", linestyle=_MARKS[name], linewidth=1.2, label=_wrapped(text))
+        Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=_wrapped(text))
         for name, text in texts.items()
     ]
 
@@ -194,7 +112,7 @@ def _explain_one(link: LinkRecord) -> list[Line2D]:
 def _explain_several(labels: Sequence[str], histograms: Sequence[Histogram]) -> list[Line2D]:
     handles = []
     for number, (label, histogram) in enumerate(zip(labels, histograms, strict=True)):
-        numbers = ", ".join(f"{name} {_ms_text(value)}" for name, value in _marked(histogram).items())
+        numbers = ", ".join(f"{name} {ms_text(value)}" for name, value in marked(histogram).items())
         text = f"{shorten(label, 40)}: {histogram.count:,} scans, {numbers}"
         handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
     key = "lines: mean solid, p99 dashed, maximum dotted"
@@ -205,12 +123,3 @@ def _wrapped(text: str) -> str:
     """A text on at most two lines of the legend."""
     first, *rest = wrap(text, 92)
     return "\n".join([shorten(first, 92), shorten(" ".join(rest), 92)] if rest else [shorten(first, 92)])
-
-
-def _ms_text(ticks: float) -> str:
-    return f"{milliseconds(ticks):.3f} ms" if milliseconds(ticks) < 100 else f"{milliseconds(ticks):.2f} ms"
-
-
-def _width_text(width: int) -> str:
-    micros = width * 10
-    return f"{micros} µs" if micros < 1000 else f"{micros / 1000:g} ms"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.results.histogram import Histogram
+from bussim.results.ports import PortRecord
 from bussim.results.refresh import Refresh
 from bussim.results.timeline import (
     Cell,
@@ -118,9 +119,10 @@ class LinkRecord:
 
 @dataclass(frozen=True, slots=True)
 class RunRecord:
-    """A whole run: its summary (the content of ``summary.json``), its links and its notes.
+    """A whole run: its summary (the content of ``summary.json``), its links, ports and notes.
 
-    Of notes other than faults only the first ones are kept; ``left_out`` counts the others by kind.
+    ``ports`` are the nodes beside the links that were a Modbus master or had the free protocol. Of
+    notes other than faults only the first ones are kept; ``left_out`` counts the others by kind.
     ``duration`` is in ticks.
     """
 
@@ -129,6 +131,7 @@ class RunRecord:
     links: dict[str, LinkRecord]
     notes: tuple[NoteRecord, ...] = ()
     left_out: dict[str, int] = field(default_factory=dict)
+    ports: dict[str, PortRecord] = field(default_factory=dict)
 
     @property
     def scenario(self) -> str:
@@ -141,6 +144,7 @@ class RunRecord:
             "schema": SCHEMA,
             "duration": self.duration,
             "links": {bus: link.to_json() for bus, link in self.links.items()},
+            "ports": {node: port.to_json() for node, port in self.ports.items()},
             "notes": [note_to_json(note) for note in self.notes],
             "notes_left_out": dict(sorted(self.left_out.items())),
         }
@@ -154,6 +158,7 @@ class RunRecord:
             links={bus: LinkRecord.from_json(link) for bus, link in histograms["links"].items()},
             notes=tuple(note_from_json(note) for note in histograms["notes"]),
             left_out={kind: int(number) for kind, number in histograms["notes_left_out"].items()},
+            ports={node: PortRecord.from_json(port) for node, port in histograms["ports"].items()},
         )
 
 

@@ -29,6 +29,15 @@ class StoredRows(Protocol):
     def exchanges(self) -> pd.DataFrame:
         """One row an attempt."""
 
+    def transactions(self) -> pd.DataFrame:
+        """One row a Modbus transaction."""
+
+    def free(self) -> pd.DataFrame:
+        """One row a message of the free protocol."""
+
+    def values(self) -> pd.DataFrame:
+        """One row a change of an observed device."""
+
     def trace(self) -> list[dict[str, Any]]:
         """One object a line of the trace."""
 
@@ -78,6 +87,34 @@ class Result:
         return self._rows.exchanges()
 
     @cached_property
+    def transactions(self) -> pd.DataFrame:
+        """One row an attempt of a Modbus master, in the order in which they were taken over.
+
+        Columns: bus, master, poll, attempt, station, function, address, count, sent_s, asked_s,
+        answered_s, end_s, taken_s (first edge and last stop bit of the request, last stop bit of
+        what decided it, decision, take-over at END), response_ms, outcome, error (yy of D8063 =
+        7xyy), exception, mismatched. Raises UsageError if the run kept no rows.
+        """
+        return self._rows.transactions()
+
+    @cached_property
+    def free(self) -> pd.DataFrame:
+        """One row a message of the free protocol, sent or received.
+
+        Columns: bus, node, poll, direction, start_s, end_s, bytes (hexadecimal), ended, damaged
+        (characters). Raises UsageError if the run kept no rows.
+        """
+        return self._rows.free()
+
+    @cached_property
+    def values(self) -> pd.DataFrame:
+        """One row a change of an observed device: time_s, plc, device, value.
+
+        Raises UsageError if the run kept no rows.
+        """
+        return self._rows.values()
+
+    @cached_property
     def trace(self) -> list[dict[str, Any]]:
         """The lines of ``trace.jsonl``: a header, then every frame and event.
 
@@ -110,6 +147,25 @@ class Result:
 
         return _saved(scan_times_over_run(self.record, self._bus(bus)), path)
 
+    def plot_response_times(
+        self, port: str | None = None, path: str | os.PathLike[str] | None = None
+    ) -> Figure:
+        """The histograms of response times of a Modbus master, poll by poll.
+
+        ``port`` is a node: ``press1.COM3`` or an HMI's name (default: the first one with an answer).
+        ``path`` as of :meth:`plot_scan_times`. Raises UsageError if there is no such master or
+        nothing to draw.
+        """
+        from bussim.results.response_plots import masters, response_time_histogram
+
+        if port is None:
+            port = next(iter(masters(self.record)), None)
+        if port is None:
+            raise UsageError(
+                f"{self.record.scenario}: no Modbus master had an answer, there is nothing to plot"
+            )
+        return _saved(response_time_histogram([self.record], port), path)
+
     def _bus(self, bus: str | None) -> str:
         if bus is not None:
             return bus
@@ -122,35 +178,54 @@ class Result:
 
     def __repr__(self) -> str:
         summary = self.summary
-        links = "; ".join(f"{bus}: {_in_words(link)}" for bus, link in summary["links"].items())
+        parts = [f"{bus}: {_in_words(link)}" for bus, link in summary["links"].items()]
+        parts += [
+            f"{node}: {master['ok']} of {master['transactions']} transactions ok"
+            for node, master in _masters(summary).items()
+        ]
         place = f" in {self.folder}" if self.folder is not None else ""
         return (
             f"<Result of {summary['scenario']!r}, seed {summary['seed']}, {summary['duration_s']:g} s"
-            f"{place}: {links or 'no N:N link'}>"
+            f"{place}: {'; '.join(parts) or 'no N:N link'}>"
         )
 
     def _repr_html_(self) -> str:
         summary = self.summary
-        rows = []
-        for bus, link in summary["links"].items():
-            times = link["scan_time_ms"]
-            cells = [bus, link["scans"], link["attempts"], *(times[key] for key in _SHOWN)]
-            rows.append("".join(f"<td>{escape(_cell(value))}</td>" for value in cells))
-        body = "".join(f"<tr>{row}</tr>" for row in rows)
-        head = "".join(
-            f"<th>{name}</th>" for name in ("link", "scans", "attempts", *(f"{key} (ms)" for key in _SHOWN))
-        )
+        links = [
+            [bus, link["scans"], link["attempts"], *(link["scan_time_ms"][key] for key in _SHOWN)]
+            for bus, link in summary["links"].items()
+        ]
+        masters = [
+            [node, master["transactions"], master["ok"], *(master["response_ms"][key] for key in _SHOWN)]
+            for node, master in _masters(summary).items()
+        ]
+        times = [f"{key} (ms)" for key in _SHOWN]
+        body = _rows(["link", "scans", "attempts", *times], links) if links or not masters else ""
+        if masters:
+            body += _rows(["Modbus master", "transactions", "ok", *times], masters)
         caption = escape(
             f"{summary['scenario']}, seed {summary['seed']}, {summary['duration_s']:g} s, "
             f"bussim {summary['bussim']}"
         )
         warnings = "".join(f"<li>{escape(text)}</li>" for text in summary["warnings"])
-        return f"<table><caption>{caption}</caption><tr>{head}</tr>{body}</table>" + (
+        return f"<table><caption>{caption}</caption>{body}</table>" + (
             f"<ul>{warnings}</ul>" if warnings else ""
         )
 
 
 _SHOWN = ("min", "mean", "p99", "max")
+
+
+def _masters(summary: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """What is told of every Modbus master: ports, and HMI devices."""
+    nodes = {**summary["ports"], **summary["devices"]}
+    return {name: node for name, node in nodes.items() if "transactions" in node}
+
+
+def _rows(head: list[str], rows: list[list[object]]) -> str:
+    cells = "".join(f"<th>{name}</th>" for name in head)
+    body = ["".join(f"<td>{escape(_cell(value))}</td>" for value in row) for row in rows]
+    return f"<tr>{cells}</tr>" + "".join(f"<tr>{row}</tr>" for row in body)
 
 
 def _cell(value: object) -> str:

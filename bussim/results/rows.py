@@ -1,40 +1,31 @@
-"""Single records as rows of tables and lines of a trace, kept in files or in memory."""
+"""Single records as rows of tables and lines of a trace, written to files while a run goes on."""
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
-from bussim.errors import UsageError
+from bussim.results.ports import response_time
 from bussim.results.tables import (
     ATTEMPT_COLUMNS,
-    DECIMALS,
-    PANDAS_TYPES,
+    FREE_COLUMNS,
     SCAN_COLUMNS,
+    TRANSACTION_COLUMNS,
+    VALUE_COLUMNS,
     Row,
     Table,
     open_table,
 )
-from bussim.results.trace_file import TRACE, Record, Trace, TraceWriter, trace_of
-from bussim.results.trace_lines import header_line, to_line
+from bussim.results.trace_file import TRACE, Record, TraceWriter
 from bussim.trace import (
     AttemptRecord,
-    CycleRecord,
     DeviceValueRecord,
-    EndsRecord,
-    FrameRecord,
     FreeRecord,
-    NoteRecord,
-    PollRecord,
     ScanRecord,
     TraceHeader,
     TransactionRecord,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def nanoseconds(ticks: int) -> int:
@@ -42,8 +33,13 @@ def nanoseconds(ticks: int) -> int:
     return (ticks * 125 + 4) // 9
 
 
+def scan_row(scan: ScanRecord) -> Row:
+    """The row of a link scan, after :data:`SCAN_COLUMNS`."""
+    return (scan.bus, *scan_numbers(scan))
+
+
 def scan_numbers(scan: ScanRecord) -> tuple[int, ...]:
-    """The row of a link scan, after :data:`SCAN_COLUMNS`, without the bus."""
+    """The row of a link scan without its bus."""
     return (
         scan.number,
         nanoseconds(scan.start),
@@ -68,177 +64,110 @@ def attempt_row(attempt: AttemptRecord) -> Row:
     )
 
 
+def transaction_row(record: TransactionRecord) -> Row:
+    """The row of a transaction, after :data:`TRANSACTION_COLUMNS`; no error where all went well."""
+    return (
+        record.bus,
+        record.master,
+        record.poll,
+        record.attempt,
+        record.station,
+        record.function,
+        record.address,
+        record.quantity,
+        _ns(record.sent),
+        _ns(record.asked),
+        _ns(record.answer_end),
+        nanoseconds(record.end),
+        nanoseconds(record.taken),
+        _ns(response_time(record)),
+        record.outcome,
+        record.error,
+        record.exception,
+        record.mismatched,
+    )
+
+
+def free_row(record: FreeRecord) -> Row:
+    """The row of a sending or reception, after :data:`FREE_COLUMNS`."""
+    return (
+        record.bus,
+        record.node,
+        record.poll,
+        record.direction,
+        _ns(record.start),
+        nanoseconds(record.end),
+        record.data.hex(" ").upper(),
+        record.ended,
+        record.damaged,
+    )
+
+
+def value_row(record: DeviceValueRecord) -> Row:
+    """The row of a device's new value, after :data:`VALUE_COLUMNS`."""
+    return (nanoseconds(record.tick), record.plc, record.device, record.value)
+
+
+def _ns(ticks: int | None) -> int | None:
+    return None if ticks is None else nanoseconds(ticks)
+
+
+class Form(NamedTuple):
+    """The table of one type of record."""
+
+    stem: str  # of the file
+    columns: dict[str, str]
+    row: Callable[[Any], Row]
+    traced: bool = False  # only of a traced run
+    always: bool = False  # there also without a row
+
+
+#: The tables by type of record. The file of one that is not always there begins with its first row.
+FORMS: dict[type[Record], Form] = {
+    ScanRecord: Form("link_scans", SCAN_COLUMNS, scan_row, always=True),
+    AttemptRecord: Form("exchanges", ATTEMPT_COLUMNS, attempt_row, traced=True, always=True),
+    TransactionRecord: Form("modbus", TRANSACTION_COLUMNS, transaction_row),
+    FreeRecord: Form("free", FREE_COLUMNS, free_row),
+    DeviceValueRecord: Form("values", VALUE_COLUMNS, value_row),
+}
+
+
 class FileRows:
-    """Writes rows to a folder: link_scans if ``scans``, exchanges and trace.jsonl if ``traced``.
+    """Writes records to a folder: tables if ``rows``, exchanges and trace.jsonl if ``traced``.
 
     ``header`` is the first line of the trace.
     """
 
     def __init__(
-        self, folder: Path, *, scans: bool, traced: bool, fmt: str, header: TraceHeader | None = None
+        self, folder: Path, *, rows: bool, traced: bool, fmt: str, header: TraceHeader | None = None
     ) -> None:
-        self._scans = open_table(folder, "link_scans", SCAN_COLUMNS, fmt) if scans else None
-        self._attempts: Table | None = None
+        self._folder = folder
+        self._fmt = fmt
+        self._forms = {kind: form for kind, form in FORMS.items() if (traced if form.traced else rows)}
+        self._tables: dict[type[Record], Table] = {}
+        for kind, form in self._forms.items():
+            if form.always:
+                self._open(kind, form)
         self._trace: TraceWriter | None = None
         if traced:
-            self._attempts = open_table(folder, "exchanges", ATTEMPT_COLUMNS, fmt)
             file = (folder / TRACE).open("w", encoding="utf-8", newline="\n")
             self._trace = TraceWriter(file, header or TraceHeader())
 
-    def scan(self, record: ScanRecord) -> None:
-        """Write a link scan."""
-        if self._scans is not None:
-            self._scans.append((record.bus, *scan_numbers(record)))
-        self._traced(record)
-
-    def attempt(self, record: AttemptRecord) -> None:
-        """Write an attempt."""
-        if self._attempts is not None:
-            self._attempts.append(attempt_row(record))
-        self._traced(record)
-
-    def frame(self, record: FrameRecord) -> None:
-        """Write a frame."""
-        self._traced(record)
-
-    def note(self, record: NoteRecord) -> None:
-        """Write a note."""
-        self._traced(record)
-
-    def transaction(self, record: TransactionRecord) -> None:
-        """Write a transaction."""
-        self._traced(record)
-
-    def poll_turn(self, record: PollRecord) -> None:
-        """Write a turn of a poll."""
-        self._traced(record)
-
-    def cycle(self, record: CycleRecord) -> None:
-        """Write a cycle of a poll list."""
-        self._traced(record)
-
-    def free(self, record: FreeRecord) -> None:
-        """Write bytes of the free protocol."""
-        self._traced(record)
-
-    def value(self, record: DeviceValueRecord) -> None:
-        """Write a device's new value."""
-        self._traced(record)
-
-    def ends(self, plc: str, ticks: Sequence[int]) -> None:
-        """Write ENDs."""
-        self._traced(EndsRecord(plc, tuple(ticks)))
+    def take(self, record: Record) -> None:
+        """Write a record where it belongs."""
+        if self._trace is not None:
+            self._trace.write(record)
+        kind = type(record)
+        form = self._forms.get(kind)
+        if form is not None:
+            table = self._tables.get(kind) or self._open(kind, form)
+            table.append(form.row(record))
 
     def close(self) -> None:
         """Finish all files."""
-        for file in (self._scans, self._attempts, self._trace):
+        for file in (*self._tables.values(), self._trace):
             if file is not None:
                 file.close()
 
-    def _traced(self, record: Record) -> None:
-        if self._trace is not None:
-            self._trace.write(record)
-
-
-class MemoryRows:
-    """Keeps rows in memory: 35 bytes a link scan; of a traced run also every record."""
-
-    def __init__(self, *, scans: bool, traced: bool, header: TraceHeader | None = None) -> None:
-        self._scans = scans
-        self._header = header or TraceHeader()
-        self._buses: list[str] = []
-        self._bus = array("H")
-        self._ints = tuple(array(code) for code in "qqqiiB")
-        self._records: list[Record] | None = [] if traced else None
-
-    def scan(self, record: ScanRecord) -> None:
-        """Keep a link scan."""
-        self._traced(record)
-        if not self._scans:
-            return
-        if record.bus not in self._buses:
-            self._buses.append(record.bus)
-        self._bus.append(self._buses.index(record.bus))
-        for column, number in zip(self._ints, scan_numbers(record), strict=True):
-            column.append(number)
-
-    def attempt(self, record: AttemptRecord) -> None:
-        """Keep an attempt."""
-        self._traced(record)
-
-    def frame(self, record: FrameRecord) -> None:
-        """Keep a frame."""
-        self._traced(record)
-
-    def note(self, record: NoteRecord) -> None:
-        """Keep a note."""
-        self._traced(record)
-
-    def transaction(self, record: TransactionRecord) -> None:
-        """Keep a transaction."""
-        self._traced(record)
-
-    def poll_turn(self, record: PollRecord) -> None:
-        """Keep a turn of a poll."""
-        self._traced(record)
-
-    def cycle(self, record: CycleRecord) -> None:
-        """Keep a cycle of a poll list."""
-        self._traced(record)
-
-    def free(self, record: FreeRecord) -> None:
-        """Keep bytes of the free protocol."""
-        self._traced(record)
-
-    def value(self, record: DeviceValueRecord) -> None:
-        """Keep a device's new value."""
-        self._traced(record)
-
-    def ends(self, plc: str, ticks: Sequence[int]) -> None:
-        """Keep ENDs."""
-        if self._records is not None:
-            self._records.append(EndsRecord(plc, tuple(ticks)))
-
-    def link_scans(self) -> pd.DataFrame:
-        """The table of link scans. Raises UsageError if they were not kept."""
-        if not self._scans:
-            raise UsageError("this run kept no rows; run it with rows=True")
-        import numpy as np
-
-        buses = np.array(self._buses or [""], dtype=object)
-        bus = buses[np.array(self._bus, dtype=np.intp)]
-        return _frame([bus, *(np.array(column) for column in self._ints)], SCAN_COLUMNS)
-
-    def exchanges(self) -> pd.DataFrame:
-        """The table of attempts. Raises UsageError if the run was not traced."""
-        rows = [attempt_row(attempt) for attempt in self.open_trace().of(AttemptRecord)]
-        columns = list(zip(*rows, strict=True)) or [()] * len(ATTEMPT_COLUMNS)
-        return _frame([list(column) for column in columns], ATTEMPT_COLUMNS)
-
-    def trace(self) -> list[dict[str, Any]]:
-        """The lines that ``trace.jsonl`` would have. Raises UsageError if the run was not traced."""
-        buses = {bus.name: bus for bus in self._header.buses}
-        return [header_line(self._header), *(to_line(record, buses) for record in self.open_trace())]
-
-    def open_trace(self) -> Trace:
-        """The trace. Raises UsageError if the run was not traced."""
-        if self._records is None:
-            raise UsageError("this run was not traced; run it with trace=True")
-        return trace_of(self._header, self._records)
-
-    def _traced(self, record: Record) -> None:
-        if self._records is not None:
-            self._records.append(record)
-
-
-def _frame(values: list[Any], columns: dict[str, str]) -> pd.DataFrame:
-    import pandas as pd
-
-    data = {
-        name: pd.Series(column, dtype=PANDAS_TYPES[kind])
-        for column, (name, kind) in zip(values, columns.items(), strict=True)
-    }
-    for name, kind in columns.items():
-        if kind in DECIMALS:
-            data[name] /= 10 ** DECIMALS[kind]
-    return pd.DataFrame(data)
+    def _open(self, kind: type[Record], form: Form) -> Table:
+        return self._tables.setdefault(kind, open_table(self._folder, form.stem, form.columns, self._fmt))

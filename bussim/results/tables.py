@@ -18,7 +18,8 @@ from bussim.results.names import cell
 #: Formats of the tables, by the extension of their files.
 FORMATS = ("csv", "parquet")
 
-#: Columns of the tables, and what they hold: text, a whole number, or a time in s or ms.
+#: Columns of the tables, and what they hold: text, bytes, a whole number (with "?" perhaps none), yes
+#: (1) or no (0), or a time in s or ms.
 SCAN_COLUMNS = {
     "bus": "text",
     "index": "int",
@@ -38,13 +39,59 @@ ATTEMPT_COLUMNS = {
     "code": "text",
     "turnaround_ms": "ms",
 }
+TRANSACTION_COLUMNS = {
+    "bus": "text",
+    "master": "text",
+    "poll": "text",
+    "attempt": "int",
+    "station": "int",
+    "function": "int",
+    "address": "int",
+    "count": "int",
+    "sent_s": "s",
+    "asked_s": "s",
+    "answered_s": "s",
+    "end_s": "s",
+    "taken_s": "s",
+    "response_ms": "ms",
+    "outcome": "text",
+    "error": "int?",
+    "exception": "int",
+    "mismatched": "flag",
+}
+FREE_COLUMNS = {
+    "bus": "text",
+    "node": "text",
+    "poll": "text",
+    "direction": "text",
+    "start_s": "s",
+    "end_s": "s",
+    "bytes": "bytes",
+    "ended": "text",
+    "damaged": "int",
+}
+VALUE_COLUMNS = {
+    "time_s": "s",
+    "plc": "text",
+    "device": "text",
+    "value": "int",
+}
 #: Decimals of times: whole nanoseconds.
 DECIMALS = {"s": 9, "ms": 6}
 #: pandas' types of the columns.
-PANDAS_TYPES = {"text": "str", "int": "int64", "s": "float64", "ms": "float64"}
+PANDAS_TYPES = {
+    "text": "str",
+    "bytes": "str",
+    "int": "int64",
+    "int?": "Int64",
+    "flag": "bool",
+    "s": "float64",
+    "ms": "float64",
+}
 _ROW_GROUP = 65_536
 
-#: A value of a row; a time is a whole number of ns whatever its column's unit.
+#: A value of a row; a time is a whole number of ns whatever its column's unit, bytes are written
+#: ``02 41 0D``, which no spreadsheet takes for a number.
 Value = str | int | None
 Row = tuple[Value, ...]
 
@@ -74,8 +121,8 @@ class CsvTable:
         for value, form in zip(row, self._forms, strict=True):
             if value is None:
                 texts.append("")
-            elif isinstance(value, str):
-                texts.append(self._texts.get(value) or self._quoted(value))
+            elif form is None:
+                texts.append(self._name(str(value)))
             else:
                 texts.append(form(value))
         self._file.write(",".join(texts) + "\r\n")
@@ -84,11 +131,14 @@ class CsvTable:
         """Finish the file."""
         self._file.close()
 
-    def _quoted(self, text: str) -> str:
+    def _name(self, text: str) -> str:
         # Names come again in every row; there are few of them.
-        buffer = io.StringIO()
-        csv.writer(buffer).writerow([cell(text)])
-        return self._texts.setdefault(text, buffer.getvalue().removesuffix("\r\n"))
+        known = self._texts.get(text)
+        if known is None:
+            buffer = io.StringIO()
+            csv.writer(buffer).writerow([cell(text)])
+            known = self._texts[text] = buffer.getvalue().removesuffix("\r\n")
+        return known
 
 
 def _seconds_text(ns: int) -> str:
@@ -101,9 +151,13 @@ def _milliseconds_text(ns: int) -> str:
     return f"{whole}.{rest:06d}"
 
 
-_TO_TEXT: dict[str, Callable[[int], str]] = {
-    "text": str,
+#: None: a name, which may need quotes.
+_TO_TEXT: dict[str, Callable[[Any], str] | None] = {
+    "text": None,
+    "bytes": str,
     "int": str,
+    "int?": str,
+    "flag": lambda flag: "1" if flag else "0",
     "s": _seconds_text,
     "ms": _milliseconds_text,
 }
@@ -114,7 +168,8 @@ class ParquetTable:
 
     def __init__(self, path: Path, columns: dict[str, str]) -> None:
         pyarrow, parquet = import_pyarrow()
-        types = {"text": pyarrow.string(), "int": pyarrow.int64()}
+        whole, text = pyarrow.int64(), pyarrow.string()
+        types = {"text": text, "bytes": text, "int": whole, "int?": whole, "flag": pyarrow.bool_()}
         self._table = pyarrow.table
         self._columns = columns
         self._schema = pyarrow.schema(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from bussim.results.numbers import counted
+from bussim.results.port_text import port_lines
 from bussim.results.record import RunRecord
 
 if TYPE_CHECKING:
@@ -22,6 +24,8 @@ def show_result(console: Console, record: RunRecord, station_names: Mapping[str,
     for bus, link in summary["links"].items():
         console.print()
         _show_link(console, record, bus, link, station_names.get(bus, {}))
+    for line in port_lines(summary):
+        _say(console, line)
     if summary["warnings"]:
         console.print()
         for warning in summary["warnings"]:
@@ -37,7 +41,7 @@ def _show_link(
     _say(
         console,
         f"{bus}: {link['stations']} stations, mode {link['mode']}, "
-        f"{link['retries']} retries = {_count(link['attempts'], 'attempt')} a poll, "
+        f"{link['retries']} retries = {counted(link['attempts'], 'attempt')} a poll, "
         f"timeout {link['timeout_ms']:g} ms",
     )
     _show_times(console, link)
@@ -64,7 +68,7 @@ def _show_times(console: Console, link: dict[str, Any]) -> None:
     health = "never all stations healthy" if healthy is None else f"all stations healthy at {healthy:.3f} s"
     _say(console, f"  link scans       {link['scans']:,}, bus load {link['bus_load']:.1%}, {health}")
     oddities = [
-        f"{_count(link[key], what)}"
+        f"{counted(link[key], what)}"
         for key, what in (("collisions", "collision"), ("undetected_frames", "undetected damaged frame"))
         if link[key]
     ]
@@ -127,10 +131,6 @@ def _show_refresh(console: Console, gaps: dict[str, dict[str, Any]]) -> None:
 def _registers(record: RunRecord, plc: str) -> dict[str, int]:
     found: dict[str, int] = record.summary["plcs"].get(plc, {}).get("registers", {})
     return found
-
-
-def _count(number: int, what: str) -> str:
-    return f"1 {what}" if number == 1 else f"{number:,} {what}s"
 
 
 def _say(console: Console, text: str) -> None:

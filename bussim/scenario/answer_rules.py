@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.engines.modbus.adu import BROADCAST, Mode, adu_chars
 from bussim.engines.modbus.pdu import READS, Request, response_size
-from bussim.engines.modbus.server import SPACES
+from bussim.engines.modbus.server import SPACES, Space
 from bussim.scenario.code import Code
 from bussim.scenario.device_schema import LxIn, SlaveIn
 from bussim.scenario.nodes import Directory, Node, Role
@@ -71,12 +71,14 @@ class Answers:
             return
         space = SPACES[function]
         parts = found.parts(space, address, count)
-        reached = f"{address} to {address + count - 1}" if count > 1 else f"{address}"
-        what = "coils or inputs" if space.is_bit else "registers"
+        names = {Space.COILS: "coil", Space.INPUTS: "input", Space.INPUT_REGISTERS: "input register"}
+        name = names.get(space, "register")
+        what = f"{name}s {address} to {address + count - 1}" if count > 1 else f"{name} {address}"
         if parts is None:
-            self._warn_exception(entry, "address", slave, f"does not have all of the {what} {reached}", 2)
+            lacks = f"does not have all of the {what}" if count > 1 else f"has no {what}"
+            self._warn_exception(entry, "address", slave, lacks, 2)
         elif function not in READS and not all(part.area.writable for part in parts):
-            self._warn_exception(entry, "address", slave, f"lets nobody write all of {what} {reached}", 2)
+            self._warn_exception(entry, "address", slave, f"does not let {what} be written", 2)
 
     def _warn_exception(
         self, entry: Entry[TransactionIn], key: str, slave: Node, what: str, code: int

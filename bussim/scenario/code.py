@@ -34,6 +34,7 @@ class Code:
     def _load(self, name: str) -> Callable[[int], int]:
         module, _, function = name.partition(":")
         try:
+            importlib.invalidate_caches()  # the file may be newer than this process
             with self._path():
                 found = getattr(importlib.import_module(module), function, None)
         except ModuleNotFoundError as error:

@@ -11,8 +11,7 @@ from bussim.plc.ports import cpavl
 from bussim.scenario.link_rules import foreign_blocks
 from bussim.scenario.places import Path, Report
 from bussim.scenario.poll_schema import PollIn, TransactionIn
-from bussim.scenario.port_rules import FIRST_SPECIAL
-from bussim.scenario.port_seats import PortSeat
+from bussim.scenario.port_seats import FIRST_SPECIAL, PortSeat
 from bussim.scenario.seats import Member
 from bussim.scenario.validate import Entry
 
@@ -40,7 +39,7 @@ def check_registers(
         report.error((*entry.path, key), f"is {device}, but function {poll.function} moves registers: D only")
         return
     _check_span(
-        (*entry.path, key), device, count, f"{count} registers", place, report, writes=_writes(key, poll)
+        (*entry.path, key), device, count, _some(count, "register"), place, report, writes=_writes(key, poll)
     )
 
 
@@ -56,7 +55,8 @@ def check_coils(entry: Entry[TransactionIn], poll: PollIn, place: Placed, count:
         )
         return
     size = (count + 15) // 16 if device.letter == "D" else count
-    _check_span((*entry.path, key), device, size, f"{count} coils", place, report, writes=_writes(key, poll))
+    path, what = (*entry.path, key), _some(count, "coil")
+    _check_span(path, device, size, what, place, report, writes=_writes(key, poll))
 
 
 def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple[str, Device | None]:
@@ -75,6 +75,10 @@ def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple
     return "from", poll.from_
 
 
+def _some(count: int, what: str) -> str:
+    return f"1 {what}" if count == 1 else f"{count} {what}s"
+
+
 def _writes(key: str, poll: PollIn) -> bool:
     """Whether something is written into the operand: what was read, or the values to be sent."""
     return key == "to" or bool(poll.values)
@@ -88,7 +92,7 @@ def _check_span(
     end = first.address + size - 1
     last = next(last for low, last in ranges if low <= first.address <= last)
     if end > last:
-        report.error(path, f"is {first}; {what} end beyond {Device(first.letter, last)}")
+        report.error(path, f"is {first}; its {what} would end beyond {Device(first.letter, last)}")
         return
     if not writes:
         return
@@ -140,6 +144,8 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
         )
     if not send_count and not count and not entry.lost("send_count", "count", "data", "text"):
         report.error(entry.path, "neither sends nor receives; expected send_count, data, text or count")
+    settings = place.seat.valid
+    eight_bit = settings is not None and settings.eight_bit
     for key, device, size in (("send", poll.send, send_count), ("to", poll.to, count)):
         if device is None:
             if size and not entry.lost(key):
@@ -147,11 +153,11 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
         elif device.letter != "D":
             report.error((*entry.path, key), f"is {device}, but bytes lie in D registers")
         elif size:
-            words = size if place.seat.eight_bit else (size + 1) // 2
-            path, what = (*entry.path, key), f"{size} bytes"
+            words = size if eight_bit else (size + 1) // 2
+            path, what = (*entry.path, key), _some(size, "byte")
             writes = key == "to" or bool(data)
             _check_span(path, device, words, what, place, report, writes=writes)
-    timing = place.seat.timing
+    timing = settings.timing if settings is not None else None
     if timing is not None and timing.format.data_bits == 7 and any(byte > 127 for byte in data):
         key = "data" if poll.data is not None else "text"
         report.warn(

@@ -152,8 +152,8 @@ def reference(section: str, key: str) -> int:
     if 1 <= number <= V80_ITEMS and not (len(key) == 5 and digit):
         return number - 1
     owner = next((name for name, (_, first) in SPACES.items() if first == number // 10_000), None)
-    other = f" is one of {owner};" if owner not in (None, section) and len(key) == 5 else ""
-    raise ValueError(f"is no reference number of {section}:{other} {allowed}")
+    other = f" but of {owner}" if owner not in (None, section) and len(key) == 5 else ""
+    raise ValueError(f"is no reference number of {section}{other}; {allowed}")
 
 
 def _check_v80(entry: Entry[DeviceIn], device: DeviceIn, report: Report) -> None:
@@ -217,7 +217,7 @@ def _check_map(entry: Entry[DeviceIn], device: DeviceIn, code: Code, report: Rep
                     where = report.places.where(other)
                     report.error(
                         (*path, "address"),
-                        f"is {item.address}, which overlaps the item at {max(start, item.address)} ({where})",
+                        f"is {item.address}, where the item at {start} already lies ({where})",
                     )
                     break
             taken.append((item.address, end, path))

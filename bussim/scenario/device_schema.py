@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.devices.stepper.profile import StepOutput
 from bussim.devices.stepper.registers import INPUTS
-from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
 from bussim.scenario.fields import (
     Baud,
     Flag,
@@ -25,7 +25,7 @@ from bussim.scenario.fields import (
     whole,
 )
 from bussim.scenario.poll_schema import Hex, Text, Times
-from bussim.scenario.schema import FIRST_STATION, LAST_STATION, Model, ScanIn, only_one
+from bussim.scenario.schema import Model, ScanIn, only_one
 from bussim.units import TICKS_PER_SECOND
 
 MAX_ENTRIES, MAX_SAYINGS = 1000, 1000

@@ -108,7 +108,8 @@ def _check_owner(path: Path, name: str, nodes: Directory, report: Report, *, plc
         return
     what = "no PLC" if plc_only or not nodes.devices else "no PLC and no device"
     if plc_only and name in nodes.devices:
-        what = "a device, and this happens to PLCs only"
+        report.error(path, f"is {name}, a device, but this happens to PLCs only; {suggest(name, known)}")
+        return
     report.error(path, f"is {show(name)}, which is {what}; {suggest(name, known)}")
 
 

@@ -19,8 +19,10 @@ from bussim.devices.values import noise_key
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
+from bussim.plc.inputs import InputSpec
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
+from bussim.plc.program.program import Program
 from bussim.plc.sources import Source
 
 
@@ -69,6 +71,9 @@ class Plc:
     power_on: int = 0
     ports: tuple[PortSpec, ...] = ()
     polls: tuple[PollSpec | FreeSpec, ...] = ()
+    program: Program | None = None
+    inputs: dict[str, InputSpec] = field(default_factory=dict)  # X devices by name
+    observed: tuple[str, ...] = ()  # devices whose every change is told, by name
 
     def port_node(self, port: str) -> str:
         """The name of one of its ports as a node of a bus: ``press1.COM3``; the link's port: ``press1``."""
@@ -386,6 +391,32 @@ class Fault:
     window: Window = Window()
 
 
+class Edge(StrEnum):
+    """Which changes of a bit a latency counts."""
+
+    RISING = "rising"
+    FALLING = "falling"
+    BOTH = "both"
+
+
+@dataclass(frozen=True, slots=True)
+class Latency:
+    """How long a change takes from one device to another: an entry of ``latency:``.
+
+    Bits: from the change of ``source`` (an input's wire, or an END that left it changed) to the END
+    at which ``target`` follows; ``inverted``: it follows with the other level. Words: the age of what
+    ``target`` holds whenever its PLC's program reads it.
+    """
+
+    name: str
+    source_plc: str
+    source: str
+    target_plc: str
+    target: str
+    edge: Edge = Edge.BOTH
+    inverted: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class Scenario:
     """Everything a run needs. ``warnings`` are what the loader found odd but possible.
@@ -403,6 +434,7 @@ class Scenario:
     faults: tuple[Fault, ...] = ()
     warnings: tuple[str, ...] = ()
     devices: tuple[BusDevice, ...] = ()
+    latency: tuple[Latency, ...] = ()
     source: dict[str, object] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:

@@ -67,10 +67,11 @@ def port_node(member: Member, seat: PortSeat, line: LineTiming) -> Node:
     role = Role.MASTER if seat.is_master else Role.SLAVE if seat.is_slave else Role.SILENT
     if seat.protocol == FREE:
         role = Role.FREE
-    timing = seat.timing or line
-    return Node(
-        seat.node, member.name, seat.bus, role, timing, seat.mode, seat.station, seat.path, member, seat
-    )
+    timing, station = line, None
+    if seat.valid is not None:
+        timing = seat.valid.timing
+        station = seat.valid.station if seat.is_slave else None
+    return Node(seat.node, member.name, seat.bus, role, timing, seat.mode, station, seat.path, member, seat)
 
 
 def device_node(path: Path, device: DeviceIn, line: LineTiming) -> Node:

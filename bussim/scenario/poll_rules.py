@@ -77,6 +77,8 @@ def _seat(
         return seat
     if not nodes.sure(member.name):
         return None
+    if seat is not None and (seat.valid is None or seat.given.protocol not in (None, seat.protocol)):
+        return None  # what is wrong with the port was said there
     if member.takes_part and poll.port == member.port:
         what = "runs N:N"
     elif seat is not None and seat.protocol is not None:
@@ -114,7 +116,7 @@ def _check_poll(
     else:
         check_registers(entry, poll, place, poll.quantity, report)
     if node is not None:
-        answers.check(entry, poll, node, place.seat.timeout)
+        answers.check(entry, poll, node, place.seat.valid.timeout if place.seat.valid is not None else 0)
 
 
 def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:

@@ -5,23 +5,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bussim.engines.modbus.adu import Mode
-from bussim.line.characters import NN_LINE
-from bussim.plc.memory import Device
-from bussim.plc.ports import cpavl
-from bussim.plc.ports.cpavl import PROTOCOL_CODES
+from bussim.plc.errors import serial_error
+from bussim.plc.memory import BIT_RANGES, Device
+from bussim.plc.ports.cpavl import (
+    BITS,
+    INTERVAL_UNIT,
+    PORT_PROTOCOLS,
+    PROTOCOL_CODES,
+    TIMEOUT_UNIT,
+    WORDS,
+    BadSettings,
+    format_word,
+)
 from bussim.scenario.link_rules import check_bus_name
 from bussim.scenario.nodes import Directory
 from bussim.scenario.places import Path, Report
-from bussim.scenario.port_seats import CPAVL_PORTS, FREE, HMI, MODES, PortSeat, is_set_up, keys_of
-from bussim.scenario.schema import (
-    CPAVL_TIMEOUT_UNIT,
-    FIRST_STATION,
-    INTERVAL_UNIT,
-    LAST_STATION,
-    BusIn,
-    PlcIn,
-    PortIn,
+from bussim.scenario.port_seats import (
+    CPAVL_PORTS,
+    FIRST_SPECIAL,
+    FREE,
+    HMI,
+    MODES,
+    SLAVES,
+    PortSeat,
+    is_set_up,
+    keys_of,
+    own_line,
 )
+from bussim.scenario.schema import BusIn, PlcIn, PortIn
 from bussim.scenario.seats import Member, device_name, line_of
 from bussim.scenario.validate import Entry
 from bussim.scenario.wording import suggest
@@ -30,15 +41,12 @@ from bussim.units import format_time
 #: The ports of the first board, the only ones that M8179 can select.
 LINK_PORTS = ("COM3", "COM4")
 ALL_PORTS = ("COM1", *CPAVL_PORTS)
-#: M8000 and D8000 on are special devices.
-FIRST_SPECIAL = 8000
-
 Buses = Sequence[Entry[BusIn]]
 
 
 def protocols_of(port: str) -> list[str]:
-    """What a port can be set to."""
-    return [name for name in PROTOCOL_CODES if name != HMI or port == "COM2"]
+    """What a port can be set to, in the order of the codes."""
+    return [name for name in PROTOCOL_CODES if name in PORT_PROTOCOLS[port]]
 
 
 def check_ports(entry: Entry[PlcIn], member: Member, buses: Buses, report: Report) -> None:
@@ -138,44 +146,64 @@ def _check_seat(
 ) -> None:
     path, given = seat.path, seat.given
     sure = not entry.lost("registers", "ports")
+    before = len(report.errors)
     if given.protocol is not None and given.protocol not in protocols_of(seat.name):
         allowed = ", ".join(protocols_of(seat.name))
         report.error((*path, "protocol"), f"is {given.protocol}, which only COM2 has; allowed {allowed}")
         return
-    if given.protocol is not None or sure:
-        _check_keys(seat, report)
+    _check_keys(seat, given.protocol or (seat.protocol if sure else None), report)
     _check_units(seat, report)
     _check_contradictions(entry, seat, report)
-    if given.protocol is None and sure:
-        _check_raw(seat, report)
-    if seat.is_slave:
-        _check_station(seat, member, sure=sure, report=report)
-    if seat.protocol == HMI:
-        report.warn(
-            path,
-            f"the monitoring protocol of an HMI is not simulated: {seat.node} stays silent "
-            f"(an HMI that speaks Modbus needs protocol: modbus-rtu-slave)",
-        )
+    if given.protocol in SLAVES and seat.register("station") not in member.registers and sure:
+        report.error((*path, "station"), "is missing")
     if bus is not None and not bus.nn and sure:
-        _check_line(seat, bus, buses, report)
+        _check_line(seat, member, bus, buses, report)
+    if sure and len(report.errors) == before:
+        _check_settings(seat, report)
 
 
-def _check_keys(seat: PortSeat, report: Report) -> None:
+def _check_settings(seat: PortSeat, report: Report) -> None:
+    """What becomes of words that the PLC refuses, or that set up nothing that is simulated."""
+    settings = seat.settings
+    if isinstance(settings, BadSettings):
+        code = serial_error(seat.name, settings.error)
+        report.warn(
+            seat.path,
+            f"{seat.plc} refuses the parameters of {seat.name} ({settings.text}): M8063 on, D8063 = {code}, "
+            "and the port stays silent",
+        )
+    elif settings.protocol is None:
+        word = seat.register("protocol")
+        codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)
+        report.warn(
+            seat.path,
+            f"{word} of {seat.plc} is 0: port {seat.name} does nothing (give it a protocol, or {word} one of "
+            f"{codes})",
+        )
+    elif settings.protocol == HMI:
+        report.warn(
+            seat.path,
+            f"the monitoring protocol of an HMI is not simulated: {seat.node} stays silent "
+            "(an HMI that speaks Modbus needs protocol: modbus-rtu-slave)",
+        )
+
+
+def _check_keys(seat: PortSeat, protocol: str | None, report: Report) -> None:
     """Keys that the protocol has no use for."""
-    if seat.protocol is None:
+    if protocol is None:
         return
-    allowed = keys_of(seat.protocol)
+    allowed = keys_of(protocol)
     for key in _given(seat.given):
         if key in ("protocol", "cpavl") or key in allowed:
             continue
         report.error(
-            (*seat.path, key), f"has no meaning for {seat.protocol}, which has {', '.join(allowed)}", key=True
+            (*seat.path, key), f"has no meaning for {protocol}, which has {', '.join(allowed)}", key=True
         )
 
 
 def _check_units(seat: PortSeat, report: Report) -> None:
     """Times that the words cannot hold."""
-    for key, unit in (("timeout", CPAVL_TIMEOUT_UNIT), ("interval", INTERVAL_UNIT)):
+    for key, unit in (("timeout", TIMEOUT_UNIT), ("interval", INTERVAL_UNIT)):
         value = getattr(seat.given, key)
         if value is None:
             continue
@@ -209,46 +237,26 @@ def _check_contradictions(entry: Entry[PlcIn], seat: PortSeat, report: Report) -
             )
 
 
-def _check_raw(seat: PortSeat, report: Report) -> None:
-    """Words that set up nothing."""
-    word = seat.register("protocol")
-    if seat.protocol is None:
-        codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)
-        what = f"is {seat.code:04X}H, no protocol" if seat.code else "is 0"
-        report.warn(
-            seat.path,
-            f"{word} of {seat.plc} {what}: port {seat.name} does nothing "
-            f"(give it a protocol, or {word} one of {codes})",
-        )
-    elif seat.timing is None:
-        report.warn(
-            seat.path,
-            f"{seat.register('format')} of {seat.plc} is no communication format: "
-            f"port {seat.name} does nothing",
-        )
-
-
-def _check_station(seat: PortSeat, member: Member, *, sure: bool, report: Report) -> None:
-    register = seat.register("station")
-    if register not in member.registers:
-        if sure:
-            report.error((*seat.path, "station"), "is missing")
-    elif not FIRST_STATION <= (seat.station or 0) <= LAST_STATION:
-        report.warn(
-            seat.path,
-            f"{seat.plc} refuses station {seat.station} on {seat.name} ({register}), allowed "
-            f"{FIRST_STATION}..{LAST_STATION}: M8063 on, D8063 = 7{seat.name[3:]}00, and it answers nothing",
-        )
-
-
-def _check_line(seat: PortSeat, bus: BusIn, buses: Buses, report: Report) -> None:
+def _check_line(seat: PortSeat, member: Member, bus: BusIn, buses: Buses, report: Report) -> None:
     """Rate and format against the protocol and the bus."""
-    timing, line = seat.timing, line_of(bus)
-    if timing is None or any(entry.value is bus and entry.lost("baud", "format") for entry in buses):
+    if any(entry.value is bus and entry.lost("baud", "format") for entry in buses):
         return
-    if MODES.get(seat.protocol or "") is Mode.RTU and timing.format.data_bits != 8:
-        _refuse_seven_bits(seat, bus, report)
-    elif (timing.baud, timing.format) != (line.baud, line.format) and seat.protocol is not None:
+    line, given = line_of(bus), seat.given
+    own = own_line(given, line)
+    if MODES.get(given.protocol or "") is Mode.RTU and own.format.data_bits != 8:
+        word = seat.register("format")
+        needs = "Modbus RTU needs 8 data bits"
+        if given.format is not None:
+            report.error((*seat.path, "format"), f"is {own.format}, but {needs}")
+            return
+        if member.registers.get(word) == format_word(own, eight_bit=False):
+            report.error(
+                (*seat.path, "protocol"),
+                f"is {given.protocol}, but the format of {bus.name} is {own.format}: {needs}",
+            )
+            return
+    timing = seat.valid.timing if seat.valid is not None and seat.protocol is not None else line
+    if (timing.baud, timing.format) != (line.baud, line.format):
         report.warn(
             seat.path,
             f"{seat.node} runs at {timing.baud} {timing.format}, {bus.name} at {line.baud} {line.format}: "
@@ -256,33 +264,16 @@ def _check_line(seat: PortSeat, bus: BusIn, buses: Buses, report: Report) -> Non
         )
 
 
-def _refuse_seven_bits(seat: PortSeat, bus: BusIn, report: Report) -> None:
-    timing = seat.timing
-    fmt = timing.format if timing is not None else NN_LINE.format
-    needs = "Modbus RTU needs 8 data bits"
-    if seat.given.format is not None:
-        report.error((*seat.path, "format"), f"is {fmt}, but {needs}")
-    elif seat.given.protocol is not None:
-        report.error(
-            (*seat.path, "protocol"),
-            f"is {seat.given.protocol}, but the format of {bus.name} is {fmt}: {needs}",
-        )
-    else:
-        report.warn(
-            seat.path, f"{seat.node} speaks {seat.protocol} with {fmt}, but {needs}: it understands nothing"
-        )
-
-
 def _check_places(member: Member, report: Report) -> None:
     """CPAVL's words and bits must lie in the memory, and apart."""
-    for kind, size in (("words", cpavl.WORDS), ("bits", cpavl.BITS)):
+    for kind, size in (("words", WORDS), ("bits", BITS)):
         taken: list[tuple[Device, PortSeat]] = []
         for seat in member.ports:
             first: Device = getattr(seat, kind)
             wanted = "D" if kind == "words" else "M"
             shown = f"is {first}, the first of {size} {kind}"
             path = (*seat.path, "cpavl", kind)
-            last = FIRST_SPECIAL - 1 if kind == "words" else 3071
+            last = FIRST_SPECIAL - 1 if kind == "words" else BIT_RANGES["M"][0][1]
             if first.letter != wanted or first.address + size - 1 > last:
                 most = Device(wanted, last - size + 1)
                 report.error(path, f"{shown}; allowed {wanted}0..{most}")

@@ -12,23 +12,22 @@ from typing import TYPE_CHECKING
 
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
-from bussim.plc.memory import Device
+from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports import cpavl
 from bussim.scenario.places import Path
-from bussim.scenario.schema import CPAVL_TIMEOUT_UNIT, INTERVAL_UNIT, PortIn
-from bussim.units import TICKS_PER_MS
+from bussim.scenario.schema import PortIn
 
 if TYPE_CHECKING:
     from bussim.scenario.device_schema import DeviceIn
 
+#: M8000 and D8000 on are special devices.
+FIRST_SPECIAL = 8000
 HMI, FREE = "hmi", "free"
 MASTERS = {"modbus-rtu-master": Mode.RTU, "modbus-ascii-master": Mode.ASCII}
 SLAVES = {"modbus-rtu-slave": Mode.RTU, "modbus-ascii-slave": Mode.ASCII}
 MODES = {**MASTERS, **SLAVES}
 #: Ports that CPAVL can set up.
-CPAVL_PORTS = ("COM2", "COM3", "COM4", "COM5", "COM6")
-#: COM2's own station number as a Modbus slave (LX slave note).
-COM2_STATION = "D8121"
+CPAVL_PORTS = tuple(port for port, protocols in cpavl.PORT_PROTOCOLS.items() if protocols)
 
 _FORMAT_KEYS = ("baud", "format", "eight_bit")
 #: The keys beside the protocol that each kind of port has.
@@ -46,9 +45,13 @@ _WORDS = {
     "end": cpavl.END,
     "timeout": cpavl.TIMEOUT,
 }
-_UNITS = {"interval": INTERVAL_UNIT, "timeout": CPAVL_TIMEOUT_UNIT}
-_DEFAULTS = {"interval": 5 * TICKS_PER_MS, "timeout": 100 * TICKS_PER_MS, "start": 0, "end": 0}
-_NAMES = {code: name for name, code in cpavl.PROTOCOL_CODES.items() if code}
+_UNITS = {"interval": cpavl.INTERVAL_UNIT, "timeout": cpavl.TIMEOUT_UNIT}
+_DEFAULTS = {
+    "interval": cpavl.DEFAULT_INTERVAL,
+    "timeout": cpavl.DEFAULT_TIMEOUT * cpavl.TIMEOUT_UNIT,
+    "start": 0,
+    "end": 0,
+}
 
 
 def keys_of(protocol: str | None) -> tuple[str, ...]:
@@ -60,9 +63,8 @@ def keys_of(protocol: str | None) -> tuple[str, ...]:
 class PortSeat:
     """One port of a PLC beside its link port, as its words describe it.
 
-    ``protocol`` is None for a port that does nothing: word +6 is 0 (not on COM2) or no protocol's
-    code. ``timing`` is None where the format word names no rate or parity. ``station`` is a slave's
-    own number, 0…65535. ``explicit`` are the registers that friendly keys stand for, each with its key.
+    ``settings`` are what the PLC reads in them at STOP→RUN, or why it refuses them. ``explicit`` are
+    the registers that friendly keys stand for, by key.
     """
 
     path: Path
@@ -71,12 +73,7 @@ class PortSeat:
     given: PortIn
     words: Device
     bits: Device
-    protocol: str | None
-    code: int
-    timing: LineTiming | None
-    eight_bit: bool
-    station: int | None
-    timeout: int
+    settings: cpavl.PortSettings | cpavl.BadSettings
     explicit: Mapping[str, tuple[str, int]]
 
     @property
@@ -88,6 +85,16 @@ class PortSeat:
     def node(self) -> str:
         """Its name as a node of its bus."""
         return f"{self.plc}.{self.name}"
+
+    @property
+    def valid(self) -> cpavl.PortSettings | None:
+        """Its settings; None where the PLC refuses them."""
+        return self.settings if isinstance(self.settings, cpavl.PortSettings) else None
+
+    @property
+    def protocol(self) -> str | None:
+        """What it does; None for nothing, whether because nobody says it or because the PLC refuses."""
+        return self.valid.protocol if self.valid is not None else None
 
     @property
     def mode(self) -> Mode | None:
@@ -112,7 +119,7 @@ class PortSeat:
 def register_of(port: str, words: Device, key: str) -> str:
     """The register that a key of a port stands for."""
     if key == "station" and port == "COM2":
-        return COM2_STATION
+        return str(cpavl.COM2_STATION)
     offset = cpavl.FORMAT if key in _FORMAT_KEYS else _WORDS.get(key, cpavl.PROTOCOL)
     return f"D{words.address + offset}"
 
@@ -138,41 +145,30 @@ def seat_port(
     words, bits = cpavl.default_places(name)
     if given.cpavl is not None:
         words, bits = given.cpavl.words or words, given.cpavl.bits or bits
-    code = raw.get(register_of(name, words, "protocol"), 0) & 0xFFFF
-    protocol = given.protocol or (HMI if name == "COM2" and not code else _NAMES.get(code))
     explicit = _explicit(name, words, given, line)
-    added = {register: value for register, value in explicit.values() if register not in raw}
+    added = dict(explicit.values())
     if given.protocol is not None:
-        for key in keys_of(protocol):
+        for key in keys_of(given.protocol):
             if key in _DEFAULTS:
                 added.setdefault(register_of(name, words, key), _DEFAULTS[key] // _UNITS.get(key, 1))
-        word = cpavl.format_word(line, eight_bit=False)
-        added.setdefault(register_of(name, words, "format"), word)
-    registers = {**added, **raw}
+        added.setdefault(register_of(name, words, "format"), cpavl.format_word(line, eight_bit=False))
+    added = {register: value for register, value in added.items() if register not in raw}
+    settings = _read(name, words, {**added, **raw})
+    return PortSeat(path, plc, name, given, words, bits, settings, explicit), added
 
-    def value(key: str) -> int:
-        return registers.get(register_of(name, words, key), 0) & 0xFFFF
 
-    try:
-        timing, eight_bit = cpavl.decode_format(value("format"))
-    except ValueError:
-        timing, eight_bit = None, False
-    seat = PortSeat(
-        path=path,
-        plc=plc,
-        name=name,
-        given=given,
-        words=words,
-        bits=bits,
-        protocol=protocol,
-        code=value("protocol"),
-        timing=timing,
-        eight_bit=eight_bit,
-        station=value("station") if protocol in SLAVES else None,
-        timeout=(value("timeout") or _DEFAULTS["timeout"] // CPAVL_TIMEOUT_UNIT) * CPAVL_TIMEOUT_UNIT,
-        explicit=explicit,
-    )
-    return seat, {register: value for register, value in added.items() if register not in raw}
+def _read(name: str, words: Device, registers: Mapping[str, int]) -> cpavl.PortSettings | cpavl.BadSettings:
+    """What the PLC reads in a port's words."""
+    memory = Memory()
+    last = Device("D", words.address + cpavl.WORDS - 1)
+    for register, value in registers.items():
+        try:
+            memory.set(parse_device(register), value)
+        except ValueError:
+            continue  # words behind the end of the memory, which the rules report
+    if words.letter != "D" or last.address > FIRST_SPECIAL:
+        memory, words = Memory(), Device("D", 0)
+    return cpavl.read_settings(name, memory, words)
 
 
 def _explicit(name: str, words: Device, given: PortIn, line: LineTiming) -> dict[str, tuple[str, int]]:
@@ -200,6 +196,6 @@ def written_keys(seat: PortSeat, registers: Mapping[str, int], raw: Mapping[str,
         return {}
     return {
         key: registers[seat.register(key)] * _UNITS.get(key, 1)
-        for key in keys_of(seat.protocol)
+        for key in keys_of(seat.given.protocol)
         if key in _DEFAULTS and getattr(seat.given, key) is None and seat.register(key) not in raw
     }

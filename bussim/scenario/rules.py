@@ -18,7 +18,8 @@ from bussim.scenario.disturbance_rules import check_faults, check_noise
 from bussim.scenario.link_rules import check_links
 from bussim.scenario.nodes import Directory, lines_of
 from bussim.scenario.places import Path, Report
-from bussim.scenario.port_rules import FIRST_SPECIAL, check_link_bus, check_port_use, check_ports
+from bussim.scenario.port_rules import check_link_bus, check_port_use, check_ports
+from bussim.scenario.port_seats import FIRST_SPECIAL
 from bussim.scenario.register_rules import check_registers, named_device
 from bussim.scenario.schema import BusIn, PlcIn, SourceIn
 from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, device_name, friendly_registers, member_of

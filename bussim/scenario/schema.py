@@ -9,8 +9,9 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
+from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.nn.frames import MODES
-from bussim.plc.ports.cpavl import PROTOCOL_CODES
+from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, PROFILES, AbsentStation, Attempts, ErrorCount, Reply
 from bussim.scenario.fields import (
     Baud,
@@ -36,10 +37,8 @@ from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 MAX_BUSES, MAX_PLCS, MAX_DEVICES, MAX_NOISE, MAX_FAULTS = 16, 64, 256, 1000, 1000
 #: How many polls a PLC or an HMI may have.
 MAX_POLLS = 200
-#: Station numbers of Modbus slaves.
-FIRST_STATION, LAST_STATION = 1, 247
-#: Units of CPAVL's interval and timeout words, which have 16 bits.
-INTERVAL_UNIT, CPAVL_TIMEOUT_UNIT, WORD_MAX = TICKS_PER_MS // 10, 10 * TICKS_PER_MS, 0xFFFF
+#: The most that one of CPAVL's words holds.
+_WORD_MAX = 0xFFFF
 
 
 class Model(BaseModel):
@@ -213,8 +212,8 @@ class PortIn(Model):
     bus: Name
     protocol: Annotated[str, choice(*PROTOCOL_CODES)] | None = None
     station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] | None = None
-    timeout: Annotated[int, time(CPAVL_TIMEOUT_UNIT, WORD_MAX * CPAVL_TIMEOUT_UNIT)] | None = None
-    interval: Annotated[int, time(0, WORD_MAX * INTERVAL_UNIT)] | None = None
+    timeout: Annotated[int, time(TIMEOUT_UNIT, _WORD_MAX * TIMEOUT_UNIT)] | None = None
+    interval: Annotated[int, time(0, _WORD_MAX * INTERVAL_UNIT)] | None = None
     start: Annotated[int, character()] | None = None
     end: Annotated[int, character()] | None = None
     eight_bit: Flag | None = None

@@ -13,7 +13,6 @@ from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
 from bussim.results.record import LinkRecord, RunRecord
-from bussim.results.summary import summarise
 from bussim.scenario import model
 from bussim.scenario.header import trace_header
 from bussim.serve.lines import OutsideLinkBus, OutsideSerialBus
@@ -73,6 +72,21 @@ class _WaysOut:
         return OutsideLinkBus(name, timing, kernel, sink, reporter, way, strangers)
 
 
+class _HereOnly(Collector):
+    """Without what nobody here can know: when those outside received a block. ``here``: nodes that are here."""
+
+    here: frozenset[str] = frozenset()
+
+    def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
+        """See the base class."""
+        return {
+            name: replace(
+                link, refresh={pair: gaps for pair, gaps in link.refresh.items() if pair[1] in self.here}
+            )
+            for name, link in super().links(totals).items()
+        }
+
+
 def _unheard(text: str) -> None:
     """Nobody wants to know."""
 
@@ -115,9 +129,10 @@ class Session:
         )
         header = session_header(self.scenario, places)
         bus_of = {node: bus.name for bus in header.buses if bus.nn for node in bus.nodes}
-        self.collector = Collector(traced=traced, rows=rows, bus_of=bus_of)
+        self.collector = _HereOnly(traced=traced, rows=rows, bus_of=bus_of)
         outside = _WaysOut(places, self.wires)
         self.simulation = Simulation(self.scenario, self.collector, outside)
+        self.collector.here = frozenset(self.simulation.nodes)
         self.ways = tuple(outside.ways)
         self.loop = RealTime(
             self.simulation.kernel, self.clock, self.ways, also=self._carry_out, report=report
@@ -200,15 +215,9 @@ class Session:
     def record(self) -> RunRecord:
         """The results, as of a run."""
         totals, collector, scenario = self.totals(), self.collector, self.scenario
-        links = {name: self._known(name, link) for name, link in collector.links(totals).items()}
-        summary = summarise(totals, links, scenario=scenario.name, seed=scenario.seed)
-        summary["served"] = self._served()
-        return RunRecord(summary, totals.duration, links, tuple(collector.notes), collector.left_out)
-
-    def _known(self, line: str, link: LinkRecord) -> LinkRecord:
-        """A link without what nobody here can know: when those outside received a block."""
-        here = {port.name for port in self.simulation.links[line].ports}
-        return replace(link, refresh={pair: gaps for pair, gaps in link.refresh.items() if pair[1] in here})
+        record = collector.run(totals, scenario=scenario.name, seed=scenario.seed)
+        record.summary["served"] = self._served()
+        return record
 
     def _served(self) -> dict[str, Any]:
         late = self.loop.lateness

@@ -8,6 +8,8 @@ from typing import Protocol
 from bussim.devices.lx import LxMap
 from bussim.line.characters import LineTiming
 from bussim.plc.board import D_STATION, bad_parameters, master_config, setting_values
+from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
+from bussim.plc.memory import parse_device
 from bussim.plc.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
 from bussim.plc.plc import Plc
 from bussim.plc.streams import Streams
@@ -24,6 +26,7 @@ from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.units import DeviceUnit, PlcUnit, Unit
+from bussim.sim.watcher import Watcher
 from bussim.sim.wire.disturb import Loss, PlacedNoise
 from bussim.sim.wire.line import Line, Witness
 from bussim.sim.wire.node import Node
@@ -191,7 +194,8 @@ class Simulation:
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
-            clock = EndClock(plc, self.kernel, ports) if ports else None
+            clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
+            Watcher(plc, self._sink)
             units[name] = PlcUnit(plc, link if isinstance(link, LinkPort) else None, ports, clock)
         for device in self._scenario.devices:
             node = self.nodes[device.name]
@@ -324,7 +328,19 @@ def _plc(spec: model.Plc, streams: Streams, *, linked: bool) -> Plc:
         ports=spec.ports,
         polls=spec.polls,
         maps=LxMap,
+        program=spec.program,
+        inputs={
+            parse_device(name): _stimulus(spec.name, name, given, streams)
+            for name, given in spec.inputs.items()
+        },
+        observed=map(parse_device, spec.observed),
     )
+
+
+def _stimulus(plc: str, device: str, given: InputSpec, streams: Streams) -> Stimulus:
+    if isinstance(given, RandomInput):
+        return Random(given.on, given.off, streams.uniforms("input", plc, device))
+    return given
 
 
 def _rate(noise: model.Noise, name: str, streams: Streams) -> ErrorRate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bussim.plc.plc import Plc
+from bussim.scenario.model import HmiSettings
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.plc_port import PlcPort
@@ -51,7 +52,13 @@ def port_totals(port: PlcPort) -> PortTotals:
         answered=counts.answered,
         exceptions=dict(counts.exceptions),
         rejected=dict(counts.rejected),
+        timeout=settings.timeout if settings is not None and _is_master(settings.protocol) else None,
     )
+
+
+def _is_master(protocol: str | None) -> bool:
+    """Whether a port with this protocol asks others."""
+    return protocol is not None and protocol.endswith("-master")
 
 
 def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
@@ -68,4 +75,5 @@ def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
         exceptions=dict(counts.exceptions),
         rejected=dict(counts.rejected),
         state=node.state(now),
+        timeout=spec.settings.timeout if isinstance(spec.settings, HmiSettings) else None,
     )

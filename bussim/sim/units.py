@@ -60,7 +60,7 @@ class PlcUnit:
             if self.link is not None:
                 self.link.bus.ledger.forget(self.link.seat)
         if plc.state is PlcState.OFF and powered:
-            plc.power_on()
+            plc.power_on(now)
         if plc.state is PlcState.STOP and running and powered:
             self._run(now)
 

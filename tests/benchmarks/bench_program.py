@@ -24,7 +24,8 @@ import simpy
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from bussim.plc.memory import Device, Memory
-from bussim.plc.program import Program, ProgramRun
+from bussim.plc.program.program import Program
+from bussim.plc.program.run import ProgramRun
 from bussim.units import TICKS_PER_MS
 
 INSTRUCTIONS = 200

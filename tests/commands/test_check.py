@@ -25,6 +25,23 @@ def test_a_clean_one_is_described_in_one_line(capsys: pytest.CaptureFixture[str]
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "described"),
+    [
+        (
+            "nn_with_modbus",
+            "N:N with Modbus beside it: 3 PLCs, 1 N:N link, 2 other buses, 2 devices, 4 polls, 60 s, seed 22",
+        ),
+        ("hmi_on_com2", "HMI on COM2: 1 PLC, 1 bus, 1 device, 5 polls, 60 s, seed 23"),
+    ],
+)
+def test_ports_and_devices_are_described(
+    name: str, described: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", name]) == 0
+    assert capsys.readouterr().out == f"{name}: ok: {described}\n"
+
+
 def test_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine.yaml").write_text(GOOD, encoding="utf-8")
     assert main(["check", "mine.yaml"]) == 0

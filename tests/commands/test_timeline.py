@@ -129,3 +129,21 @@ def test_not_the_folder_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
     code, _, err = said(capsys, tmp_path)
     assert code == 2
     assert "is not the folder of a run" in err
+
+
+def test_of_a_modbus_bus_the_longest_attempt_is_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    assert main(["run", "two_masters", "--duration", "3s", "--trace", "--out", str(folder)]) == 0
+    code, out, _ = said(capsys, folder, "--json")
+    assert code == 0
+    found = json.loads(out)
+    lines = map(json.loads, (folder / "trace.jsonl").read_text("utf-8").splitlines())
+    sent = [
+        (line["end"] - line["sent"], line["sent"])
+        for line in lines
+        if line["type"] == "transaction" and line["sent"]
+    ]
+    assert found["from_s"] * 72e6 <= max(sent)[1] <= found["to_s"] * 72e6
+    assert found["scans"] == []

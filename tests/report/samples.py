@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import bussim
-from bussim.report.reading import read_stretch, window_of_longest
+from bussim.report.reading import read_stretch, worst_window
 from bussim.report.stretch import Stretch
 from bussim.results.record import RunRecord
 from bussim.results.trace_file import Trace, read_trace
@@ -56,6 +56,6 @@ def opened(folder: Path) -> tuple[Trace, RunRecord]:
 def longest(folder: Path, bus: str = "link") -> Stretch:
     """The stretch of the longest link scan."""
     trace, record = opened(folder)
-    window = window_of_longest(record, bus)
+    window = worst_window(trace, record, bus)
     assert window is not None
     return read_stretch(trace, record, bus, *window)

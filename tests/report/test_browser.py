@@ -29,6 +29,9 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert main(["report", str(folder / "press"), "-o", str(folder / "one.html")]) == 0
     both = [str(folder / "press"), str(folder / "other")]
     assert main(["report", *both, "-o", str(folder / "two.html")]) == 0
+    ports = ["run", "nn_with_modbus", "--duration", "10s", "--trace", "--out", str(folder / "ports")]
+    assert main(ports) == 0
+    assert main(["report", str(folder / "ports"), "-o", str(folder / "ports.html")]) == 0
     return folder
 
 
@@ -59,12 +62,16 @@ def assert_shows(text: str, value: Any, path: str) -> None:
         assert int(text, 16) == value, path
     elif isinstance(value, str):
         assert text == value, path
+    elif isinstance(value, dict | list):
+        assert text == (", ".join(map(str, value)) or "none"), path
     else:
         decimals = len(text.partition(".")[2])
         assert float(text.replace(",", "")) == pytest.approx(value, abs=0.51 * 10**-decimals), path
 
 
-@pytest.mark.parametrize(("page", "runs"), [("one.html", ["press"]), ("two.html", ["press", "other"])])
+@pytest.mark.parametrize(
+    ("page", "runs"), [("one.html", ["press"]), ("two.html", ["press", "other"]), ("ports.html", ["ports"])]
+)
 def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs: list[str]) -> None:
     show(window, pages / page)
     summaries = [json.loads((pages / run / "summary.json").read_text("utf-8")) for run in runs]
@@ -77,13 +84,21 @@ def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs
     told = {path for path, _, _ in cells}
     for key in ("p50", "p99", "max"):
         assert f"/links/link/scan_time_ms/{key}" in told
-    assert "/links/link/failed_attempts/1/01" in told
-    assert "/plcs/press1/registers/D8180" in told
+    if page == "ports.html":
+        ports = summaries[0]["ports"]
+        assert ports
+        for port in ports:
+            assert f"/ports/{port}/transactions" in told
+            assert any(path.startswith(f"/ports/{port}/polls/") for path in told)
+        assert {f"/devices/{device}/requests" for device in summaries[0]["devices"]} <= told
+    else:
+        assert "/links/link/failed_attempts/1/01" in told
+        assert "/plcs/press1/registers/D8180" in told
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [400, 1280])
-@pytest.mark.parametrize("page", ["one.html", "two.html"])
+@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html"])
 def test_it_renders_without_an_error_and_asks_nobody(
     pages: Path, window: Any, page: str, width: int, dark: bool
 ) -> None:
@@ -124,8 +139,11 @@ def test_charts_zoom_and_tell_what_is_under_the_pointer(pages: Path, window: Any
         told = set()
         width = plot.size["width"]
         for x in range(-width // 2 + 4, width // 2 - 4, 61):
-            ActionChains(window, duration=0).move_to_element_with_offset(plot, x, 0).perform()
-            told.add(window.execute_script("return arguments[0].querySelector('.tip').textContent", figure))
+            for y in (10 - plot.size["height"] // 2, 0):
+                ActionChains(window, duration=0).move_to_element_with_offset(plot, x, y).perform()
+                told.add(
+                    window.execute_script("return arguments[0].querySelector('.tip').textContent", figure)
+                )
         assert any("ms" in text for text in told), figure.text
 
 
@@ -161,7 +179,7 @@ def test_keyboard_alone_reaches_and_works_everything(pages: Path, window: Any) -
     assert window.execute_script("return arguments[0].toDataURL()", canvas) != before
 
 
-@pytest.mark.parametrize("page", ["one.html", "two.html"])
+@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html"])
 def test_a_screen_reader_finds_its_way(pages: Path, window: Any, page: str) -> None:
     show(window, pages / page)
     found = window.execute_script(
@@ -217,7 +235,7 @@ return found;
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-@pytest.mark.parametrize("page", ["one.html", "two.html"])
+@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html"])
 def test_text_stands_out_from_what_is_behind_it(pages: Path, window: Any, page: str, dark: bool) -> None:
     show(window, pages / page, dark=dark)
     found = window.execute_script(_CONTRAST)
@@ -251,6 +269,21 @@ def test_it_prints_in_light_colours_on_paper(pages: Path, window: Any) -> None:
         == "rgb(255, 255, 255)"
     )
     assert window.execute_script("return getComputedStyle(document.querySelector('nav')).display") == "none"
+
+
+def test_charts_on_paper_are_light_whatever_the_screen_is(pages: Path, window: Any) -> None:
+    drawn = []
+    for dark in (False, True):
+        show(window, pages / "one.html", dark=dark)
+        before = window.execute_script("return document.querySelector('figure canvas').toDataURL()")
+        paper = window.execute_script(
+            """dispatchEvent(new Event('beforeprint'));
+            return [...document.querySelectorAll('figure canvas')].map(canvas => canvas.toDataURL())"""
+        )
+        window.execute_script("dispatchEvent(new Event('afterprint'))")
+        assert window.execute_script("return document.querySelector('figure canvas').toDataURL()") == before
+        drawn.append(paper)
+    assert drawn[0] == drawn[1]
 
 
 def test_a_name_from_a_scenario_is_never_markup(tmp_path: Path, window: Any) -> None:

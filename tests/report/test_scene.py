@@ -13,6 +13,7 @@ from bussim.report.scene import (
     FLAG,
     HEARD_DAMAGE,
     LEVEL,
+    LOST,
     MOST_DEVICES,
     TROUBLE,
     Box,
@@ -79,10 +80,11 @@ def test_what_one_receiver_alone_hears_damaged_is_in_its_own_lane() -> None:
     assert "b hears" in heard.text
 
 
-def test_frames_that_collided_or_were_cut_off_are_damage_as_a_whole() -> None:
+def test_frames_that_collided_or_were_cut_off_are_marked_as_a_whole() -> None:
     for fault, word in (("collided", "collided"), ("cut", "cut off")):
         _, boxes = scene(frames=[frame(**{fault: True})])
-        (damage,) = [box for box in boxes if box.kind == DAMAGE]
+        sent, damage = boxes
+        assert (sent.kind, damage.kind) == ("data", LOST)
         assert (damage.start, damage.end) == (1000, 2000)
         assert word in damage.text
 

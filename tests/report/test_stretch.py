@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import bussim
-from bussim.report.reading import read_stretch, window_of_longest
+from bussim.report.reading import read_stretch, worst_window
 from bussim.report.scene import scene_of
 from bussim.report.stretch import Part, parts_of_scan, told
 from bussim.trace import ScanRecord
@@ -56,7 +56,7 @@ def test_the_sentence_names_station_attempt_code_and_time() -> None:
 def test_attempts_that_failed_alike_are_told_once(tmp_path) -> None:  # type: ignore[no-untyped-def]
     run = bussim.run("press_line", out=tmp_path / "run", trace=True)
     trace, record = opened(tmp_path / "run")
-    window = window_of_longest(record, "link")
+    window = worst_window(trace, record, "link")
     assert window is not None
     stretch = read_stretch(trace, record, "link", *window)
     (sentence,) = scene_of(stretch).why

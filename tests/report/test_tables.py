@@ -10,9 +10,10 @@ import pytest
 
 import bussim
 from bussim.report import compare, settings, tables
-from bussim.report.charts import histogram_chart, tail_chart
+from bussim.report.charts import MOST_BINS, MOST_POINTS, histogram_chart, tail_chart
 from bussim.report.source import ExactLaw, Source
 from bussim.report.stations import measured_times, station_rows
+from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.results.record import RunRecord
 
 
@@ -86,22 +87,23 @@ def test_any_section_of_things_becomes_a_table(source: Source) -> None:
         "press1.COM3": {
             "protocol": "modbus-rtu-master",
             "transactions": 300,
-            "response_ms": {"p50": 58.1, "max": 63.0},
+            "response_ms": {"p50": 58.1, "max": 63.0, "count": 300},
             "polls": {"read": {"ok": 299}},
         },
         "press2.COM3": {"protocol": "free", "exceptions": {}},
     }
-    table = tables.things(changed(source, ports=ports), "ports", "Ports")
-    assert table is not None
+    table, polls = tables.ports({"ports": ports})
     assert table.head == ["", "press1.COM3", "press2.COM3"]
     shown = {heading: [cell.text for cell in cells] for heading, cells in table.rows}
     assert shown["response p50 (ms)"] == ["58.100", ""]
+    assert shown["response count"] == ["300", ""]
     assert shown["transactions"] == ["300", ""]
-    assert shown["polls read ok"] == ["299", ""]
+    assert (polls.caption, polls.head) == ("The polls of press1.COM3", ["", "read"])
+    assert polls.rows == [("ok", [tables.Cell("299", "/ports/press1.COM3/polls/read/ok")])]
     assert shown["exceptions"] == ["", "none"]
     paths = {cell.path for _, cells in table.rows for cell in cells}
     assert "/ports/press1.COM3/response_ms/p50" in paths
-    assert tables.things(source, "latency", "Latency") is None
+    assert tables.things(source.summary, ["latency"], "Latency") is None
 
 
 def test_what_differs_between_runs_is_marked(source: Source) -> None:
@@ -146,3 +148,37 @@ def test_a_histogram_is_a_table_too(source: Source) -> None:
     table = tables.histogram_data(histogram, "link")
     assert len(table.rows) <= 41
     assert sum(int(cells[0].text.replace(",", "")) for _, cells in table.rows) == histogram.count
+
+
+def test_ports_of_two_runs_are_compared(source: Source) -> None:
+    runs = [
+        changed(source, ports={"a.COM3": {"ok": ok, "response_ms": {"p50": 44.0}, "errors": {}}})
+        for ok in (10, 9)
+    ]
+    (table,) = compare.thing_tables(runs)
+    cells = dict(table.rows)
+    assert [(cell.text, cell.differs) for cell in cells["ok"]] == [("10", False), ("9", True)]
+    assert [cell.text for cell in cells["response p50 (ms)"]] == ["44.000", "44.000"]
+    assert [cell.text for cell in cells["errors"]] == ["none", "none"]
+    assert cells["ok"][1].path == "/ports/a.COM3/ok"
+    assert compare.thing_tables([source, source]) == []
+
+
+def test_a_page_stays_small_whatever_the_runs_were() -> None:
+    wide = Histogram()
+    for place in range(1, 60_001):
+        wide.add(place * BIN_TICKS)
+    law = ExactLaw({"valid": True}, x=list(range(50_000)), tail=[1 - n / 50_000 for n in range(50_000)])
+    chart = histogram_chart({"a": wide}, law, "t")
+    (series,) = chart["series"]
+    assert len(series["bins"]) <= MOST_BINS
+    assert sum(count for _, count in series["bins"]) == wide.count
+    # A bar holds the samples within half its width of its centre.
+    assert chart["bin_ms"] == pytest.approx(0.27)
+    for bar, count in series["bins"][1:-1]:
+        centre, half = round(bar * 27), 13
+        assert count == sum(place in wide.bins for place in range(centre - half, centre + half + 1))
+    tail = tail_chart(wide, law, "t")
+    for points in (chart["law"], tail["law"], tail["counted"]):
+        assert MOST_POINTS // 2 < len(points) <= MOST_POINTS
+    assert chart["law"][-1][0] == 49_999

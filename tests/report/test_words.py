@@ -8,7 +8,7 @@ import pytest
 
 import bussim
 from bussim.report.source import ExactLaw
-from bussim.report.words import cause_in_words, expected, health, seen
+from bussim.report.words import cause_in_words, expected, health, ports, seen
 from bussim.results.timeline import Span
 from bussim.units import TICKS_PER_SECOND
 
@@ -100,3 +100,19 @@ def test_a_link_that_never_ran(link: dict[str, Any]) -> None:
     idle = {**link, "scans": 0}
     assert seen(idle)[0].startswith("No link scan was ever completed")
     assert expected(idle, ExactLaw(FIGURES)) == []
+
+
+def test_how_modbus_masters_fared() -> None:
+    good = {"transactions": 100, "ok": 100, "timeouts": 0, "response_ms": {"p50": 44.375, "max": 51.2}}
+    bad = {
+        "transactions": 10,
+        "ok": 7,
+        "timeouts": 2,
+        "response_ms": {"p50": None, "mean": None, "max": None},
+    }
+    slave = {"requests": 5}
+    assert ports({"ports": {"a.COM3": good, "b.COM3": bad, "c.COM3": slave}}) == [
+        "a.COM3 asked 100 times and got what it asked for each time; an answer typically takes 44.4 ms, the slowest took 51.2 ms.",
+        "b.COM3 asked 10 times and got what it asked for 7 times (3 failed, 2 of them without an answer in time).",
+    ]
+    assert ports({}) == []

@@ -8,16 +8,23 @@ from typing import Any
 
 from bussim.results.collector import Collector, Rows
 from bussim.results.record import RunRecord
-from bussim.results.summary import summarise
 from bussim.trace import (
     AttemptRecord,
+    BusTotals,
+    CycleRecord,
+    DeviceTotals,
+    DeviceValueRecord,
     FrameRecord,
+    FreeRecord,
     LinkTotals,
     NoteRecord,
     PlcTotals,
+    PollRecord,
+    PortTotals,
     RunTotals,
     ScanRecord,
     Sink,
+    TransactionRecord,
 )
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -114,11 +121,130 @@ class Fake:
 
 
 def record_of(totals: RunTotals, collector: Collector, *, name: str = "fake", seed: int = 7) -> RunRecord:
-    links = collector.links(totals)
-    summary = summarise(totals, links, scenario=name, seed=seed)
-    return RunRecord(summary, totals.duration, links, tuple(collector.notes), collector.left_out)
+    return collector.run(totals, scenario=name, seed=seed)
 
 
 def quiet(**changes: Any) -> Fake:
     """A run without a single failure."""
     return replace(Fake(loss=0.0, dead=None), **changes)
+
+
+@dataclass(frozen=True)
+class Feeder:
+    """A Modbus bus: a PLC's port polls a stepper twice a round; a scanner talks to another port.
+
+    Of the polls ``position`` (a read) and ``speed`` (a write) every ``bad``-th attempt fails, in
+    turn with a timeout, a CRC error, an exception, a framing error and an answer to another request;
+    a failed attempt is repeated once.
+    """
+
+    duration: int = 60 * TICKS_PER_SECOND
+    seed: int = 7
+    bus: str = "feeder"
+    node: str = "press1.COM3"
+    bad: int = 20
+    timeout: int = 100 * TICKS_PER_MS
+    plc_scan: int = 8 * TICKS_PER_MS
+
+    def feed(self, sink: Sink) -> RunTotals:
+        chance = random.Random(self.seed)
+        now, number, attempts, errors = 10 * TICKS_PER_MS, 0, 0, {3: 0, 8: 0, 9: 0}
+        while now + 4 * self.timeout < self.duration:
+            start = now
+            for poll, function in (("position", 3), ("speed", 16)):
+                begun, error = now, None
+                for attempt in (1, 2):
+                    attempts += 1
+                    record = self._attempt(chance, poll, function, attempt, now, attempts)
+                    sink.transaction(record)
+                    now = record.taken
+                    error = record.error
+                    if error in errors:
+                        errors[error] += 1
+                    if error is None:
+                        break
+                sink.poll_turn(
+                    PollRecord(self.bus, self.node, poll, begun, now, attempt, error, begun - start)
+                )
+            sink.cycle(CycleRecord(self.bus, self.node, number, start, now - start))
+            sink.free(FreeRecord("scan", "scanner", "", "sent", now, now + 9000, b"A1\r", "", 0))
+            came = number % 10 != 9
+            sink.free(
+                FreeRecord(
+                    "scan", "press2.COM3", "code", "received", now if came else None, now + 9000,
+                    b"A1\r" if came else b"", "end character" if came else "timeout", int(number % 10 == 4),
+                )
+            )  # fmt: skip
+            sink.value(DeviceValueRecord(now, "press1", "D400", number % 65536))
+            if sink.traced:
+                sink.ends("press1", [start, now])
+            number += 1
+        return RunTotals(self.duration, (), (), buses=self._buses(attempts), **self._nodes(number, errors))
+
+    def _attempt(
+        self, chance: random.Random, poll: str, function: int, attempt: int, now: int, number: int
+    ) -> TransactionRecord:
+        asked = now + 600_000
+        answered = asked + 35 * TICKS_PER_MS + chance.randrange(TICKS_PER_MS)
+        served = answered - 500_000
+        record = TransactionRecord(
+            self.bus, self.node, poll, attempt, 1, function, 0x16, 2, now, asked, answered - 450_000, answered,
+            answered, self._end(answered), "ok", None, 0, served, False, 17,
+        )  # fmt: skip
+        if number % self.bad:
+            return record
+        what = number // self.bad % 5
+        if what == 0:
+            over = asked + self.timeout
+            return record._replace(
+                answer_start=None, answer_end=None, end=over, taken=self._end(over), served=None,
+                outcome="no response in time", error=9, chars=8,
+            )  # fmt: skip
+        if what == 1:
+            return record._replace(outcome="CRC or LRC", error=3, served=None)
+        if what == 2:
+            return record._replace(outcome="exception", error=2, exception=2, served=None)
+        if what == 3:
+            return record._replace(outcome="framing", error=8, served=None)
+        return record._replace(mismatched=True, served=None)
+
+    def _end(self, tick: int) -> int:
+        """The PLC's next END."""
+        return -(-tick // self.plc_scan) * self.plc_scan
+
+    def _buses(self, attempts: int) -> tuple[BusTotals, ...]:
+        nodes = (self.node, "feeder1")
+        return (
+            BusTotals(self.bus, 9600, "8N1", nodes, self.duration // 4, 2 * attempts, 0, 1),
+            BusTotals("scan", 19200, "8N1", ("press2.COM3", "scanner"), 0, attempts, 0, 0),
+        )
+
+    def _nodes(self, rounds: int, errors: dict[int, int]) -> dict[str, Any]:
+        slave = {
+            "requests": 30,
+            "answered": 29,
+            "exceptions": {3: 1, 4: 0},
+            "rejected": {"CRC or LRC wrong": 2},
+        }
+        plain: dict[str, Any] = {"requests": 0, "answered": 0, "exceptions": {}, "rejected": {}}
+        ports = (
+            PortTotals(
+                self.node, "press1", "COM3", self.bus, "modbus-rtu-master", None, errors, **plain,
+                timeout=self.timeout,
+            ),
+            PortTotals("press1.COM5", "press1", "COM5", "hmi", "modbus-rtu-slave", 4, {}, **slave),
+            PortTotals("press2.COM3", "press2", "COM3", "scan", "free", None, {}, **plain),
+            PortTotals("press2.COM5", "press2", "COM5", "hmi", None, None, {0: 1}, **plain),
+        )  # fmt: skip
+        devices = (
+            DeviceTotals(
+                "feeder1", "stepper", self.bus, 1, 2 * rounds, 2 * rounds, 0, {2: 1}, {}, {"position": 20000}
+            ),
+            DeviceTotals("scanner", "free", "scan", None, 0, 0, 0, {}, {}, {}),
+            DeviceTotals("panel", "hmi", "hmi", None, 0, 0, 0, {}, {}, {}, timeout=500 * TICKS_PER_MS),
+        )
+        return {"ports": ports, "devices": devices}
+
+    def run(self, *, traced: bool = False, rows: Rows | None = None, name: str = "feeder") -> RunRecord:
+        collector = Collector(traced=traced, rows=rows)
+        return record_of(self.feed(collector), collector, name=name, seed=self.seed)

@@ -92,7 +92,7 @@ def test_a_full_disk_is_a_failed_run(tmp_path: Path, monkeypatch: pytest.MonkeyP
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(FileRows, "scan", full)
+    monkeypatch.setattr(FileRows, "take", full)
     with pytest.raises(RunError, match=r"run: writing failed: No space left on device"):
         write(tmp_path / "run")
     assert names(tmp_path) == set()

@@ -17,7 +17,7 @@ from bussim.errors import UsageError
 from bussim.results.plot_run import scan_times_over_run
 from bussim.results.plots import run_labels, scan_time_histogram
 from bussim.results.record import RunRecord
-from bussim.results.style import PALETTE, RUNS, Picture
+from bussim.results.style import FAULT, FRAMES, IN_ERROR, LAW, PALETTE, RUNS, SIMULATED, Picture
 from bussim.trace import NoteRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -223,6 +223,7 @@ def test_files_say_what_they_show_and_have_no_date(tmp_path: Path) -> None:
     assert (png.name, svg.name) == ("scan_time.v2.png", "scan_time.v2.svg")
     about = png_texts(png)
     assert about["Description"] == "narrow, seed 7, 60 s, bussim 0.1.0"
+    assert about["Title"] == "narrow: 1,200 link scans on link, 6 attempts a poll"
     assert about["Software"] == "bussim 0.1.0"
     assert not any("date" in key.lower() or "time" in key.lower() for key in about)
     text = svg.read_text(encoding="utf-8")
@@ -230,6 +231,21 @@ def test_files_say_what_they_show_and_have_no_date(tmp_path: Path) -> None:
     assert "<dc:date>" not in text
     ET.fromstring(text)  # noqa: S314 (own output)
     assert [path.name for path in sorted(tmp_path.iterdir())] == [png.name, svg.name]
+
+
+def test_the_title_of_a_file_is_that_of_its_picture(tmp_path: Path) -> None:
+    png, svg = scan_times_over_run(NARROW, "link").save_both(tmp_path / "over_run")
+    title = "narrow: link scan time on link over the run"
+    assert png_texts(png)["Title"] == title
+    assert f"<dc:title>{title}</dc:title>" in svg.read_text(encoding="utf-8")
+
+
+def test_a_thing_has_one_colour() -> None:
+    assert len({SIMULATED, LAW, FAULT, IN_ERROR}) == 4
+    assert RUNS[0] == SIMULATED
+    # Who compares a few runs does not meet the colours of faults and errors.
+    assert set(RUNS[-2:]) == {FAULT, IN_ERROR}
+    assert set(FRAMES.values()) <= set(PALETTE)
 
 
 def test_the_users_own_settings_change_nothing(tmp_path: Path) -> None:

@@ -7,15 +7,15 @@ import pytest
 
 from bussim.errors import UsageError
 from bussim.results.load import FolderRows
+from bussim.results.memory import MemoryRows
 from bussim.results.result import Result
-from bussim.results.rows import MemoryRows
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake, quiet
 
 
 def result_of(fake: Fake, *, rows: bool = True, name: str = "three presses") -> Result:
-    memory = MemoryRows(scans=rows, traced=False)
+    memory = MemoryRows(rows=rows, traced=False)
     return Result(fake.run(rows=memory, name=name), memory)
 
 

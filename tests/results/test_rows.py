@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from bussim.errors import UsageError
 from bussim.results.load import FolderRows
+from bussim.results.memory import MemoryRows
 from bussim.results.names import cell, file_name, file_names, from_cell
-from bussim.results.rows import FileRows, MemoryRows, nanoseconds
+from bussim.results.rows import FileRows, nanoseconds
 from bussim.results.tables import CsvTable, open_table
 from bussim.trace import ScanRecord
 from bussim.units import TICKS_PER_SECOND
@@ -25,7 +26,7 @@ FAKE = Fake(duration=20 * TICKS_PER_SECOND, bus="=link,1")
 
 
 def written(folder: Path, fmt: str, fake: Fake = FAKE) -> Path:
-    rows = FileRows(folder, scans=True, traced=True, fmt=fmt)
+    rows = FileRows(folder, rows=True, traced=True, fmt=fmt)
     fake.run(traced=True, rows=rows)
     rows.close()
     return folder
@@ -52,8 +53,8 @@ def test_csv_is_what_rfc_4180_and_a_spreadsheet_want(tmp_path: Path) -> None:
 
 
 def test_a_row_says_what_the_record_said(tmp_path: Path) -> None:
-    rows = FileRows(tmp_path, scans=True, traced=False, fmt="csv")
-    rows.scan(ScanRecord("link", 3, 72_000_001, 3_600_005, 8, 2, 1, "cause"))
+    rows = FileRows(tmp_path, rows=True, traced=False, fmt="csv")
+    rows.take(ScanRecord("link", 3, 72_000_001, 3_600_005, 8, 2, 1, "cause"))
     rows.close()
     lines = (tmp_path / "link_scans.csv").read_text().splitlines()
     assert lines == [HEADER, "link,3,1.000000014,50.000069,8,2,1"]
@@ -61,7 +62,7 @@ def test_a_row_says_what_the_record_said(tmp_path: Path) -> None:
 
 
 def test_all_formats_and_memory_give_the_same_tables(tmp_path: Path) -> None:
-    memory = MemoryRows(scans=True, traced=True)
+    memory = MemoryRows(rows=True, traced=True)
     FAKE.run(traced=True, rows=memory)
     for fmt in ("csv", "parquet"):
         folder = tmp_path / fmt
@@ -80,10 +81,10 @@ def test_all_formats_and_memory_give_the_same_tables(tmp_path: Path) -> None:
 
 
 def test_tables_of_a_run_without_scans_have_their_columns(tmp_path: Path) -> None:
-    memory = MemoryRows(scans=True, traced=True)
+    memory = MemoryRows(rows=True, traced=True)
     assert list(memory.link_scans().columns) == HEADER.split(",")
     for fmt in ("csv", "parquet"):
-        FileRows(tmp_path, scans=True, traced=True, fmt=fmt).close()
+        FileRows(tmp_path, rows=True, traced=True, fmt=fmt).close()
         stored = FolderRows(tmp_path)
         pd.testing.assert_frame_equal(stored.link_scans(), memory.link_scans())
         pd.testing.assert_frame_equal(stored.exchanges(), memory.exchanges())
@@ -114,7 +115,7 @@ def test_without_pyarrow_the_message_names_the_extra(tmp_path: Path, monkeypatch
 
 
 def test_what_was_not_kept_is_said(tmp_path: Path) -> None:
-    memory = MemoryRows(scans=False, traced=False)
+    memory = MemoryRows(rows=False, traced=False)
     for kept in (memory, FolderRows(tmp_path)):
         for method, word in ((kept.link_scans, "rows"), (kept.exchanges, "trace"), (kept.trace, "trace")):
             with pytest.raises(UsageError, match=word):

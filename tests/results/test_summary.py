@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from bussim.results.collector import Collector
-from bussim.results.summary import summarise
 from bussim.trace import NoteRecord, PlcTotals, RunTotals, ScanRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from bussim.version import __version__
@@ -31,6 +30,7 @@ def test_the_keys_are_those_of_the_contract(summary: dict[str, Any]) -> None:
         "seed",
         "duration_s",
         "links",
+        "buses",
         "plcs",
         "ports",
         "devices",
@@ -88,7 +88,7 @@ def test_only_what_failed_is_in_failed_attempts_but_every_station_in_station_err
 def test_codes_are_two_hexadecimal_digits() -> None:
     link = replace(LINK, failed_attempts={2: {0x04: 1, 0x01: 3, 0x21: 2}, 1: {0x03: 0}})
     totals = RunTotals(TICKS_PER_SECOND, (link,), ())
-    summary = summarise(totals, Collector().links(totals), scenario="s", seed=1)
+    summary = Collector().run(totals, scenario="s", seed=1).summary
     assert summary["links"]["link"]["failed_attempts"] == {"2": {"01": 3, "04": 1, "21": 2}}
 
 
@@ -99,7 +99,7 @@ def numbers(*durations_ms: float) -> dict[str, Any]:
         collector.scan(ScanRecord("link", number, start, ticks, 2, 0, 0, "noise" if ticks > 4e6 else ""))
         start += ticks
     totals = RunTotals(60 * TICKS_PER_SECOND, (LINK,), ())
-    result: dict[str, Any] = summarise(totals, collector.links(totals), scenario="s", seed=1)
+    result: dict[str, Any] = collector.run(totals, scenario="s", seed=1).summary
     times: dict[str, Any] = result["links"]["link"]["scan_time_ms"]
     return times
 
@@ -122,7 +122,7 @@ def test_a_plain_longest_scan_has_an_empty_cause() -> None:
 def test_a_link_without_a_working_master() -> None:
     link = replace(LINK, slaves=None, mode=None, retries=None, attempts=None, timeout=None)
     totals = RunTotals(TICKS_PER_SECOND, (link,), (PlcTotals("press1", {}, 0, None, None),))
-    summary = summarise(totals, Collector().links(totals), scenario="s", seed=1)
+    summary = Collector().run(totals, scenario="s", seed=1).summary
     result = summary["links"]["link"]
     assert result["scans"] == 0
     assert [result[key] for key in ("mode", "retries", "attempts", "timeout_ms")] == [None] * 4
@@ -139,7 +139,7 @@ def test_the_gap_open_at_the_end_stands_apart() -> None:
     for tick in (0, 50 * TICKS_PER_MS, 110 * TICKS_PER_MS):
         collector.refreshed("link", 0, tick, [1])
     totals = RunTotals(TICKS_PER_SECOND, (LINK,), ())
-    gaps = summarise(totals, collector.links(totals), scenario="s", seed=1)["links"]["link"]["refresh_gap_ms"]
+    gaps = collector.run(totals, scenario="s", seed=1).summary["links"]["link"]["refresh_gap_ms"]
     assert gaps["press1->press2"] == {
         "p50": None,
         "p99": None,
@@ -158,6 +158,6 @@ def test_healthy_and_notes_do_not_disturb_the_order_of_links() -> None:
     totals = RunTotals(TICKS_PER_SECOND, (LINK, other), ())
     collector = Collector()
     collector.note(NoteRecord(1, "healthy", "a second one", "", {}))
-    summary = summarise(totals, collector.links(totals), scenario="s", seed=1)
+    summary = collector.run(totals, scenario="s", seed=1).summary
     assert list(summary["links"]) == ["link", "a second one"]
     assert summary["links"]["a second one"]["healthy_at_s"] == 0.5

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
+from bussim.devices.talker import Saying
 from bussim.errors import ScenarioError, UsageError
 from bussim.plc.profiles import AbsentStation
 from bussim.scenario import model
@@ -14,6 +16,7 @@ from bussim.scenario.model import Scenario
 from bussim.scenario.overrides import Override
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
+from .port_samples import PORTS
 from .samples import BASE, added
 
 MS = TICKS_PER_MS
@@ -152,3 +155,42 @@ def test_a_value_from_another_option_has_its_own_label(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"--duration 5: duration is 5, a time without a unit"):
         load(file, [Override("duration", "5", "--duration 5")])
     assert load(file, [Override("duration", "5 s", "--duration 5 s")]).duration == 5 * TICKS_PER_SECOND
+
+
+def test_ports_polls_and_devices() -> None:
+    def found(*overrides: str) -> Scenario:
+        return loads(PORTS, "x.yaml", overrides)
+
+    assert found("plcs.press1.ports.COM3.timeout=250 ms").plcs[0].registers["D7929"] == 25
+    assert found("plcs.press1.polls.0.retries=2").plcs[0].polls[0] == dataclasses.replace(
+        loads(PORTS).plcs[0].polls[0],
+        retries=2,  # type: ignore[call-arg] # the first is a PollSpec
+    )
+    named = PORTS.replace("{port: COM3, station: 1", "{name: where, port: COM3, station: 1")
+    (poll, _) = loads(named, "x.yaml", ["plcs.press1.polls.where.every=2 s"]).plcs[0].polls
+    assert poll.every == 2 * TICKS_PER_SECOND
+    assert found("devices.drive.delay=50ms").devices[0].delay == 50 * MS
+    changed = found("devices.reader.says.0.every=3 s", 'devices.reader.says.0.text="BC"').devices[1].settings
+    assert changed == model.FreeSettings((Saying(b"BC", every=3 * TICKS_PER_SECOND),))
+    assert found("devices.drive.registers.pitch=700").devices[0].settings == model.StepperSettings(
+        registers={"pitch": 700}
+    )
+
+
+def test_mistakes_of_ports_polls_and_devices_are_named_in_full() -> None:
+    def message(override: str) -> str:
+        with pytest.raises((ScenarioError, UsageError)) as caught:
+            loads(PORTS, "x.yaml", [override])
+        return str(caught.value).removeprefix(f"--set {override}: ")
+
+    assert message("devices.driv.delay=50ms") == "devices has no driv; did you mean drive?"
+    assert message("devices.drive.delay=20ms") == (
+        "devices.drive.delay is 20 ms, but a stepper answers no sooner than 35 ms"
+    )
+    assert message("plcs.press1.ports.COM3.timeout=55 ms") == (
+        "plcs.press1.ports.COM3.timeout is 55 ms, allowed are multiples of 10 ms, here 50 ms or 60 ms"
+    )
+    assert message("plcs.press1.polls.0.count=126") == (
+        "plcs.press1.polls.0.count is 126, allowed 1..125 (function 3)"
+    )
+    assert message("devices.drive.dely=20ms") == "devices.drive.dely is not a key here; did you mean delay?"

@@ -13,18 +13,21 @@ from hypothesis import strategies as st
 
 from bussim.errors import ScenarioError, UsageError
 from bussim.scenario import builtin
+from bussim.scenario.device_schema import MODELS, ItemIn, SayingIn
 from bussim.scenario.disturbances import FAULT_KINDS, NOISE_KINDS, FaultIn, NoiseIn
 from bussim.scenario.dump import dumps
 from bussim.scenario.loader import from_data, load, loads
 from bussim.scenario.model import Scenario
-from bussim.scenario.schema import BusIn, DocumentIn, NNIn, PlcIn, ProfileIn
+from bussim.scenario.poll_schema import PollIn
+from bussim.scenario.schema import BusIn, DocumentIn, NNIn, PlcIn, PortIn, ProfileIn
 from bussim.units import format_time
 
+from .port_samples import FULL_PORTS, PORTS
 from .samples import BASE
 from .test_loader import FULL
 
 
-@pytest.mark.parametrize("text", [BASE, FULL, *map(builtin.read, builtin.names())])
+@pytest.mark.parametrize("text", [BASE, FULL, PORTS, FULL_PORTS, *map(builtin.read, builtin.names())])
 def test_written_and_read_again(text: str) -> None:
     first = loads(text)
     written = dumps(first)
@@ -69,6 +72,55 @@ def test_every_default_is_written() -> None:
         ],
         "noise": [],
         "faults": [],
+    }
+
+
+def test_every_default_of_ports_polls_and_devices_is_written() -> None:
+    source = loads(PORTS).source
+    assert source["plcs"][0]["ports"] == {  # type: ignore[index]
+        "COM3": {
+            "bus": "line",
+            "protocol": "modbus-rtu-master",
+            "timeout": "100 ms",
+            "interval": "5 ms",
+            "cpavl": {"words": "D7920", "bits": "M2920"},
+        },
+        "COM5": {
+            "bus": "codes",
+            "protocol": "free",
+            "timeout": "100 ms",
+            "start": 0,
+            "end": 0,
+            "cpavl": {"words": "D7960", "bits": "M2960"},
+        },
+    }
+    assert source["plcs"][0]["polls"][0] == {  # type: ignore[index]
+        "station": 1,
+        "function": 3,
+        "address": 0,
+        "count": 2,
+        "every": "0 s",
+        "at": "0 s",
+        "retries": 0,
+        "port": "COM3",
+        "to": "D400",
+    }
+    assert source["devices"][0] == {  # type: ignore[index]
+        "name": "drive",
+        "model": "stepper",
+        "bus": "line",
+        "station": 1,
+        "mode": "rtu",
+        "delay": "35 ms",
+        "jitter": "0 s",
+        "profile": {
+            "save_coil": 1,
+            "acceleration_unit": 1.0,
+            "homing_zeroes": False,
+            "refused_command": 4,
+            "step_output": "delay",
+            "zero_is_endless": True,
+        },
     }
 
 
@@ -144,6 +196,8 @@ def _plcs(draw: st.DrawFn, number: int) -> Any:
             st.fixed_dictionaries({"D8176": value}, optional={"D8177": value, "D8178": value, "D9": value})
         )
         plc["ports"] = {"COM3": {"bus": "link"}}
+    if draw(st.booleans()):
+        _add_ports(plc, draw(_PORTS), draw(st.lists(_POLLS, max_size=4)))
     plc["sources"] = draw(
         st.fixed_dictionaries(
             {},
@@ -165,6 +219,95 @@ def _plcs(draw: st.DrawFn, number: int) -> Any:
         )
     )
     return plc
+
+
+def _add_ports(plc: dict[str, Any], port: Any, polls: list[Any]) -> None:
+    """A master on COM5 and another port on COM6, with polls of both."""
+    master = {"bus": "spare", "protocol": "modbus-rtu-master", **port}
+    free = {"bus": "spare", "protocol": "free", "start": 2, "end": "x", "eight_bit": True}
+    plc["ports"] = {**plc.get("ports", {}), "COM5": master, "COM6": free}
+    plc["polls"] = [{**poll, "port": "COM6" if "send" in poll else "COM5"} for poll in polls]
+
+
+_PORTS = st.fixed_dictionaries(
+    {},
+    optional={
+        "timeout": st.integers(1, 65535).map(lambda n: f"{n}0 ms"),
+        "interval": st.integers(0, 65535).map(lambda n: f"{n}00 us"),
+        "baud": st.sampled_from([4800, 115200]),
+        "format": st.sampled_from(["8E1", "8N2"]),
+        "cpavl": st.fixed_dictionaries({}, optional={"words": st.just("D7000"), "bits": st.just("M50")}),
+    },
+)
+_DUE = {
+    "every": st.integers(0, 10**10).map(format_time),
+    "at": st.integers(0, 10**10).map(format_time),
+    "times": st.integers(1, 1000),
+}
+_READS = st.fixed_dictionaries(
+    {
+        "station": st.integers(1, 247),
+        "function": st.sampled_from([1, 2, 3, 4]),
+        "address": st.integers(0, 65000),
+        "to": st.sampled_from(["D500", "D8000"]),
+    },
+    optional={"count": st.integers(1, 125), "retries": st.integers(0, 100), **_DUE},
+)
+_WRITES = st.fixed_dictionaries(
+    {
+        "station": st.integers(0, 247),
+        "function": st.just(16),
+        "address": st.integers(0, 65000),
+        "values": st.lists(st.integers(-32768, 65535), min_size=1, max_size=9),
+    },
+    optional={"from": st.just("D600"), **_DUE},
+)
+_FREE = (
+    st.fixed_dictionaries(
+        {"send": st.just("D700")},
+        optional={"to": st.just("D800"), "count": st.just(256), "send_count": st.just(256), **_DUE},
+    )
+    .flatmap(
+        lambda poll: st.one_of(
+            st.binary(min_size=1, max_size=20).map(lambda data: {**poll, "data": data.hex(" ")}),
+            st.text("ab\r\x02é€ÿ: #'\"", min_size=1, max_size=20)
+            .filter(lambda text: "€" not in text)
+            .map(lambda text: {**poll, "text": text}),
+        )
+    )
+    .filter(lambda poll: ("count" in poll) == ("to" in poll))
+)
+_POLLS = st.one_of(_READS, _WRITES, _FREE)
+
+
+@st.composite
+def _devices(draw: st.DrawFn, number: int) -> Any:
+    device: dict[str, Any] = {"name": f"device{number}", "bus": "spare"}
+    model = device["model"] = draw(st.sampled_from(sorted(MODELS)))
+    if model == "hmi":
+        polls = draw(st.lists(st.one_of(_READS, _WRITES), max_size=3))
+        device["polls"] = [{k: v for k, v in poll.items() if k not in ("to", "from")} for poll in polls]
+    elif model == "free":
+        text = draw(st.text("AB\r\n\x00\x02 ", min_size=1, max_size=9))
+        device["says"] = [{"text": text, "at": "1 s"}, {"bytes": "02 ff", "reply_to": {"bytes": "05"}}]
+    else:
+        common = {"station": st.integers(1, 247), "jitter": st.just("2 ms"), "delay": st.just("35 ms")}
+        device |= draw(st.fixed_dictionaries({}, optional=common))
+    value = st.integers(-32768, 65535)
+    if model == "lx":
+        device["registers"] = draw(st.dictionaries(st.sampled_from(["D5", "D7"]), value))
+    elif model == "v80":
+        device["registers"] = draw(st.dictionaries(st.sampled_from(["40108", "7", "49999"]), value))
+        device["coils"] = draw(st.dictionaries(st.sampled_from(["00127", "8"]), st.integers(0, 1)))
+    elif model == "stepper":
+        device["registers"] = draw(st.dictionaries(st.just("distance"), st.integers(-99, 99)))
+        unit = st.floats(0.001, 1000)
+        device["profile"] = draw(st.fixed_dictionaries({}, optional={"acceleration_unit": unit}))
+    elif model == "map":
+        kinds = [{"value": 5}, {"noise": {"center": 5, "spread": 2, "every": "1 s"}}, {}]
+        places = draw(st.lists(st.integers(0, 65535), min_size=1, max_size=5, unique=True))
+        device["registers"] = [{"address": at, **draw(st.sampled_from(kinds))} for at in places]
+    return device
 
 
 _WHEN = {"at": st.integers(0, 10**12).map(format_time), "for": _TIME}
@@ -202,6 +345,7 @@ def _scenarios(draw: st.DrawFn) -> dict[str, Any]:
         "seed": draw(st.integers(0, 2**63 - 1)),
         "buses": [{"name": "link", "nn": True}, {"name": "spare", "baud": 4800}],
         "plcs": [draw(_plcs(number)) for number in range(count)],
+        "devices": [draw(_devices(number)) for number in range(draw(st.integers(0, 3)))],
         "noise": draw(st.lists(_NOISE, max_size=4)),
         "faults": faults,
     }
@@ -222,7 +366,10 @@ def test_any_scenario_is_the_same_after_writing_and_reading(data: dict[str, Any]
 _KEYS = sorted(
     {
         info.alias or name
-        for form in (DocumentIn, BusIn, PlcIn, ProfileIn, NNIn, NoiseIn, FaultIn)
+        for form in (
+            *(DocumentIn, BusIn, PlcIn, PortIn, PollIn, ProfileIn, NNIn, NoiseIn, FaultIn, ItemIn, SayingIn),
+            *MODELS.values(),
+        )
         for name, info in form.model_fields.items()
     }
     | {"mean", "jitter", "station", "bits", "D8176", "M8179", "COM4", "toggle", "ramp", "<<", "", "values"}
@@ -261,7 +408,7 @@ def test_random_structures_raise_only_scenario_errors(data: object) -> None:
 @PATIENT
 @given(st.data())
 def test_good_scenarios_with_anything_in_one_place_raise_only_scenario_errors(draw: st.DataObject) -> None:
-    data = json.loads(json.dumps(loads(FULL).source))
+    data = json.loads(json.dumps(loads(draw.draw(st.sampled_from([FULL, FULL_PORTS]))).source))
     node: Any = data
     while True:
         keys = list(node) if isinstance(node, dict) else list(range(len(node)))
@@ -284,10 +431,12 @@ def test_random_text_raises_only_scenario_errors(text: str) -> None:
 
 
 @PATIENT
-@given(st.integers(0, len(FULL) - 1), st.text(max_size=3), st.integers(0, 5))
-def test_damaged_scenarios_raise_only_scenario_errors(at: int, put: str, cut: int) -> None:
+@given(
+    st.sampled_from([FULL, FULL_PORTS]), st.integers(0, len(FULL) - 1), st.text(max_size=3), st.integers(0, 5)
+)
+def test_damaged_scenarios_raise_only_scenario_errors(text: str, at: int, put: str, cut: int) -> None:
     with contextlib.suppress(ScenarioError):
-        loads(FULL[:at] + put + FULL[at + cut :])
+        loads(text[:at] + put + text[at + cut :])
 
 
 @PATIENT
@@ -304,9 +453,13 @@ def test_random_bytes_raise_only_scenario_errors(
 @PATIENT
 @given(st.text(max_size=40), st.text(max_size=20))
 def test_random_overrides_raise_only_our_errors(key: str, value: str) -> None:
-    for override in (f"{key}={value}", f"plcs.press1.{key}={value}", f"plcs.press1.nn.retries={value}"):
+    for override in (
+        f"{key}={value}",
+        f"plcs.press1.{key}={value}",
+        f"devices.sensors.registers.0.value={value}",
+    ):
         with contextlib.suppress(ScenarioError, UsageError):
-            loads(FULL, overrides=[override])
+            loads(FULL_PORTS, overrides=[override])
 
 
 def test_every_kind_of_noise_and_fault_is_in_the_full_example() -> None:

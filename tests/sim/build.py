@@ -18,6 +18,7 @@ from bussim.trace import (
     DeviceValueRecord,
     FrameRecord,
     FreeRecord,
+    InputRecord,
     LinkTotals,
     NoteRecord,
     PollRecord,
@@ -84,6 +85,7 @@ class Recorder:
     cycles: list[CycleRecord] = field(default_factory=list)
     said: list[FreeRecord] = field(default_factory=list)
     values: list[DeviceValueRecord] = field(default_factory=list)
+    inputs: list[InputRecord] = field(default_factory=list)
     all_ends: dict[str, list[int]] = field(default_factory=dict)
 
     def scan(self, record: ScanRecord) -> None:
@@ -115,6 +117,9 @@ class Recorder:
 
     def value(self, record: DeviceValueRecord) -> None:
         self.values.append(record)
+
+    def input(self, record: InputRecord) -> None:
+        self.inputs.append(record)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         self.all_ends.setdefault(plc, []).extend(ticks)

@@ -32,8 +32,8 @@ class Outage:
     """A stretch in which a station answered nothing; ``end`` is None where it lasts to the end."""
 
     station: int
-    start: int  # end of the first poll without an answer
-    end: int | None  # first edge of the answer after it
+    start: int  # first edge of the first poll without an answer
+    end: int | None  # end of the last one
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +72,8 @@ class _Station:
 
     turnarounds: array[int] = field(default_factory=lambda: array("q"))
     outcomes: bytearray = field(default_factory=bytearray)
-    ends: array[int] = field(default_factory=lambda: array("q"))  # end of each poll
-    replies: array[int] = field(default_factory=lambda: array("q"))  # its answer's first edge, -1: none
+    starts: array[int] = field(default_factory=lambda: array("q"))  # of each poll
+    ends: array[int] = field(default_factory=lambda: array("q"))
 
 
 class LinkObserver:
@@ -135,7 +135,7 @@ class LinkObserver:
             return
         station = self._station(frame.station)
         station.turnarounds.append(heard.start - poll.end)
-        self._outcome(station, poll, ANSWERED, heard.start)
+        self._outcome(station, poll, ANSWERED)
         self._asked = None
         self._blocks[len(frame.data)] += 1
 
@@ -168,7 +168,7 @@ class LinkObserver:
         asked = poll.frame
         assert isinstance(asked, Frame)  # noqa: S101 - narrows the type; only sound polls are kept
         self._asked = asked.station
-        self._outcome(self._station(asked.station), poll, DAMAGED if self._hit else SILENT, -1)
+        self._outcome(self._station(asked.station), poll, DAMAGED if self._hit else SILENT)
         if not self._hit:
             self._waits.append(heard.start - poll.end)
 
@@ -176,10 +176,10 @@ class LinkObserver:
         return self._stations.setdefault(number, _Station())
 
     @staticmethod
-    def _outcome(station: _Station, poll: Heard, outcome: int, reply: int) -> None:
+    def _outcome(station: _Station, poll: Heard, outcome: int) -> None:
         station.outcomes.append(outcome)
+        station.starts.append(poll.start)
         station.ends.append(poll.end)
-        station.replies.append(reply)
 
     # -- estimating ----------------------------------------------------------------------------
 
@@ -250,7 +250,7 @@ class LinkObserver:
         lost, trials = self._outside(longest)
         outages = {
             number: [
-                Outage(number, seen.ends[first], seen.replies[last] if last < len(seen.outcomes) else None)
+                Outage(number, seen.starts[first], seen.ends[last - 1] if last < len(seen.outcomes) else None)
                 for first, last in _runs(seen.outcomes, longest[number])
             ]
             for number, seen in self._stations.items()

@@ -133,20 +133,29 @@ class AsciiSplitter:
 class RtuSplitter:
     """Modbus RTU frames: by the lengths that function and byte count allow, and the CRC.
 
-    A frame of a function that is not known here is found only where silence surrounds it.
+    While a frame may begin where something began, it is waited for. Once that is ruled out, the first
+    whole frame behind ends the damage. A frame of a function that is not known here is found only
+    where silence surrounds it.
     """
 
     def __init__(self, quiet: int) -> None:
         self._quiet = quiet
         self._chars: list[Timed] = []
         self._data = bytearray()
-        self._look_at = 1  # characters before which no frame can be complete
+        self._look_at = 2  # characters before which no frame can be complete
+        self._lost = False  # no frame begins where what is open begins
+        # While lost: where frames could end (counted from the very first character), and begin.
+        self._ends: dict[int, list[int]] = {}
+        self._base = 0  # number of the first character of what is open
 
     def character(self, char: Timed) -> list[Heard]:
         """See the protocol."""
         found = self.idle(char[1])
         self._chars.append(char)
         self._data.append(char[0].value)
+        if self._lost:
+            self._expect(len(self._data) - 1)
+            return found + self._behind()
         if len(self._data) >= self._look_at:
             found += self._frames()
         return found
@@ -158,36 +167,57 @@ class RtuSplitter:
         return self._resolve()
 
     def _frames(self) -> list[Heard]:
-        """Frames at the beginning of what is open."""
+        """Frames at the beginning of what is open, and behind damage."""
         found: list[Heard] = []
         while self._data:
             size, self._look_at = _frame_at(self._data, 0)
             if size:
                 found.append(self._take(size))
-                continue
-            if len(self._data) >= self._look_at:  # no frame begins here: the next one may lie behind
-                behind = self._next_frame()
-                if behind is not None:
-                    found.append(self._take_damage(behind))
-                    continue
-                self._look_at = len(self._data) + 1
-            if len(self._data) > MOST_DAMAGE:
-                found.append(self._take_damage(len(self._data) - modbus.RTU_MAX, whole=False))
-                continue
-            return found
-        self._look_at = 1
+            elif len(self._data) < self._look_at:
+                break
+            else:
+                at = next((at for at in range(1, len(self._data)) if _frame_at(self._data, at)[0]), 0)
+                if not at:
+                    self._lose()
+                    break
+                found.append(self._take_damage(at))
         return found
 
-    def _next_frame(self) -> int | None:
-        """Where the first whole frame behind the beginning begins.
+    def _lose(self) -> None:
+        self._lost = True
+        for at in range(1, len(self._data)):
+            self._expect(at)
+        self._ends = {end: starts for end, starts in self._ends.items() if end > self._base + len(self._data)}
 
-        Only those count that end with what was heard last: every other one was looked for before.
-        """
+    def _expect(self, at: int) -> None:
+        """Note the frames whose size the character at a place tells."""
+        data = self._data
+        value = data[at]
+        sizes: list[tuple[int, int]] = []
+        if value & 0x80:
+            sizes.append((at - 1, _EXCEPTION))
+        elif value in _KNOWN:
+            sizes.append((at - 1, _FIXED))
+        if at >= 2 and data[at - 1] in _READS and 5 + value != _FIXED:
+            sizes.append((at - 2, 5 + value))
+        if at >= 6 and data[at - 5] in _MANY:
+            sizes.append((at - 6, 9 + value))
+        for start, size in sizes:
+            if start >= 0 and size <= modbus.RTU_MAX:
+                self._ends.setdefault(self._base + start + size, []).append(self._base + start)
+
+    def _behind(self) -> list[Heard]:
+        """The frame that the latest character completes, with the damage before it."""
         size = len(self._data)
-        for at in range(max(1, size - modbus.RTU_MAX), size - modbus.RTU_MIN + 1):
-            if _frame_at(self._data, at)[0] == size - at:
-                return at
-        return None
+        for begun in self._ends.pop(self._base + size, ()):
+            at = begun - self._base
+            if at >= 0 and not crc16(bytes(self._data[at:])):
+                damage = [self._take_damage(at)] if at else []
+                return [*damage, self._take(size - at)]
+        if size > MOST_DAMAGE:
+            told = self._take_damage(size - modbus.RTU_MAX, whole=False, lost=True)
+            return [told]
+        return []
 
     def _resolve(self) -> list[Heard]:
         """The line was quiet: all that is open is over."""
@@ -216,17 +246,24 @@ class RtuSplitter:
         self._drop(size)
         return heard
 
-    def _take_damage(self, size: int, *, whole: bool = True) -> Heard:
+    def _take_damage(self, size: int, *, whole: bool = True, lost: bool = False) -> Heard:
         heard = _damage(Protocol.RTU, self._chars[:size], "CRC or length", whole=whole)
-        self._drop(size)
+        self._drop(size, lost=lost)
         return heard
 
-    def _drop(self, size: int) -> None:
+    def _drop(self, size: int, *, lost: bool = False) -> None:
         del self._chars[:size]
         del self._data[:size]
-        self._look_at = 1
+        self._base += size
+        self._look_at = 2
+        self._lost = lost
+        if not lost:
+            self._ends.clear()
 
 
+_READS = frozenset((1, 2, 3, 4))
+_MANY = frozenset((15, 16))
+_KNOWN = _READS | {5, 6} | _MANY
 #: Sizes of frames whose function alone tells them: requests and echoes.
 _FIXED = 8
 _EXCEPTION = 5
@@ -243,13 +280,13 @@ def _frame_at(data: bytearray, at: int) -> tuple[int, int]:
     function = data[at + 1]
     if function & 0x80:
         sizes = [_EXCEPTION]
-    elif function in (1, 2, 3, 4):
+    elif function in _READS:
         if have < 3:
             return 0, at + 3
         sizes = sorted({_FIXED, 5 + data[at + 2]})
     elif function in (5, 6):
         sizes = [_FIXED]
-    elif function in (15, 16):
+    elif function in _MANY:
         if have < 7:
             return 0, at + 7
         sizes = sorted({_FIXED, 9 + data[at + 6]})

@@ -5,10 +5,3 @@ them and find their networks, ``build`` and the modules of instructions bind the
 carries them out. The semantics are those of the FX programming manual (JY992D88101) where a comment
 says nothing else.
 """
-
-from bussim.plc.program.machine import Ports
-from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
-from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes
-
-__all__ = ["DEFAULT_TIMES", "InstructionTimes", "Ports", "Program", "ProgramRun"]

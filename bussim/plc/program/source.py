@@ -1,8 +1,8 @@
 """Reads the text of an instruction list: one instruction a line, all mistakes at once.
 
-A line is ``[step number] mnemonic operands``, separated by blanks, tabs or commas, or a label alone
-(``P0``). ``;``, ``//`` and ``#`` begin a comment. Capitals or not makes no difference. Step numbers
-are read over: a list that was edited keeps its old ones.
+A line is ``[step number] mnemonic operands``, separated by blanks, tabs or commas, or a label
+(``P0``), alone or in front of an instruction. ``;``, ``//`` and ``#`` begin a comment. Capitals or not
+makes no difference. Step numbers are read over: a list that was edited keeps its old ones.
 """
 
 from __future__ import annotations
@@ -86,18 +86,20 @@ class Source:
 
     def _instruction(self, line: int, tokens: list[tuple[str, int]]) -> None:
         (word, column), *rest = tokens
-        name = word.upper()
         if _LABEL.fullmatch(word):
-            if rest:
-                self._wrong(line, rest[0][1], f"{rest[0][0]} after the label; a label has a line of its own")
-            name, form, rest = "P", Form(LABEL), [(word.rstrip(":"), column)]
-        else:
-            known = FORMS.get(name)
-            if known is None:
-                self._wrong(line, column, _unknown(word))
-                self.gaps.add(len(self.instructions))
+            self._add(line, column, "P", Form(LABEL), [(word.rstrip(":"), column)])
+            if not rest:
                 return
-            form = known
+            (word, column), *rest = rest
+        name = word.upper()
+        form = FORMS.get(name)
+        if form is None:
+            self._wrong(line, column, _unknown(word))
+            self.gaps.add(len(self.instructions))
+            return
+        self._add(line, column, name, form, rest)
+
+    def _add(self, line: int, column: int, name: str, form: Form, rest: list[tuple[str, int]]) -> None:
         before = len(self.problems)
         operands = tuple(self._operands(line, rest))
         if len(self.problems) == before:

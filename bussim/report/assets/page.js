@@ -465,7 +465,8 @@
         if (to < min || from > max) continue;
         const look = this.data.looks[kind], colour = this.colour(kind);
         const left = u.valToPos(Math.max(from, min), "x", true), right = u.valToPos(Math.min(to, max), "x", true);
-        const wide = Math.max(right - left, ratio), high = tall * look.height, top = bbox.top + tall * (lane + 0.5) - high / 2;
+        const over = kind === "damage" || kind === "heard damage" || kind === "lost";
+        const wide = Math.max(right - left, (over ? 3 : 1) * ratio), high = tall * look.height, top = bbox.top + tall * (lane + 0.5) - high / 2;
         ctx.fillStyle = ctx.strokeStyle = colour;
         ctx.lineWidth = ratio;
         if (look.filled) ctx.fillRect(left, top, wide, high);
@@ -479,8 +480,8 @@
           ctx.stroke();
           ctx.restore();
         }
-        ctx.strokeStyle = look.filled && !look.hatch ? css("--soft") : colour;
-        ctx.strokeRect(left, top, wide, high);
+        ctx.strokeStyle = look.filled && !over ? css("--soft") : colour;
+        if (wide > 5 * ratio || !look.filled) ctx.strokeRect(left, top, wide, high);
         if (!label) continue;
         const room = ctx.measureText(label).width;
         if (room + 8 * ratio > wide) continue;
@@ -548,7 +549,12 @@
     waiting = setTimeout(again, 100);
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
-  addEventListener("beforeprint", () => { printing = true; again(); });
-  addEventListener("afterprint", () => { printing = false; again(); });
+  const print = (on) => {
+    printing = on;
+    document.documentElement.toggleAttribute("data-print", on);
+    again();
+  };
+  addEventListener("beforeprint", () => print(true));
+  addEventListener("afterprint", () => print(false));
   document.documentElement.dataset.ready = "true";
 })();

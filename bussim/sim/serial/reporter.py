@@ -55,7 +55,10 @@ class SerialReporter:
 
     def counts(self, node: str) -> SlaveCounts:
         """What a node has counted as a slave so far."""
-        return self._slaves.setdefault(node, SlaveCounts())
+        found = self._slaves.get(node)
+        if found is None:
+            found = self._slaves[node] = SlaveCounts()
+        return found
 
     def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
         """A receiver believed a frame that nobody sent."""

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from bussim.plc.memory import Memory
-from bussim.plc.program import Program, ProgramRun
 from bussim.plc.program.catalog import FORMS
+from bussim.plc.program.program import Program
+from bussim.plc.program.run import ProgramRun
 from bussim.units import TICKS_PER_MS
 
 from .random_programs import Writer
 from .reference import Reference
 
-PROGRAMS, SCANS = 200, 25
+PROGRAMS, SCANS = 200, 15
 #: What the reference does not keep: the steps of errors, the watchdog's time.
 UNTOLD = {8000, 8068, 8069}
 

@@ -1,0 +1,120 @@
+"""``bussim export``: a traced run for Wireshark, PulseView, Perfetto or a spreadsheet."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.errors import UsageError
+
+if TYPE_CHECKING:
+    from bussim.export.run import Exported
+    from bussim.results.trace_file import Trace
+
+_FORMATS = ("pcapng", "vcd", "sr", "perfetto", "csv", "parquet")
+
+
+@click.command()
+@click.argument("run", metavar="RUN_DIR")
+@click.option(
+    "--to",
+    "fmt",
+    type=click.Choice(_FORMATS),
+    required=True,
+    help="pcapng: Wireshark; vcd, sr: PulseView; perfetto: ui.perfetto.dev; csv, parquet: one row a frame.",
+)
+@click.option("--bus", metavar="NAME", help="Only this bus (default: every one).")
+@click.option("--from", "since", metavar="T", help="Begin so long after the run's start, such as 10s.")
+@click.option("--to-time", "until", metavar="T", help="End so long after the run's start, such as 12s.")
+@click.option(
+    "--encap",
+    type=click.Choice(["serial", "udp"]),
+    help="pcapng: Modbus RTU as on the line (default), or in UDP, which tells requests from answers.",
+)
+@click.option("-o", "--out", metavar="FILE", help="Where to (default: a file in the run's folder).")
+@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
+def command(
+    run: str,
+    *,
+    fmt: str,
+    bus: str | None,
+    since: str | None,
+    until: str | None,
+    encap: str | None,
+    out: str | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Export a traced run: its frames as packets, its waveform, its tracks, or a table.
+
+    Needs a run with --trace. Prints the file, and what the tool that opens it must be told.
+    """
+    from bussim.commands.output import checked_target, traced_again
+    from bussim.export.run import ENDINGS, export_trace
+    from bussim.results.trace_file import TRACE, read_trace
+
+    if encap is not None and fmt != "pcapng":
+        raise UsageError(f"--encap goes with --to pcapng, not with {fmt}")
+    start, stop = _window(since, until)
+    folder = Path(run)
+    if not folder.exists():
+        raise UsageError(f"{folder} does not exist; name the folder of a run")
+    if folder.is_dir() and not (folder / TRACE).is_file():
+        raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
+    trace = read_trace(folder)
+    place = _default(folder, fmt, trace, bus) if out is None else Path(out)
+    target = checked_target(place, [ENDINGS[fmt]], force=force)
+    done = export_trace(trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial")
+    if as_json:
+        click.echo(json.dumps(_as_json(done, fmt), indent=2, ensure_ascii=False))
+        return
+    click.echo(done.path)
+    for hint in done.hints:
+        click.echo(hint)
+
+
+def _window(since: str | None, until: str | None) -> tuple[int | None, int | None]:
+    start = None if since is None else _time("--from", since)
+    stop = None if until is None else _time("--to-time", until)
+    if stop is not None and stop <= (start or 0):
+        after = f"after --from {since}" if since is not None else "above 0"
+        raise UsageError(f"--to-time is {until}, it must be {after}")
+    return start, stop
+
+
+def _time(option: str, text: str) -> int:
+    from bussim.units import parse_time
+
+    try:
+        ticks = parse_time(text)
+    except ValueError as error:
+        raise UsageError(f"{option} {error}") from None
+    if ticks < 0:
+        raise UsageError(f"{option} is {text}; a run begins at 0 s")
+    return ticks
+
+
+def _default(folder: Path, fmt: str, trace: Trace, bus: str | None) -> Path:
+    from bussim.export.run import ENDINGS, STEMS
+    from bussim.results.names import file_names
+
+    stem = STEMS.get(fmt, "trace")
+    if bus is not None:
+        safe = file_names(each.name for each in trace.header.buses)
+        stem += f"_{safe.get(bus, '')}"
+    return (folder if folder.is_dir() else folder.parent) / f"{stem}{ENDINGS[fmt]}"
+
+
+def _as_json(done: Exported, fmt: str) -> dict[str, object]:
+    return {
+        "schema": 1,
+        "file": str(done.path),
+        "format": fmt,
+        "events" if fmt == "perfetto" else "frames": done.items,
+        "buses": list(done.buses),
+        "open_with": list(done.hints),
+    }

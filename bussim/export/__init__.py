@@ -1,0 +1,42 @@
+"""Layer 6: the trace of a run in the formats of the tools that people in this field use.
+
+``bussim export RUN_DIR --to FORMAT`` writes them; :func:`bussim.export.run.export_run` is the same in
+Python. Every format knows only the trace (``bussim run --trace``), never who made it.
+
+==========  ============================  ===========================================================
+format      tool                          what is in it
+==========  ============================  ===========================================================
+pcapng      Wireshark, tshark             one packet a frame, as a receiver on the bus has read it
+vcd         PulseView, GTKWave            the waveform: a lane per bus and per transmitter
+sr          PulseView, sigrok-cli         the same, sampled at 1 MHz
+perfetto    ui.perfetto.dev, Chrome       stations as tracks; frames, scans, attempts, errors, registers
+csv         spreadsheets, pandas          one row a frame
+parquet     pandas, DuckDB                the same
+==========  ============================  ===========================================================
+
+**Wireshark.** Each bus is an interface; its link type says what is spoken on it: 147 (USER0) Modbus
+RTU, 148 (USER1) N:N, 149 (USER2) Modbus ASCII, 150 (USER3) free protocol.
+
+- Modbus RTU needs one preference and no plug-in. *Edit > Preferences > Protocols > DLT_USER*, or::
+
+      tshark -o 'uat:user_dlts:"User 0 (DLT=147)","mbrtu","0","","0",""' -r trace.pcapng
+
+  With ``--encap udp`` the frames are wrapped in UDP (port 5020), which says who asks and who
+  answers: only so can Wireshark tell the reply to a write from its request, and show broadcasts::
+
+      tshark -o mbrtu.udp.port:5020 -r trace.pcapng
+
+  ``-o mbrtu.crc_verification:TRUE`` (the box *Validate CRC*) judges each frame's CRC.
+- N:N and Modbus ASCII are read by two dissectors in Lua, which are files of this package; load them
+  with ``-X lua_script:…/bussim/export/nn.lua`` or put them into Wireshark's plug-in folder.
+
+Frames that were damaged, collided or were cut off carry a comment (``frame.comment``) and, where a
+character's parity or stop bit was wrong, the packet flag "symbol error". Times count from 1970.
+
+**PulseView.** Open the ``.sr`` (or import the ``.vcd``), add the decoder *UART* on the bus's lane with
+its rate and format (N:N: 38400, 7 data bits, even parity, 1 stop bit), and on top of it *Modbus* with
+RX for both directions. One sample is 1 µs. A ``.vcd`` counts from the run's start, a ``.sr`` from the
+window's.
+
+**Perfetto.** Open the ``.json`` at https://ui.perfetto.dev (it stays in the browser).
+"""

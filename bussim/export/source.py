@@ -1,0 +1,149 @@
+"""What is exported: some buses of a trace, some time of it, and what there is in that."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+
+from bussim.errors import UsageError
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.results.trace_file import Trace
+from bussim.trace import FrameRecord
+from bussim.units import format_time, seconds
+from bussim.wording import suggest
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """A trace, the bus (None: all) and the window ``start <= tick < stop`` (None: no limit)."""
+
+    trace: Trace
+    bus: str | None = None
+    start: int | None = None
+    stop: int | None = None
+
+    def __post_init__(self) -> None:
+        known = [bus.name for bus in self.trace.header.buses]
+        if self.bus is not None and self.bus not in known:
+            raise UsageError(f"the trace has no bus {self.bus!r}; {suggest(self.bus, known)}")
+
+    def frames(self) -> Iterator[FrameRecord]:
+        """The frames that touch the window, in the order in which they were told."""
+        return self.trace.of(FrameRecord, bus=self.bus, start=self.start, stop=self.stop)
+
+    @property
+    def buses(self) -> list[str]:
+        """Names of the buses that are exported, as the trace's header has them."""
+        return [bus.name for bus in self.trace.header.buses if self.bus in (None, bus.name)]
+
+
+@dataclass(slots=True)
+class BusSurvey:
+    """One bus: its rate and format, who sends on it (in cable order), and what is spoken.
+
+    ``receivers`` are those in whose receiver alone something was damaged; ``rates`` all rates, formats
+    and clock errors of its frames, which are checked.
+    """
+
+    name: str
+    timing: LineTiming
+    nodes: list[str]
+    stations: dict[str, int]
+    receivers: list[str] = field(default_factory=list)
+    protocols: list[str] = field(default_factory=list)
+    frames: int = 0
+
+
+@dataclass(slots=True)
+class Survey:
+    """What a first reading of the frames finds.
+
+    ``lateness`` is how many ticks a frame's start may lie before the latest start told before it:
+    frames are told when they are over.
+    """
+
+    buses: dict[str, BusSurvey]
+    frames: int = 0
+    begin: int = 0
+    end: int = 0
+    lateness: int = 0
+
+
+def survey(selection: Selection) -> Survey:
+    """Read the frames once. Raises UsageError where there is none, or a rate or format is nonsense."""
+    buses: dict[str, BusSurvey] = {}
+    for bus in selection.trace.header.buses:
+        if bus.name in selection.buses:
+            timing = timing_of(bus.baud, bus.format, 0.0)
+            buses[bus.name] = BusSurvey(bus.name, timing, list(bus.nodes), dict(bus.stations))
+    found = Survey(buses)
+    newest = 0
+    for frame in selection.frames():
+        timing = timing_of(frame.baud, frame.format, frame.ppm)
+        seen = buses.get(frame.bus)
+        if seen is None:
+            seen = buses[frame.bus] = BusSurvey(frame.bus, timing, [], {})
+        if frame.sender not in seen.nodes:
+            seen.nodes.append(frame.sender)
+        if frame.protocol not in seen.protocols:
+            seen.protocols.append(frame.protocol)
+        if frame.damaged_at:
+            seen.receivers += [name for name in frame.damaged_at if name not in seen.receivers]
+        seen.frames += 1
+        found.begin = min(found.begin, frame.start) if found.frames else frame.start
+        found.end = max(found.end, frame.end)
+        found.frames += 1
+        newest = max(newest, frame.start)
+        found.lateness = max(found.lateness, newest - frame.start)
+    if not found.frames:
+        raise UsageError(nothing_there(selection, "no frame"))
+    return found
+
+
+def nothing_there(selection: Selection, what: str) -> str:
+    """The message for an empty selection; names what the trace has instead."""
+    where = f" on the bus {selection.bus!r}" if selection.bus is not None else ""
+    if selection.start is None and selection.stop is None:
+        return f"the trace has {what}{where}; there is nothing to export"
+    since = format_time(selection.start or 0)
+    until = "the end" if selection.stop is None else format_time(selection.stop)
+    span: tuple[int, int] | None = None
+    for frame in selection.trace.of(FrameRecord, bus=selection.bus):
+        span = (
+            (frame.start, frame.end) if span is None else (min(span[0], frame.start), max(span[1], frame.end))
+        )
+    there = (
+        "and no frame at another time"
+        if span is None
+        else f"its frames are between {seconds(span[0]):.3f} s and {seconds(span[1]):.3f} s"
+    )
+    return f"the trace has {what}{where} from {since} to {until}; {there}"
+
+
+@lru_cache(maxsize=256)
+def timing_of(baud: int, fmt: str, ppm: float) -> LineTiming:
+    """The timing of a transmitter. Raises UsageError for what no UART can be set to."""
+    try:
+        parsed = CharFormat.parse(fmt)
+    except ValueError as error:
+        raise UsageError(f"the trace is damaged: a format {error}") from None
+    if not 1 <= baud <= 100_000_000 or not abs(ppm) < 1_000_000:
+        raise UsageError(f"the trace is damaged: a frame at {baud} bps with a clock {ppm} ppm off")
+    # The shortest text of the float is the number that the scenario had.
+    return LineTiming(baud, parsed, Fraction(repr(ppm)))
+
+
+def in_order(frames: Iterable[FrameRecord], lateness: int) -> Iterator[FrameRecord]:
+    """Frames by their starts; those that begin together in the order in which they were told."""
+    heap: list[tuple[int, int, FrameRecord]] = []
+    newest = 0
+    for number, frame in enumerate(frames):
+        heapq.heappush(heap, (frame.start, number, frame))
+        newest = max(newest, frame.start)
+        while heap and heap[0][0] < newest - lateness:
+            yield heapq.heappop(heap)[2]
+    while heap:
+        yield heapq.heappop(heap)[2]

@@ -1,0 +1,194 @@
+"""What a recording tells of a bus with a Modbus master: polls, periods, answers, loss, bit errors."""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from bussim.engines.modbus.adu import BROADCAST
+from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
+from bussim.live.fit.turnaround import Law, law_of
+from bussim.live.sniff.heard import Heard, Protocol
+from bussim.trace import TransactionRecord
+
+#: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
+_LATE, _MOST = 0.25, 0.9
+#: Fewer distances tell nothing of a period.
+_LEAST = 5
+
+
+@dataclass(frozen=True, slots=True)
+class PollEstimate:
+    """A request that recurs. ``every`` is the typical distance of its turns in ticks, None for a single one.
+
+    ``low`` and ``high`` hold nine tenths of the distances; ``periodic``: its turns keep to a grid.
+    """
+
+    station: int
+    function: int
+    address: int
+    quantity: int
+    turns: int
+    first: int
+    every: int | None
+    low: int | None
+    high: int | None
+    periodic: bool
+    retries: int
+
+
+@dataclass(frozen=True, slots=True)
+class SlaveEstimate:
+    """A slave: from the end of a request to the first edge of its answer (ticks), and what got none."""
+
+    station: int
+    requests: int
+    delay: Estimate | None
+    law: Law | None
+    loss: Estimate | None
+    exceptions: dict[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class BusEstimate:
+    """A bus with one Modbus master. Times in ticks."""
+
+    protocol: Protocol
+    baud: int
+    format: str
+    polls: tuple[PollEstimate, ...]
+    slaves: tuple[SlaveEstimate, ...]
+    interval: int | None  # shortest pause from an answer to the next request
+    timeout: int | None  # shortest wait after a request that got no answer
+    ber: Estimate | None
+    frames: int
+    damaged: int
+    begin: int
+    end: int
+
+
+@dataclass(slots=True)
+class _Poll:
+    starts: array[int] = field(default_factory=lambda: array("q"))
+    attempts: int = 1
+
+
+@dataclass(slots=True)
+class _Slave:
+    delays: array[int] = field(default_factory=lambda: array("q"))
+    requests: int = 0
+    lost: int = 0
+    exceptions: Counter[int] = field(default_factory=Counter)
+
+
+class BusObserver:
+    """Takes frames and transactions of one bus, in order, and estimates."""
+
+    def __init__(self, protocol: Protocol, *, baud: int, fmt: str, bits: int) -> None:
+        self._protocol, self._baud, self._format, self._bits = protocol, baud, fmt, bits
+        self._polls: dict[tuple[int, int, int, int], _Poll] = {}
+        self._slaves: dict[int, _Slave] = {}
+        self._sizes: dict[int, list[int]] = {}
+        self._answered: int | None = None
+        self._interval: int | None = None
+        self._timeout: int | None = None
+        self._frames = self._damaged = 0
+        self._begin: int | None = None
+        self._end = 0
+
+    def heard(self, heard: Heard) -> None:
+        """Take in a frame."""
+        self._frames += 1
+        self._damaged += heard.frame is None
+        if self._begin is None:
+            self._begin = heard.start
+        self._end = max(self._end, heard.end)
+        self._sizes.setdefault(len(heard.chars) * self._bits, [0, 0])[heard.frame is None] += 1
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Take in a transaction."""
+        if record.sent is None or record.asked is None:
+            return
+        key = (record.station, record.function, record.address, record.quantity)
+        poll = self._polls.setdefault(key, _Poll())
+        poll.attempts = max(poll.attempts, record.attempt)
+        if record.attempt == 1:
+            poll.starts.append(record.sent)
+        if self._answered is not None:
+            pause = record.sent - self._answered
+            self._interval = pause if self._interval is None else min(pause, self._interval)
+        self._answered = record.answer_end
+        if record.station == BROADCAST:
+            return
+        slave = self._slaves.setdefault(record.station, _Slave())
+        slave.requests += 1
+        if record.answer_start is not None:
+            slave.delays.append(max(0, record.answer_start - record.asked))
+            if record.exception:
+                slave.exceptions[record.exception] += 1
+        elif record.error is not None:
+            slave.lost += 1
+            wait = record.end - record.asked
+            self._timeout = wait if self._timeout is None else min(wait, self._timeout)
+
+    def estimate(self) -> BusEstimate | None:
+        """What all that was heard tells; None where no request was heard."""
+        if not self._polls:
+            return None
+        interval = max(0, self._interval) if self._interval is not None else None
+        timeout = self._timeout
+        if timeout is not None and interval is not None:
+            timeout = max(1, timeout - interval)
+        return BusEstimate(
+            protocol=self._protocol,
+            baud=self._baud,
+            format=self._format,
+            polls=tuple(_poll(key, poll) for key, poll in self._polls.items()),
+            slaves=tuple(_slave(number, slave) for number, slave in sorted(self._slaves.items())),
+            interval=interval,
+            timeout=timeout,
+            ber=bit_error_rate({bits: (sound, bad) for bits, (sound, bad) in self._sizes.items()}),
+            frames=self._frames,
+            damaged=self._damaged,
+            begin=self._begin or 0,
+            end=self._end,
+        )
+
+
+def _poll(key: tuple[int, int, int, int], poll: _Poll) -> PollEstimate:
+    starts = poll.starts
+    apart = sorted(after - before for before, after in pairwise(starts))
+    every = low = high = None
+    periodic = False
+    if apart:
+        every = median(apart)
+        low, high = apart[len(apart) // 20], apart[-1 - len(apart) // 20]
+        turns = round((starts[-1] - starts[0]) / every) if every else 0
+        if len(apart) >= _LEAST and turns:
+            grid = (starts[-1] - starts[0]) / turns
+            periodic = _on_grid(starts, grid)
+            every = round(grid) if periodic else every
+    return PollEstimate(
+        *key, len(starts), starts[0] if starts else 0, every, low, high, periodic, poll.attempts - 1
+    )
+
+
+def _on_grid(starts: array[int], grid: float) -> bool:
+    """Whether turns keep to a grid: others may hold them up, but lateness does not add up."""
+    late = sorted((start - starts[0] + grid / 2) % grid for start in starts)
+    middle = late[len(late) // 2]
+    near = sum(abs(each - middle) <= _LATE * grid for each in late)
+    return near >= _MOST * len(late)
+
+
+def _slave(number: int, slave: _Slave) -> SlaveEstimate:
+    return SlaveEstimate(
+        number,
+        slave.requests,
+        mean(slave.delays) if slave.delays else None,
+        law_of(slave.delays) if slave.delays else None,
+        proportion(slave.lost, slave.requests) if slave.requests else None,
+        dict(sorted(slave.exceptions.items())),
+    )

@@ -1,0 +1,157 @@
+"""What drives a PLC's inputs: levels over simulated time. Times in ticks from the start of the run.
+
+An input is a wire: it changes when its stimulus says so, and the PLC sees what it is at the beginning
+of each scan. ``changes(since, until)`` are the ticks after ``since`` up to ``until`` at which the level
+changes, in order, with the new level.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+#: A change: when, and to what level.
+Change = tuple[int, int]
+
+
+class Stimulus(Protocol):
+    """A level over time."""
+
+    def level(self, tick: int) -> int:
+        """0 or 1 at a tick; a change at the tick has happened."""
+
+    def changes(self, since: int, until: int) -> list[Change]:
+        """The changes after ``since`` up to ``until``. Never called for a time before an earlier call's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """On for ``width`` ticks at ``at``, and again every ``every`` ticks (None: once), ``times`` times."""
+
+    width: int
+    at: int = 0
+    every: int | None = None
+    times: int | None = None
+
+    def _number(self, tick: int) -> int:
+        """Which pulse has begun last by a tick; -1 before the first."""
+        if tick < self.at:
+            return -1
+        if self.every is None:
+            return 0
+        number = (tick - self.at) // self.every
+        return number if self.times is None else min(number, self.times - 1)
+
+    def level(self, tick: int) -> int:
+        """See the protocol."""
+        number = self._number(tick)
+        return int(number >= 0 and tick < self.at + number * (self.every or 0) + self.width)
+
+    def changes(self, since: int, until: int) -> list[Change]:
+        """See the protocol."""
+        found: list[Change] = []
+        for number in range(max(0, self._number(since)), self._number(until) + 1):
+            on = self.at + number * (self.every or 0)
+            found += [
+                (tick, level) for tick, level in ((on, 1), (on + self.width, 0)) if since < tick <= until
+            ]
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Square:
+    """Off, then on, each for half of ``period`` ticks, from ``at`` on (off before): on at ``at`` first."""
+
+    period: int
+    at: int = 0
+
+    def level(self, tick: int) -> int:
+        """See the protocol."""
+        return int(tick >= self.at and 2 * ((tick - self.at) % self.period) < self.period)
+
+    def changes(self, since: int, until: int) -> list[Change]:
+        """See the protocol."""
+        half = (self.period + 1) // 2
+        found: list[Change] = []
+        number = max(0, (since - self.at) // self.period)
+        while self.at + number * self.period <= until:
+            on = self.at + number * self.period
+            pair = ((on, 1), (on + half, 0))
+            found += [(tick, level) for tick, level in pair if since < tick <= until]
+            number += 1
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Changes its level at each of these ticks, which rise; off before the first."""
+
+    ticks: tuple[int, ...]
+
+    def level(self, tick: int) -> int:
+        """See the protocol."""
+        return bisect_right(self.ticks, tick) & 1
+
+    def changes(self, since: int, until: int) -> list[Change]:
+        """See the protocol."""
+        first, last = bisect_right(self.ticks, since), bisect_right(self.ticks, until)
+        return [(self.ticks[number], (number & 1) ^ 1) for number in range(first, last)]
+
+
+class Random:
+    """On and off for exponential times of mean ``on`` and ``off`` ticks, each at least one tick.
+
+    ``draws`` are uniform numbers of its own stream. It forgets what lies before the latest question.
+    """
+
+    __slots__ = ("_ahead", "_draws", "_level", "_means", "_next")
+
+    def __init__(self, on: int, off: int, draws: Iterator[float]) -> None:
+        self._means = (off, on)
+        self._draws = draws
+        self._level = 0
+        self._ahead: list[Change] = []
+        self._next = 0
+        self._draw()
+
+    def _draw(self) -> None:
+        from math import log
+
+        level = self._ahead[-1][1] if self._ahead else self._level
+        self._next += max(1, round(-self._means[level] * log(1.0 - next(self._draws))))
+        self._ahead.append((self._next, level ^ 1))
+
+    def level(self, tick: int) -> int:
+        """See the protocol."""
+        while self._ahead[-1][0] <= tick:
+            self._draw()
+        level = self._level
+        for at, after in self._ahead:
+            if at > tick:
+                break
+            level = after
+        return level
+
+    def changes(self, since: int, until: int) -> list[Change]:
+        """See the protocol."""
+        while self._ahead[-1][0] <= until:
+            self._draw()
+        found = [change for change in self._ahead if since < change[0] <= until]
+        gone = [change for change in self._ahead if change[0] <= since]
+        if gone:
+            self._level = gone[-1][1]
+            del self._ahead[: len(gone)]
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class RandomInput:
+    """What a scenario says of a random input: mean times on and off, in ticks."""
+
+    on: int
+    off: int
+
+
+InputSpec = Pulse | Square | Times | RandomInput

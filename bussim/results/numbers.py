@@ -1,0 +1,56 @@
+"""Numbers as ``summary.json`` has them: times in ms, instants in s, both to the nanosecond."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bussim.results.histogram import QUANTILES, Histogram
+from bussim.units import milliseconds, seconds
+
+#: Decimals of a number: ns for times in ms.
+DECIMALS = 6
+
+
+def ms(ticks: float | None) -> float | None:
+    """Ticks as ms."""
+    return None if ticks is None else round(milliseconds(ticks), DECIMALS)
+
+
+def s(ticks: int | None) -> float | None:
+    """Ticks as s."""
+    return None if ticks is None else round(seconds(ticks), DECIMALS)
+
+
+def whole(value: float) -> float:
+    """A whole number without a decimal point, as D8180 is entered."""
+    return int(value) if value == int(value) else round(value, DECIMALS)
+
+
+def share(part: int, of: int) -> float:
+    """A part of a whole, 0…1; 0 of nothing."""
+    return round(part / of, DECIMALS) if of else 0.0
+
+
+def quantiles(histogram: Histogram) -> dict[str, float | None]:
+    """All of :data:`QUANTILES` in ms; None for one that too few samples tell."""
+    return {name: ms(histogram.quantile(thousandths)) for name, thousandths in QUANTILES.items()}
+
+
+def statistics(histogram: Histogram) -> dict[str, float | None]:
+    """Quantiles, least, greatest and mean in ms."""
+    return {
+        **quantiles(histogram),
+        "max": ms(histogram.maximum),
+        "min": ms(histogram.minimum),
+        "mean": ms(histogram.mean),
+    }
+
+
+def by_code(counts: Mapping[int, int]) -> dict[str, int]:
+    """Counts by a code of two hexadecimal digits, the zeros left out."""
+    return {f"{code:02X}": number for code, number in sorted(counts.items()) if number}
+
+
+def counted(number: int, what: str) -> str:
+    """A number of things in words: ``1 frame``, ``2,000 frames``."""
+    return f"1 {what}" if number == 1 else f"{number:,} {what}s"

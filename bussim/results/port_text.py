@@ -1,0 +1,148 @@
+"""Buses, ports and devices beside the N:N links in words, from ``summary.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from bussim.results.numbers import counted
+
+#: Most polls of a master that have a line.
+_MOST_POLLS = 12
+
+
+def port_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Lines for a terminal; an empty one before each block, none at all in a plain N:N run."""
+    if summary["buses"]:
+        yield ""
+        for name, bus in summary["buses"].items():
+            yield _bus(name, bus)
+    for name, port in summary["ports"].items():
+        yield ""
+        yield from _port(name, port)
+    for name, device in summary["devices"].items():
+        yield ""
+        yield from _device(name, device)
+
+
+def _bus(name: str, bus: Mapping[str, Any]) -> str:
+    words = [
+        f"{bus['baud']} {bus['format']}",
+        f"bus load {bus['bus_load']:.1%}",
+        counted(bus["frames"], "frame"),
+    ]
+    for key, what in (("collisions", "collision"), ("undetected_frames", "undetected damaged frame")):
+        if bus[key]:
+            words.append(counted(bus[key], what))
+    return f"{name}: {', '.join(words)}"
+
+
+def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:
+    what = port["protocol"] or ("Modbus master" if "transactions" in port else "no protocol")
+    station = port.get("station")
+    if station is not None:
+        what += f", station {station}"
+    yield f"{name}: {what} on {port['bus']}{_timeout(port)}"
+    yield from _what_it_did(port)
+    if port["errors"]:
+        errors = ", ".join(f"{yy} {_times(number)}" for yy, number in port["errors"].items())
+        yield f"  port errors      yy of D8063 = 7xyy: {errors}"
+
+
+def _device(name: str, device: Mapping[str, Any]) -> Iterator[str]:
+    station = "" if device["station"] is None else f", station {device['station']}"
+    yield f"{name}: {device['model']}{station} on {device['bus']}{_timeout(device)}"
+    yield from _what_it_did(device)
+    if device["state"]:
+        yield f"  at the end       {', '.join(f'{key} {value}' for key, value in device['state'].items())}"
+
+
+def _what_it_did(node: Mapping[str, Any]) -> Iterator[str]:
+    if "transactions" in node:
+        yield from _master(node)
+    if "sent" in node:
+        yield f"  messages         {_free(node)}"
+    # A device of the free protocol or an HMI has no requests, and they are not worth a line then.
+    if node.get("requests") or (node.get("station") is not None and "requests" in node):
+        yield f"  requests         {_slave(node)}"
+
+
+def _master(port: Mapping[str, Any]) -> Iterator[str]:
+    failures = [
+        *(f"{_grouped(number)} exception {code}" for code, number in port["exceptions"].items()),
+        *_unless_none(port["timeouts"], "no response in time"),
+        *_unless_none(port["crc_errors"], "CRC or LRC"),
+        *(f"{_grouped(number)} {words}" for words, number in port["other_errors"].items()),
+    ]
+    counts = [f"{_grouped(port['transactions'])}: {_grouped(port['ok'])} ok", *failures]
+    mismatched = port["mismatched_responses"]
+    wrong = f"; {counted(mismatched, 'answer')} taken that belonged to another request" if mismatched else ""
+    yield f"  transactions     {', '.join(counts)}{wrong}"
+    if port["response_ms"]["max"] is not None:
+        yield f"  response         {_typical(port['response_ms'])}"
+    cycles = port["cycle_ms"]
+    if cycles["count"]:
+        yield f"  poll cycle       {_typical(cycles)}, {counted(cycles['count'], 'cycle')}"
+    polls = {name: poll for name, poll in port["polls"].items() if name}
+    for name in list(polls)[:_MOST_POLLS]:
+        yield f"  {f'poll {name}':<16} {_poll(polls[name])}"
+    if len(polls) > _MOST_POLLS:
+        yield f"  and {len(polls) - _MOST_POLLS} more polls, in summary.json"
+
+
+def _poll(poll: Mapping[str, Any]) -> str:
+    words = f"{counted(poll['turns'], 'turn')}, {_grouped(poll['failed_turns'])} failed"
+    if poll["response_ms"]["max"] is not None:
+        words += f"; response {_typical(poll['response_ms'])}"
+    age = poll["age_ms"]
+    if age is not None:
+        oldest = age["before_refresh"]["max"]
+        if oldest is None or age["open"] > oldest:
+            words += f"; data up to {age['open']:.3f} ms old, still so at the end"
+        else:
+            words += f"; data up to {oldest:.3f} ms old"
+    return words
+
+
+def _slave(node: Mapping[str, Any]) -> str:
+    words = [_grouped(node["requests"]), f"{_grouped(node['answered'])} answered"]
+    words += _unless_none(node.get("broadcasts", 0), "broadcasts")
+    if "transactions" not in node:  # else the exceptions are told of the master
+        words += [f"{_grouped(number)} exception {code}" for code, number in node["exceptions"].items()]
+    if node["rejected"]:
+        reasons = ", ".join(f"{reason} {_times(number)}" for reason, number in node["rejected"].items())
+        words.append(f"ignored: {reasons}")
+    return ", ".join(words)
+
+
+def _free(node: Mapping[str, Any]) -> str:
+    data = node["bytes"]
+    words = [
+        f"{_grouped(node['sent'])} sent ({counted(data['sent'], 'byte')})",
+        f"{_grouped(node['received'])} received ({counted(data['received'], 'byte')})",
+        *_unless_none(node["timeouts"], "ended by timeout"),
+        *_unless_none(node["damaged"], "damaged characters"),
+    ]
+    return ", ".join(words)
+
+
+def _typical(times: Mapping[str, float | None]) -> str:
+    shown = (("typical", "p50"), ("p99", "p99"), ("max", "max"))
+    return ", ".join(f"{word} {times[key]:.3f}" for word, key in shown if times[key] is not None) + " ms"
+
+
+def _timeout(node: Mapping[str, Any]) -> str:
+    timeout = node.get("timeout_ms")
+    return "" if timeout is None else f", timeout {timeout:g} ms"
+
+
+def _unless_none(number: int, what: str) -> list[str]:
+    return [f"{_grouped(number)} {what}"] if number else []
+
+
+def _times(number: int) -> str:
+    return f"{number:,}×"
+
+
+def _grouped(number: int) -> str:
+    return f"{number:,}"

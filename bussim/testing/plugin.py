@@ -1,0 +1,35 @@
+"""The pytest plugin: fixtures of :mod:`bussim.testing`. Nothing is imported before one is used."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from bussim.testing.bus import ServedBus
+
+
+@pytest.fixture
+def modbus_serve() -> Iterator[Callable[..., ServedBus]]:
+    """Makes a :class:`bussim.testing.ServedBus` with its arguments; all are closed after the test."""
+    if sys.platform == "win32":
+        pytest.skip("Windows has no pseudo-terminals")
+    from contextlib import ExitStack
+
+    from bussim.testing.bus import ServedBus
+
+    with ExitStack() as stack:
+
+        def serve(**settings: Any) -> ServedBus:
+            return stack.enter_context(ServedBus(**settings))
+
+        yield serve
+
+
+@pytest.fixture
+def modbus_slave(modbus_serve: Callable[..., ServedBus]) -> ServedBus:
+    """A Modbus RTU slave, station 1, on a new pseudo-terminal."""
+    return modbus_serve()

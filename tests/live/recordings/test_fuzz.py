@@ -1,0 +1,190 @@
+"""Whatever a file or a line holds, a decoder says what is wrong or reads on: nothing else ever leaves it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import struct
+import tempfile
+import zipfile
+from itertools import pairwise
+from pathlib import Path
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from bussim.engines.contract import RxChar
+from bussim.engines.modbus.adu import Mode, encode_adu
+from bussim.engines.nn.frames import encode_poll
+from bussim.errors import UsageError
+from bussim.line.characters import NN_LINE, CharFormat, LineTiming
+from bussim.live.arrival import Arrivals
+from bussim.live.recordings.pcapng import PcapngReader
+from bussim.live.recordings.raw import read_raw
+from bussim.live.recordings.sigrok import SigrokFile
+from bussim.live.recordings.sources import characters, kind_of
+from bussim.live.sniff.heard import Protocol
+from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.recognise import Recogniser
+from bussim.live.sniff.splitters import MOST_DAMAGE, splitter
+from bussim.results.collector import Collector
+from bussim.units import TICKS_PER_MS
+
+#: CI runs this many of each; a longer run is `pytest --hypothesis-profile` away.
+some = settings(max_examples=150)
+LINE = LineTiming(9600, CharFormat(8, "N", 1))
+
+SECTION = struct.pack("<IIIHHqI", 0x0A0D0D0A, 28, 0x1A2B3C4D, 1, 0, -1, 28)
+INTERFACE = struct.pack("<IIHHII", 1, 20, 147, 0, 0, 20)
+PACKET = struct.pack("<IIIIIII", 6, 40, 0, 0, 1000, 8, 8) + bytes(8) + struct.pack("<I", 40)
+
+
+@some
+@given(st.binary(max_size=400), st.booleans())
+@example(b"", True)
+@example(INTERFACE + PACKET, True)
+def test_pcapng(data: bytes, begins_well: bool) -> None:
+    reader = PcapngReader(io.BytesIO(SECTION + data if begins_well else data), "x")
+    try:
+        for packet in reader.packets():
+            assert packet.interface < len(reader.interfaces)
+            assert len(packet.data) <= len(data)
+    except UsageError as error:
+        assert str(error).startswith("x: at byte")
+
+
+@some
+@given(st.lists(st.sampled_from([SECTION, INTERFACE, PACKET]), max_size=12), st.data())
+def test_pcapng_with_a_few_bytes_changed(blocks: list[bytes], data: st.DataObject) -> None:
+    raw = bytearray(SECTION + b"".join(blocks))
+    for _ in range(data.draw(st.integers(0, 3))):
+        raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
+    with contextlib.suppress(UsageError):
+        list(PcapngReader(io.BytesIO(bytes(raw)), "x").packets())
+
+
+@some
+@given(st.lists(st.text(max_size=60), max_size=8))
+@example(["0 01", "1e400 02"])
+@example(["nan 01"])
+@example(["0.1;01,02 03", "0.2"])
+def test_raw_bytes(lines: list[str]) -> None:
+    before = 0
+    try:
+        for lump in read_raw(lines, "x"):
+            assert lump.data
+            assert lump.tick >= before
+            before = lump.tick
+    except UsageError as error:
+        assert str(error).startswith("x:")
+
+
+@some
+@given(
+    metadata=st.one_of(
+        st.binary(max_size=200),
+        st.builds(
+            "[device 1]\ncapturefile=logic-1\nsamplerate={}\nunitsize={}\nprobe{}=D0\n".format,
+            st.sampled_from(["1 MHz", "100000", "0", "-1", "1e99", "5 THz", "9600"]),
+            st.sampled_from(["1", "2", "0", "9", "x"]),
+            st.integers(0, 70),
+        ).map(str.encode),
+    ),
+    samples=st.binary(max_size=500),
+    name=st.sampled_from(["logic-1", "logic-1-1", "logic-1-2", "other"]),
+)
+def test_sigrok(metadata: bytes, samples: bytes, name: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.sr"
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("metadata", metadata)
+            file.writestr(name, samples)
+        try:
+            session = SigrokFile(path)
+            try:
+                list(session.characters(LINE))
+            finally:
+                session.close()
+        except UsageError as error:
+            assert "x.sr" in str(error)
+
+
+@some
+@given(st.binary(max_size=300), st.sampled_from([b"", b"PK\x03\x04", b"\n\r\r\n", b"{", b"# "]))
+def test_any_file(data: bytes, head: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x"
+        path.write_bytes(head + data)
+        try:
+            kind = kind_of(path)
+            if kind.name != "TRACE":
+                list(characters(path, kind, LINE))
+        except UsageError:
+            pass
+
+
+lumps = st.lists(
+    st.tuples(
+        st.one_of(
+            st.binary(max_size=40),
+            st.sampled_from(
+                [
+                    encode_poll(1, 2).chars,
+                    encode_adu(Mode.RTU, 1, b"\x03\x00\x00\x00\x01").chars,
+                    encode_adu(Mode.ASCII, 1, b"\x03\x00\x00\x00\x01").chars,
+                ]
+            ),
+        ),
+        st.integers(0, 100 * TICKS_PER_MS),
+    ),
+    max_size=30,
+)
+
+
+@some
+@given(lumps, st.sampled_from([None, *Protocol]), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
+def test_every_character_is_told_once_and_in_order(
+    pieces: list[tuple[bytes, int]], protocol: Protocol | None, tolerance: int, flawed: bool
+) -> None:
+    arrivals, now = Arrivals(NN_LINE), 0
+    recogniser = Recogniser(NN_LINE, tolerance, protocol)
+    heard = []
+    for place, (data, wait) in enumerate(pieces):
+        now += NN_LINE.characters(len(data)) + wait
+        if data:
+            chars = arrivals.lump(data, now)
+            if flawed and place % 3 == 0:
+                chars = [(RxChar(char.value, False, True), start, end) for char, start, end in chars]
+            heard += recogniser.chars(chars)
+        heard += recogniser.idle(now)
+    heard += recogniser.close()
+    assert all(before.start <= after.start for before, after in pairwise(heard))
+    assert all(len(one.chars) <= MOST_DAMAGE + 600 for one in heard)
+    if recogniser.protocol in (Protocol.NN, Protocol.RTU) and protocol is not None:
+        told = b"".join(one.chars for one in heard)
+        assert told == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
+
+
+@some
+@given(lumps)
+def test_a_listener_never_fails(pieces: list[tuple[bytes, int]]) -> None:
+    for protocol in (None, *Protocol):
+        arrivals, now = Arrivals(LINE), 0
+        listener = Listener("b", LINE, Collector(), tolerance=0, protocol=protocol)
+        for data, wait in pieces:
+            now += LINE.characters(len(data)) + wait
+            if data:
+                listener.chars(arrivals.lump(data, now))
+            listener.idle(now)
+        listener.close()
+        listener.totals(now)
+
+
+def test_memory_of_a_splitter_is_bounded() -> None:
+    for protocol in Protocol:
+        cutter = splitter(protocol, LINE, 0)
+        character = LINE.characters(1)
+        for number in range(20_000):
+            char = (RxChar(number * 7 % 256), number * character, (number + 1) * character)
+            for heard in cutter.character(char):
+                assert len(heard.chars) <= MOST_DAMAGE + 600

@@ -1,0 +1,245 @@
+"""What a listener makes of a line whose truth is known: the simulation's own records."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+import bussim
+from bussim.devices.v80 import V80
+from bussim.engines.contract import RxChar
+from bussim.engines.modbus.adu import Mode, encode_adu
+from bussim.engines.modbus.pdu import (
+    Request,
+    encode_exception,
+    encode_request,
+    encode_response,
+    write_register,
+)
+from bussim.engines.modbus.pdu import Response as Answer
+from bussim.engines.modbus.server import serve
+from bussim.line.characters import NN_LINE, CharFormat, LineTiming
+from bussim.live.arrival import Arrivals, Timed
+from bussim.live.recordings.frames import heard_of
+from bussim.live.recordings.sources import placed
+from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.link import LinkWatcher
+from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.modbus import ModbusWatcher
+from bussim.results.collector import Collector
+from bussim.trace import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+LINE = LineTiming(19200, CharFormat(8, "E", 1))
+
+
+class Noted(Collector):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        super().__init__(traced=True)
+        self.scans: list[ScanRecord] = []
+        self.attempts: list[AttemptRecord] = []
+        self.transactions: list[TransactionRecord] = []
+        self.frames: list[FrameRecord] = []
+
+    def scan(self, record: ScanRecord) -> None:
+        self.scans.append(record)
+        super().scan(record)
+
+    def attempt(self, record: AttemptRecord) -> None:
+        self.attempts.append(record)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        self.transactions.append(record)
+
+    def frame(self, record: FrameRecord) -> None:
+        self.frames.append(record)
+
+
+@pytest.fixture(scope="module")
+def press_line() -> bussim.Result:
+    """With an outage of a station, so that there are failed attempts and stations in error."""
+    return bussim.run(bussim.load("press_line", ["duration=15 s"]), trace=True)
+
+
+def test_a_link_is_watched_as_the_master_reports_it(press_line: bussim.Result) -> None:
+    sink = Noted()
+    listener = Listener("link", NN_LINE, sink, tolerance=0, names={0: "press1", 1: "press2", 2: "press3"})
+    for record in press_line.open_trace().of(FrameRecord):
+        heard = heard_of(record)
+        assert heard is not None
+        listener.heard(heard)
+    listener.close()
+    told = list(press_line.open_trace().of(ScanRecord))
+    assert [scan[:7] for scan in sink.scans] == [scan[:7] for scan in told]
+    theirs = [a for a in press_line.open_trace().of(AttemptRecord) if not a.code]
+    ours = [a for a in sink.attempts if not a.code]
+    assert ours == theirs[: len(ours)]
+    assert len(theirs) - len(ours) <= 1
+    totals = listener.totals(15 * TICKS_PER_SECOND).links[0]
+    assert press_line.totals is not None
+    truth = press_line.totals.links[0]
+    for same in ("seats", "slaves", "mode", "retries", "attempts", "timeout", "busy", "frames", "healthy_at"):
+        assert getattr(totals, same) == getattr(truth, same)
+    assert totals.station_errors == truth.station_errors
+
+
+@pytest.mark.parametrize("lump", [1, 7, 100, 4000])
+def test_lumps_do_not_change_which_frames_are_heard(press_line: bussim.Result, lump: int) -> None:
+    """As an adapter would hand them over: some characters at once, with its tolerance."""
+    frames = [
+        record
+        for record in press_line.open_trace().of(FrameRecord)
+        if record.end < 3 * TICKS_PER_SECOND and not record.damaged_bits
+    ]
+    raw = b"".join(record.chars for record in frames)
+    sink = Noted()
+    listener = Listener("link", NN_LINE, sink, tolerance=20 * TICKS_PER_MS)
+    arrivals, heard, now = Arrivals(NN_LINE), [], 0
+    for at in range(0, len(raw), lump):
+        piece = raw[at : at + lump]
+        now += NN_LINE.characters(len(piece))
+        heard += listener.chars(arrivals.lump(piece, now))
+    heard += listener.close()
+    assert [one.chars for one in heard] == [record.chars for record in frames]
+    assert listener.protocol is Protocol.NN
+    assert isinstance(listener.watcher, LinkWatcher)
+
+
+def exchanges(mode: Mode, seed: int, count: int = 60) -> tuple[list[tuple[bytes, bool]], list[str]]:
+    """Frames of random transactions, in order, with whether each is a request; and their outcomes."""
+    rng, device = random.Random(seed), V80()
+    frames: list[tuple[bytes, bool]] = []
+    outcomes: list[str] = []
+    requests = [
+        lambda: Request(rng.choice([1, 2]), rng.randrange(9000), rng.randint(1, 200)),
+        lambda: Request(rng.choice([3, 4]), rng.randrange(9000), rng.randint(1, 125)),
+        lambda: write_register(rng.randrange(9000), rng.randrange(0x10000)),
+        lambda: Request(3, 9999, 2),  # refused
+    ]
+    for _ in range(count):
+        request = rng.choice(requests)()
+        frames.append((encode_adu(mode, 5, encode_request(request)).chars, True))
+        if rng.random() < 0.15:
+            outcomes.append("no response in time")
+            continue
+        response = serve(device, request, 0)
+        if isinstance(response, Answer):
+            outcomes.append("ok")
+            pdu = encode_response(response)
+        else:
+            outcomes.append("exception")
+            pdu = encode_exception(*response)
+        frames.append((encode_adu(mode, 5, pdu).chars, False))
+    if outcomes[-1] == "no response in time":
+        outcomes.pop()  # nobody can know yet
+    return frames, outcomes
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("tolerance", [0, 20 * TICKS_PER_MS])
+def test_modbus_requests_are_paired_with_what_answers_them(mode: Mode, seed: int, tolerance: int) -> None:
+    frames, outcomes = exchanges(mode, seed)
+    sink = Noted()
+    listener = Listener("bus", LINE, sink, tolerance=tolerance)
+    now, answers = 0, []
+    for chars, is_request in frames:
+        # The master waits for a second, a slave for three milliseconds.
+        now += TICKS_PER_SECOND * 2 if is_request else 3 * TICKS_PER_MS
+        listener.idle(now)
+        listener.chars(placed(chars, now, LINE))
+        now += LINE.characters(len(chars))
+        if not is_request:
+            answers.append(3 * TICKS_PER_MS)
+    listener.close()
+    assert listener.protocol is (Protocol.RTU if mode is Mode.RTU else Protocol.ASCII)
+    assert [record.outcome for record in sink.transactions] == outcomes
+    waited = [r.answer_start - r.asked for r in sink.transactions if r.answer_start and r.asked]
+    assert waited == pytest.approx(answers, abs=1)
+    assert [frame.chars for frame in sink.frames] == [chars for chars, _ in frames]
+    assert isinstance(listener.watcher, ModbusWatcher)
+    assert listener.watcher.damaged == 0
+    assert listener.totals(now).buses[0].frames == len(frames)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_line_without_a_pause_is_still_cut_into_its_frames(mode: Mode) -> None:
+    frames, _ = exchanges(mode, 99)
+    sink = Noted()
+    listener = Listener("bus", LINE, sink, tolerance=20 * TICKS_PER_MS)
+    raw = b"".join(chars for chars, _ in frames)
+    heard = listener.chars(placed(raw, 0, LINE)) + listener.close()
+    assert [one.chars for one in heard] == [chars for chars, _ in frames]
+
+
+def test_noise_between_frames_is_damage_and_nothing_else_is() -> None:
+    rng = random.Random(4)
+    request = encode_adu(Mode.RTU, 1, encode_request(Request(3, 0, 2))).chars
+    listener = Listener("bus", LINE, Noted(), tolerance=0, protocol=Protocol.RTU)
+    now, heard = 0, []
+    for _ in range(50):
+        for data in (rng.randbytes(rng.randint(1, 6)), request):
+            now += 20 * TICKS_PER_MS
+            heard += listener.chars(placed(data, now, LINE))
+            now += LINE.characters(len(data))
+    heard += listener.close()
+    assert sum(one.frame is not None for one in heard) == 50
+    assert sum(one.frame is None for one in heard) == 50
+
+
+def test_damaged_characters_damage_an_nn_frame(press_line: bussim.Result) -> None:
+    first = next(iter(press_line.open_trace().of(FrameRecord)))
+    chars: list[Timed] = placed(first.chars, 0, NN_LINE)
+    chars[3] = (RxChar(chars[3][0].value, parity_ok=False), *chars[3][1:])
+    listener = Listener("link", NN_LINE, Noted(), tolerance=0, protocol=Protocol.NN)
+    (heard,) = listener.chars(chars) + listener.close()
+    assert heard.frame is None
+    assert heard.chars == first.chars
+
+
+def test_frames_of_a_trace_that_were_damaged_are_heard_so(press_line: bussim.Result) -> None:
+    good = next(iter(press_line.open_trace().of(FrameRecord)))
+    for bad in (
+        good._replace(damaged_bits=(5,)),
+        good._replace(collided=True),
+        good._replace(cut=True),
+        good._replace(chars=good.chars[:-1] + b"Z"),
+    ):
+        heard = heard_of(bad)
+        assert heard is not None
+        assert heard.frame is None
+        assert heard.reason
+    assert heard_of(good._replace(protocol="free")) is None
+    whole = heard_of(good._replace(damaged_at={"press2": (5,)}))
+    assert isinstance(whole, Heard)
+    assert whole.frame is not None
+
+
+def test_a_repeated_write_is_a_retry_and_its_quick_echo_an_answer() -> None:
+    write = encode_adu(Mode.RTU, 1, encode_request(write_register(1, 2))).chars
+    sink = Noted()
+    listener = Listener("bus", LINE, sink, tolerance=0, protocol=Protocol.RTU)
+    now = 0
+    for wait in (0, 4, 500, 5, 500, 900, 4):  # echo; echo; request; repeated; echo
+        now += wait * TICKS_PER_MS
+        listener.chars(placed(write, now, LINE))
+        now += LINE.characters(len(write))
+    listener.close()
+    assert [(r.outcome, r.attempt) for r in sink.transactions] == [
+        ("ok", 1),
+        ("ok", 1),
+        ("no response in time", 1),
+        ("ok", 2),
+    ]
+
+
+def test_a_broadcast_needs_no_answer() -> None:
+    sink = Noted()
+    listener = Listener("bus", LINE, sink, tolerance=0, protocol=Protocol.RTU)
+    listener.chars(placed(encode_adu(Mode.RTU, 0, encode_request(write_register(1, 2))).chars, 0, LINE))
+    listener.close()
+    (record,) = sink.transactions
+    assert (record.outcome, record.station, record.answer_end) == ("ok", 0, None)

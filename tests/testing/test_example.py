@@ -1,0 +1,125 @@
+"""The example: a small client is tested with the fixtures of the plugin."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bussim.testing import ServedBus
+from tests.testing.client import NoAnswerError, SmallClient
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+
+
+@pytest.fixture
+def client(modbus_slave: ServedBus) -> Iterator[SmallClient]:
+    made = SmallClient(modbus_slave.device)
+    yield made
+    made.close()
+
+
+def test_it_reads(modbus_slave: ServedBus, client: SmallClient) -> None:
+    modbus_slave.registers[5:8] = [1, 2, 65535]
+    assert client.read(5, 3) == [1, 2, 65535]
+    assert modbus_slave.registers[5:8] == [1, 2, 65535]
+    (asked,) = modbus_slave.requests
+    assert (asked.station, asked.function) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("fault", "seen"),
+    [
+        (lambda bus: bus.drop_reply(), "silence"),
+        (lambda bus: bus.corrupt_check(), "crc"),
+        (lambda bus: bus.truncate(), "short"),
+        (lambda bus: bus.wrong_station(), "station"),
+        (lambda bus: bus.exception(4), "exception 4"),
+        (lambda bus: bus.delay(1.5), "silence"),
+    ],
+)
+def test_it_survives_a_fault(
+    modbus_slave: ServedBus, client: SmallClient, fault: Callable[[ServedBus], None], seen: str
+) -> None:
+    modbus_slave.registers[0] = 7
+    fault(modbus_slave)
+    assert client.read(0) == [7]
+    assert client.failures[0] == seen
+    assert modbus_slave.pending_faults == 0
+
+
+def test_it_gives_up(modbus_slave: ServedBus, client: SmallClient) -> None:
+    modbus_slave.drop_reply(count=3)
+    with pytest.raises(NoAnswerError, match="silence"):
+        client.read(0)
+    assert len(modbus_slave.requests) == 3
+    assert client.read(0) == [0]
+
+
+def test_faults_come_in_order_and_can_be_taken_back(modbus_slave: ServedBus, client: SmallClient) -> None:
+    modbus_slave.exception(2)
+    modbus_slave.corrupt_check()
+    assert client.read(0) == [0]
+    assert client.failures == ["exception 2", "crc"]
+    modbus_slave.drop_reply(count=100)
+    modbus_slave.no_faults()
+    assert client.read(0) == [0]
+
+
+def test_a_bus_of_several_stations(modbus_serve: Callable[..., ServedBus]) -> None:
+    bus = modbus_serve(stations=(3, 4), paced=True)
+    bus.station(4).registers[9] = 99
+    for station, value in ((3, 0), (4, 99)):
+        client = SmallClient(bus.device, station, timeout=5)
+        assert client.read(9) == [value]
+        client.close()
+
+
+def test_what_cannot_be_is_said() -> None:
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"stations": (0,)}, "allowed 1…247"),
+        ({"stations": ()}, "needs a station"),
+        ({"delay": -1}, "allowed 0…3600"),
+        ({"mode": "tcp"}, "tcp"),
+    ]
+    for settings, said in wrong:
+        with pytest.raises(ValueError, match=said):
+            ServedBus(**settings)
+    with ServedBus() as bus:
+        for call in (lambda: bus.exception(0), lambda: bus.drop_reply(0), lambda: bus.delay(-1)):
+            with pytest.raises(ValueError, match=r"allowed|at least"):
+                call()
+        with pytest.raises(IndexError):
+            bus.registers[-1]
+
+
+def test_the_plugin_costs_a_session_nothing() -> None:
+    code = "import sys, bussim.testing.plugin; sys.exit(any(m in sys.modules for m in ('serial', 'numpy')))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_pytest_finds_the_fixtures(tmp_path: Path) -> None:
+    test = tmp_path / "test_mine.py"
+    test.write_text("def test_one(modbus_slave):\n    assert modbus_slave.device\n")
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:bussim",
+        "-p",
+        "bussim.testing.plugin",
+        str(test),
+    ]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=_here())
+    assert "1 passed" in ran.stdout, ran.stdout + ran.stderr
+
+
+def _here() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
