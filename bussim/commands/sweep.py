@@ -26,6 +26,13 @@ _SHOWN = {
     "station_errors": "station\nerrors",
     "refresh_gap_max_ms": "longest gap\n(ms)",
 }
+#: Those of a Modbus master.
+_SHOWN_OF_MASTER = {
+    "response_ms.mean": "mean response\n(ms)",
+    "response_ms.max": "longest response\n(ms)",
+    "timeouts": "timeouts",
+    "cycle_ms.mean": "mean poll cycle\n(ms)",
+}
 
 
 @click.command()
@@ -115,6 +122,8 @@ def command(
 def _show(result: SweepResult) -> None:
     from rich.console import Console
 
+    from bussim.sweep.figures import masters_in
+
     console = Console(highlight=False)
     plan = result.plan
     runs = f"{plan.runs:,} runs at {len(plan.points):,} points"
@@ -123,7 +132,9 @@ def _show(result: SweepResult) -> None:
     click.echo(f"{plan.title}: {runs}")
     for bus in plan.base.buses:
         if bus.nn and f"{bus.name}.scans" in result.figures:
-            console.print(_table(result, bus.name))
+            console.print(_table(result, bus.name, "link", _SHOWN))
+    for node in masters_in(result.figures):
+        console.print(_table(result, node, "Modbus master", _SHOWN_OF_MASTER))
     if len(plan.points) > _MOST_ROWS:
         console.print(f"the first {_MOST_ROWS} points; points.csv has all")
     if plan.repeat == 1:
@@ -135,18 +146,18 @@ def _show(result: SweepResult) -> None:
         click.echo(f"picture: {picture}")
 
 
-def _table(result: SweepResult, bus: str) -> Any:
+def _table(result: SweepResult, name: str, kind: str, shown: dict[str, str]) -> Any:
     from rich.table import Table
     from rich.text import Text
 
     plan = result.plan
-    table = Table(title=Text(f"link {bus}"), title_justify="left", box=None, pad_edge=False)
-    for name in _short([axis.key for axis in plan.axes]):
-        table.add_column(Text(name), justify="right", no_wrap=True, vertical="bottom")
-    for heading in _SHOWN.values():
+    table = Table(title=Text(f"{kind} {name}"), title_justify="left", box=None, pad_edge=False)
+    for key in _short([axis.key for axis in plan.axes]):
+        table.add_column(Text(key), justify="right", no_wrap=True, vertical="bottom")
+    for heading in shown.values():
         table.add_column(heading, justify="right", no_wrap=True)
     for number, point in enumerate(plan.points[:_MOST_ROWS]):
-        cells = [_in_words(*result.mean(f"{bus}.{name}", number)) for name in _SHOWN]
+        cells = [_in_words(*result.mean(f"{name}.{figure}", number)) for figure in shown]
         table.add_row(*(Text(value.text) for value in point), *cells)
     return table
 

@@ -16,6 +16,8 @@ from bussim.trace import CycleRecord, FreeRecord, PollRecord, RunTotals, Transac
 #: The yy of D8063 = 7xyy that have a count of their own (PW10 board manual, section 8).
 NO_RESPONSE = 9
 WRONG_CHECK = 3
+#: Outcomes where the master took an answer for that to its request.
+_ANSWERS = ("ok", "exception")
 #: Modbus functions that read: only what is read grows old.
 _READS = frozenset({1, 2, 3, 4})
 
@@ -25,7 +27,7 @@ def response_time(record: TransactionRecord) -> int | None:
 
     None without an answer, and where the answer is to another request.
     """
-    answered = record.outcome in ("ok", "exception") and not record.mismatched
+    answered = record.outcome in _ANSWERS and not record.mismatched
     if not answered or record.asked is None or record.answer_end is None:
         return None
     return record.answer_end - record.asked
@@ -135,7 +137,8 @@ class PortRecord:
     """One node as Modbus master or with the free protocol.
 
     ``exceptions`` are by exception code, ``others`` by the words of the port error. ``timeout`` is
-    the master's, in ticks, None where it is not known.
+    the master's, in ticks, None where it is not known. ``mismatched`` are answers to another request
+    that the master has taken; what it heard and refused is none of them.
     """
 
     bus: str
@@ -164,7 +167,7 @@ class PortRecord:
     def transaction(self, record: TransactionRecord) -> None:
         """Count an attempt."""
         self.poll(record.poll).transaction(record)
-        self.mismatched += record.mismatched
+        self.mismatched += record.mismatched and record.outcome in _ANSWERS
         if record.outcome == "ok":
             return
         if record.exception:

@@ -33,20 +33,43 @@ LINK_FIGURES = (
     "healthy_at_s",
 )
 _OF_SCAN_TIMES = ("mean", "min", "p50", "p95", "p99", "p999", "max")
+_OF_BUSES = ("bus_load", "frames", "collisions", "undetected_frames")
 #: Counts of events, which may be too rare to occur in any repeat.
 _EVENTS = re.compile(
-    r"(.*\.)?(failed_attempts|station_errors|undetected_frames|collisions|timeouts)(_[0-9A-F]+)?"
+    r"(.*\.)?(failed_attempts|station_errors|undetected_frames|collisions|timeouts|crc_errors"
+    r"|mismatched_responses|failed_turns|damaged)(_[0-9A-F]+)?"
 )
+#: Events by code or by words, which only runs have in which they occurred; the first group is what
+#: they occurred to.
+_RARE = re.compile(r"(.*)\.(failed_attempts_[0-9A-F]+|(exceptions|errors|other_errors|rejected)\..+)")
+_MASTER = ".transactions"
 _NUMBERED = re.compile(r"(failed_attempts_|station_errors_)([0-9A-F]+)")
 
 
 def is_event_count(name: str) -> bool:
     """Whether a figure (with or without its bus) counts events."""
-    return _EVENTS.fullmatch(name) is not None
+    return _EVENTS.fullmatch(name) is not None or _RARE.fullmatch(name) is not None
+
+
+def rare_count_of(name: str) -> str | None:
+    """Of a count that only runs have in which it is not 0: the bus, port or device whose it is.
+
+    None for any other figure.
+    """
+    found = _RARE.fullmatch(name)
+    return None if found is None else found[1]
+
+
+def masters_in(names: Iterable[str]) -> list[str]:
+    """The Modbus masters (ports, and HMI devices) whose figures are among these names."""
+    return [name.removesuffix(_MASTER) for name in names if name.endswith(_MASTER) and ".polls." not in name]
 
 
 def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[str, Number | None]:
     """The figures of a run, of its summary; ``masters`` names the PLC with station number 0 by bus.
+
+    Ports and devices give every number of theirs, its keys joined by dots behind their name, such as
+    ``press1.COM3.response_ms.p99`` and ``press1.COM3.polls.position.age_ms.open``.
 
     Times are in ms, ``healthy_at_s`` in s. A quantile that too few scans tell is None.
     ``refresh_gap_max_ms`` is the longest time that any station waited for the block of any other
@@ -57,6 +80,9 @@ def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[s
         registers = summary["plcs"].get(masters.get(bus), {}).get("registers", {})
         for name, value in _link(link, registers).items():
             found[f"{bus}.{name}"] = value
+    for bus, figures in summary["buses"].items():
+        for name in _OF_BUSES:
+            found[f"{bus}.{name}"] = figures[name]
     for kind in ("ports", "devices"):
         for name, figures in summary[kind].items():
             _flatten(name, figures, found)

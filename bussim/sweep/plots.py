@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 
 from bussim.results.names import file_names
 from bussim.results.style import GREY, SIMULATED, Picture, finish_picture, new_picture, shorten, style
+from bussim.sweep.figures import masters_in
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, Table
 from bussim.sweep.vary import Axis
@@ -26,6 +27,13 @@ PANELS = {
     "station_errors": "station errors in a run",
     "refresh_gap_max_ms": "longest refresh gap of a run (ms)",
 }
+#: Those of a Modbus master.
+MASTER_PANELS = {
+    "response_ms.mean": "mean response time (ms)",
+    "response_ms.max": "longest response of a run (ms)",
+    "timeouts": "timeouts in a run",
+    "cycle_ms.mean": "mean poll cycle (ms)",
+}
 #: Values over so many decades get a logarithmic axis or colour.
 _DECADES = 2
 _MOST_TICKS = 12
@@ -37,23 +45,23 @@ _MAP = "viridis"
 
 
 def draw(plan: Plan, points: Table, folder: Path) -> list[Path]:
-    """Draw every N:N link of a sweep over one key or two, as ``sweep_<bus>.png`` and ``.svg``.
+    """Draw every N:N link and Modbus master of a sweep over one key or two.
 
-    ``points`` is the table of :func:`bussim.sweep.tables.points_table`. A sweep over more keys has
-    no picture. Returns the paths.
+    The files are ``sweep_<name>.png`` and ``.svg``. ``points`` is the table of
+    :func:`bussim.sweep.tables.points_table`. A sweep over more keys has no picture. Returns the paths.
     """
     if len(plan.axes) > 2:
         return []
     buses = [bus.name for bus in plan.base.buses if f"{bus.name}.scans" in points]
     paths: list[Path] = []
-    for bus, stem in file_names(buses).items():
+    for bus, stem in file_names([*buses, *masters_in(points)]).items():
         shape = heat_maps if len(plan.axes) == 2 else lines
         paths += shape(plan, points, bus).save_both(folder / f"sweep_{stem}")
     return paths
 
 
 def lines(plan: Plan, points: Table, bus: str) -> Picture:
-    """The means of a link's figures over the values of one key, with 95 % confidence intervals."""
+    """The means of a link's or master's figures over one key, with 95 % confidence intervals."""
     axis = plan.axes[0]
     places, logarithmic = _places(axis)
     with style():
@@ -82,7 +90,7 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
 
 
 def heat_maps(plan: Plan, points: Table, bus: str) -> Picture:
-    """The means of a link's figures over two keys: the first to the right, the second upwards."""
+    """The means of a link's or master's figures over two keys: the first to the right, the second upwards."""
     across, up = plan.axes
     with style():
         picture = _new(plan)
@@ -118,11 +126,12 @@ def _new(plan: Plan) -> Picture:
 
 def _panels(picture: Picture, points: Table, bus: str) -> list[tuple[Axes, str]]:
     """A panel with its title for each figure."""
+    panels = PANELS if f"{bus}.scans" in points else MASTER_PANELS
     grid = picture.subplots(2, 2).flatten()
-    for panel, title in zip(grid, PANELS.values(), strict=True):
+    for panel, title in zip(grid, panels.values(), strict=True):
         panel.set_title(title)
     shown = []
-    for panel, figure in zip(grid, PANELS, strict=True):
+    for panel, figure in zip(grid, panels, strict=True):
         if any(value is not None for value in points.get(f"{bus}.{figure}", [])):
             shown.append((panel, figure))
         else:

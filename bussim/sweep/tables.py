@@ -9,7 +9,7 @@ from pathlib import Path
 from bussim.errors import UsageError
 from bussim.results.names import cell, from_cell
 from bussim.results.tables import import_pyarrow
-from bussim.sweep.figures import Number, in_order, is_event_count
+from bussim.sweep.figures import Number, in_order, is_event_count, rare_count_of
 from bussim.sweep.intervals import mean_of
 from bussim.sweep.plan import Plan
 from bussim.sweep.vary import Axis, Value
@@ -37,11 +37,7 @@ def runs_table(plan: Plan, entries: Iterable[tuple[int, Mapping[str, Number | No
             if name not in figures:
                 figures[name] = [None] * plan.runs
             figures[name][run] = value
-    for name, column in figures.items():
-        link, code, _ = name.partition(".failed_attempts_")
-        if code:  # one that did not occur in a run is not in its summary
-            total = figures[f"{link}.failed_attempts"]
-            column[:] = [0 if v is None and t is not None else v for v, t in zip(column, total, strict=True)]
+    _count_what_did_not_occur(figures)
     axes = [axis.column for axis in plan.axes]
     table: Table = {name: [] for name in ("run", "point", *axes, "repeat", "seed")}
     for run in range(plan.runs):
@@ -51,6 +47,18 @@ def runs_table(plan: Plan, entries: Iterable[tuple[int, Mapping[str, Number | No
             table[name].append(cell_)
     buses = [bus.name for bus in plan.base.buses]
     return table | {name: figures[name] for name in in_order(figures, buses)}
+
+
+def _count_what_did_not_occur(figures: Table) -> None:
+    """Put 0 for a code that did not occur in a run, which is not in its summary."""
+    whose = {name: owner for name in figures if (owner := rare_count_of(name)) is not None}
+    for owner in set(whose.values()):
+        others = [column for name, column in figures.items() if name.startswith(f"{owner}.")]
+        was_there = [any(value is not None for value in row) for row in zip(*others, strict=True)]
+        for name in whose:
+            if whose[name] == owner:
+                column = figures[name]
+                column[:] = [0 if v is None and t else v for v, t in zip(column, was_there, strict=True)]
 
 
 def points_table(plan: Plan, runs: Table) -> Table:

@@ -15,6 +15,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seed in (1, 2):
         arguments = ["run", "--duration", "3s", "--seed", str(seed), "--no-rows", "--out"]
         assert main([*arguments, str(folder / f"seed{seed}")]) == 0
+    for seed in (1, 2):
+        arguments = ["run", "nn_with_modbus", "--duration", "4s", "--seed", str(seed), "--no-rows", "--out"]
+        assert main([*arguments, str(folder / f"ports{seed}")]) == 0
     return folder
 
 
@@ -77,17 +80,75 @@ def test_out_is_made(here: Path, runs: Path, capsys: pytest.CaptureFixture[str])
     assert_pictures(list((here / "a" / "b").iterdir()))
 
 
+def test_response_times_are_drawn_too(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn_by_run = (runs / "ports1" / "response_time_press1.COM3.png").read_bytes()
+    capsys.readouterr()
+    assert main(["plot", str(runs / "ports1"), "--out", "all"]) == 0
+    paths = printed(capsys)
+    assert [path.name for path in paths if path.suffix == ".png"] == [
+        "scan_time_link.png",
+        "scan_time_over_run_link.png",
+        "response_time_press1.COM3.png",
+        "response_time_press2.COM5.png",
+    ]
+    assert_pictures(paths)
+    assert (here / "all" / "response_time_press1.COM3.png").read_bytes() == drawn_by_run
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--kind", "responses"], {"response_time_press1.COM3", "response_time_press2.COM5"}),
+        (["--port", "press2.COM5"], {"response_time_press2.COM5"}),
+        (["--bus", "link"], {"scan_time_link", "scan_time_over_run_link"}),
+        (["--bus", "link", "--port", "press1.COM3", "--kind", "all"],
+         {"scan_time_link", "scan_time_over_run_link", "response_time_press1.COM3"}),
+        (["--kind", "histogram"], {"scan_time_link"}),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("here")
+def test_one_thing_is_chosen(
+    runs: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], expected: set[str]
+) -> None:
+    capsys.readouterr()
+    assert main(["plot", str(runs / "ports1"), "--out", "o", *arguments]) == 0
+    assert {path.stem for path in printed(capsys)} == expected
+
+
+@pytest.mark.usefixtures("here")
+def test_several_runs_share_the_panels(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert main(["plot", str(runs / "ports1"), str(runs / "ports2"), "--port", "press1.COM3"]) == 0
+    assert {path.stem for path in printed(capsys)} == {"response_time_press1.COM3_ports1_ports2"}
+    # Of a run with ports and one without only the link is common.
+    assert main(["plot", str(runs / "ports1"), str(runs / "seed1"), "--kind", "histogram"]) == 0
+    assert {path.stem for path in printed(capsys)} == {"scan_time_link_ports1_seed1"}
+
+
 def test_mistakes(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     seed1 = str(runs / "seed1")
     (here / "file").write_text("x")
     for arguments, expected in (
         ([], "RUN_DIR"),
         (["nowhere"], "nowhere does not exist"),
-        ([str(runs)], "folders of runs in it: seed1, seed2"),
+        ([str(runs)], "folders of runs in it: ports1, ports2, seed1, seed2"),
         ([seed1, "--bus", "lonk"], "no N:N link 'lonk'; it has 'link'"),
         ([seed1, seed1], "named twice"),
         ([seed1, "--kind", "pie"], "pie"),
         ([seed1, "--out", "file"], "--out file: cannot be made"),
+        ([seed1, "--port", "press1.COM3"], "no Modbus master 'press1.COM3'; it has none"),
+        (
+            [seed1, "--kind", "responses"],
+            "no Modbus master with an answer in this run (masters: seed1: none)",
+        ),
+        (
+            [seed1, "--kind", "responses", "--bus", "link"],
+            "--bus is about link scans, --kind responses draws none",
+        ),
+        (
+            [seed1, "--kind", "over-run", "--port", "x"],
+            "--port is about response times, --kind over-run draws none",
+        ),
     ):
         capsys.readouterr()
         assert main(["plot", *arguments]) == 2, arguments

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -169,3 +170,23 @@ def test_two_runs_at_once_take_different_folders(tmp_path: Path) -> None:
     said = [process.communicate()[1] for process in processes]
     assert [process.returncode for process in processes] == [0, 0], said
     assert names(tmp_path / "runs") == {"press_line", "press_line-2"}
+
+
+def test_ports_in_words_and_as_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "nn_with_modbus", "--duration", "3s", "--out", "o"]) == 0
+    said = capsys.readouterr().out
+    assert "press1.COM3: modbus-rtu-master on feeder, timeout 200 ms" in said
+    assert "feeder1: stepper, station 1 on feeder" in said
+    assert f"picture: {Path('o') / 'response_time_press1.COM3.png'}" in said
+    assert "modbus.csv" in names(here / "o")
+    assert main(["run", "nn_with_modbus", "--duration", "3s", "--no-rows", "--out", "p"]) == 0
+    assert not {name for name in names(here / "p") if name.endswith(".csv")}
+    capsys.readouterr()
+    assert main(["run", "barcode_reader", "--duration", "9s", "--json", "--out", "q"]) == 0
+    port = json.loads(capsys.readouterr().out)["ports"]["sorter.COM3"]
+    with (here / "q" / "free.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    received = [row for row in rows if row["node"] == "sorter.COM3" and row["direction"] == "received"]
+    assert len(received) == port["received"] > 0
+    assert sum(len(bytes.fromhex(row["bytes"])) for row in received) == port["bytes"]["received"]
+    assert "modbus.csv" not in names(here / "q")

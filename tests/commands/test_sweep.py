@@ -210,3 +210,33 @@ def test_help_has_an_example_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(examples) == 4
     for example in examples:
         Plan("press_line", [example], sets=["noise=[{bus: link, ber: 0}]"]).check()
+
+
+def test_modbus_masters_have_a_table_and_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    key = "plcs.press.ports.COM3.timeout"
+    arguments = [
+        "sweep",
+        "timeout_too_short",
+        "--vary",
+        f"{key}=20ms,100ms",
+        "--duration",
+        "3s",
+        "--out",
+        "o",
+    ]
+    assert main([*arguments, "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "Modbus master press.COM3" in said
+    assert "link" not in said.split("results:")[0]
+    assert (tmp_path / "o" / "sweep_press.COM3.png").is_file()
+    with (tmp_path / "o" / "runs.csv").open(newline="") as file:
+        short, long = csv.DictReader(file)
+    assert int(short["press.COM3.timeouts"]) > 20
+    assert int(long["press.COM3.timeouts"]) == 0
+    assert float(long["press.COM3.response_ms.max"]) > 35
+    assert short["press.COM3.response_ms.max"] == ""
+    assert int(short["press.COM3.mismatched_responses"]) > 20
+    assert int(long["press.COM3.errors.09"]) == 0  # it occurred in the other run

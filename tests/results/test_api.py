@@ -47,6 +47,33 @@ def test_memory_and_folder_hold_the_same(tmp_path: Path) -> None:
         assert other.record.histograms() == there.record.histograms()
 
 
+def test_ports_in_memory_and_in_a_folder(tmp_path: Path) -> None:
+    scenario = bussim.load("nn_with_modbus", ["duration=5 s"])
+    there = bussim.run(scenario, trace=True)
+    written = bussim.run(scenario, trace=True, out=tmp_path / "run")
+    opened = bussim.open_run(tmp_path / "run")
+    assert there.summary == written.summary == opened.summary
+    for other in (written, opened):
+        pd.testing.assert_frame_equal(other.transactions, there.transactions, check_exact=True)
+        assert list(other.open_trace()) == list(there.open_trace())
+        assert other.record.histograms() == there.record.histograms()
+        assert len(other.free) == len(other.values) == 0
+    assert not (tmp_path / "run" / "free.csv").exists()
+    table = there.transactions
+    for node in ("press1.COM3", "press2.COM5"):
+        port = there.summary["ports"][node]
+        mine = table[table["master"] == node]
+        assert len(mine) == port["transactions"] > 50
+        assert (mine["outcome"] == "ok").sum() == port["ok"]
+        assert mine["response_ms"].max() == port["response_ms"]["max"]
+        # What the rows say of times is in order: asked, answered, decided, taken.
+        for earlier, later in (("sent_s", "asked_s"), ("asked_s", "answered_s"), ("end_s", "taken_s")):
+            assert (mine[earlier] <= mine[later]).all()
+    rounds = table[table["poll"] == "position"].groupby("master")["taken_s"].diff().dropna()
+    age = there.summary["ports"]["press1.COM3"]["polls"]["position"]["age_ms"]
+    assert age["before_refresh"]["max"] >= rounds.max() * 1000
+
+
 def test_the_summary_agrees_with_the_rows() -> None:
     result = bussim.run(bussim.load("press_line", ["duration=30 s"]), trace=True)
     link, scans, tries = result.summary["links"]["link"], result.link_scans, result.exchanges

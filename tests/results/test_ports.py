@@ -84,6 +84,7 @@ def test_every_attempt_is_counted_once() -> None:
     assert port["crc_errors"] == 1
     assert port["other_errors"] == {"framing": 1, "unsupported function": 1}
     assert port["mismatched_responses"] == 1
+    assert after(LATE, FRAMING._replace(mismatched=True))["mismatched_responses"] == 1
     assert port["response_ms"] == {
         "p50": None, "p95": None, "p99": None, "p999": None, "max": 38.0, "min": 38.0, "mean": 38.0,
     }  # fmt: skip

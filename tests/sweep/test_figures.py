@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from bussim import api
-from bussim.sweep.figures import LINK_FIGURES, figures_of, in_order, is_event_count
+from bussim.sweep.figures import LINK_FIGURES, figures_of, in_order, is_event_count, masters_in, rare_count_of
 from bussim.sweep.jobs import masters_of
 
 
@@ -43,11 +43,18 @@ def test_a_station_that_is_never_heard_again_has_the_longest_gap() -> None:
 def test_ports_and_devices_give_their_numbers() -> None:
     summary = {
         "links": {},
+        "buses": {
+            "feeder": {"baud": 9600, "bus_load": 0.3, "frames": 7, "collisions": 1, "undetected_frames": 0}
+        },
         "plcs": {},
         "ports": {"press1.COM3": {"ok": 299, "response_ms": {"p50": 58.1, "max": None}, "on": True}},
         "devices": {"feeder1": {"requests": 300, "exceptions": {}, "model": "stepper"}},
     }
     assert figures_of(summary, {}) == {
+        "feeder.bus_load": 0.3,
+        "feeder.frames": 7,
+        "feeder.collisions": 1,
+        "feeder.undetected_frames": 0,
         "press1.COM3.ok": 299,
         "press1.COM3.response_ms.p50": 58.1,
         "press1.COM3.response_ms.max": None,
@@ -69,5 +76,37 @@ def test_columns_have_one_order() -> None:
 def test_what_counts_events() -> None:
     for name in ("link.failed_attempts", "l.failed_attempts_0A", "l.station_errors_3", "l.collisions"):
         assert is_event_count(name)
-    for name in ("link.scans", "link.bus_load", "link.scan_time_max_ms", "collisions.scans"):
+        assert is_event_count(f"press1.COM3.{name}")
+    for name in (
+        "timeouts",
+        "exceptions.02",
+        "errors.09",
+        "other_errors.frame length",
+        "polls.p.failed_turns",
+    ):
+        assert is_event_count(f"press1.COM3.{name}")
+    for name in ("link.scans", "link.bus_load", "link.scan_time_max_ms", "collisions.scans", "p.COM3.ok"):
         assert not is_event_count(name)
+
+
+def test_whose_rare_counts_are() -> None:
+    assert rare_count_of("link.failed_attempts_04") == "link"
+    assert rare_count_of("press1.COM3.exceptions.02") == "press1.COM3"
+    assert rare_count_of("press1.COM3.other_errors.no response. At all") == "press1.COM3"
+    assert rare_count_of("drive.rejected.framing error") == "drive"
+    for name in ("link.failed_attempts", "press1.COM3.timeouts", "press1.COM3.ok"):
+        assert rare_count_of(name) is None
+
+
+def test_a_run_with_ports_gives_their_metrics_by_name() -> None:
+    summary = api.run(api.load("stepper_positioning", ["duration=4s"]), rows=False).summary
+    found = figures_of(summary, {})
+    port = summary["ports"]["press.COM3"]
+    assert found["press.COM3.response_ms.max"] == port["response_ms"]["max"] > 35
+    assert found["press.COM3.response_ms.p99"] is port["response_ms"]["p99"] is None
+    age = port["polls"]["position"]["age_ms"]
+    assert found["press.COM3.polls.position.age_ms.before_refresh.max"] == age["before_refresh"]["max"] > 0
+    assert found["press.COM3.cycle_ms.count"] == port["cycle_ms"]["count"]
+    assert found["axis.bus_load"] == summary["buses"]["axis"]["bus_load"]
+    assert found["drive.requests"] == summary["devices"]["drive"]["requests"]
+    assert masters_in(found) == ["press.COM3"]

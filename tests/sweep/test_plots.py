@@ -10,7 +10,7 @@ from matplotlib.collections import QuadMesh
 
 from bussim.results.style import Picture
 from bussim.sweep.plan import Plan
-from bussim.sweep.plots import PANELS, draw, heat_maps, lines
+from bussim.sweep.plots import MASTER_PANELS, PANELS, draw, heat_maps, lines
 from bussim.sweep.tables import Table, points_table, runs_table
 from tests.results.test_plots import assert_legible, has
 
@@ -114,3 +114,28 @@ def test_a_picture_of_each_kind_for_one_key_or_two(scenario: Path, tmp_path: Pat
     assert b"<svg" in paths[1].read_bytes()
     three = Plan(scenario, [f"{RETRIES}=0,1", f"{BER}=0,1", "seed=1,2"])
     assert draw(three, results(three), tmp_path) == []
+
+
+def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path) -> None:
+    luck = random.Random(2)
+
+    def figures(run: int) -> dict[str, Any]:
+        return {
+            "link.scans": 100,
+            "link.scan_time_mean_ms": 40 + luck.random(),
+            "press.COM3.transactions": 100,
+            "press.COM3.response_ms.mean": 40 + luck.random(),
+            "press.COM3.response_ms.max": 60 + luck.random(),
+            "press.COM3.timeouts": run,
+            "press.COM3.polls.transactions.transactions": 3,
+        }
+
+    for vary in ([f"{RETRIES}=0:4:1"], [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"]):
+        plan = Plan(scenario, vary, repeat=2)
+        points = points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
+        paths = draw(plan, points, tmp_path)
+        assert {path.stem for path in paths} == {"sweep_link", "sweep_press.COM3"}
+        picture = (lines if len(vary) == 1 else heat_maps)(plan, points, "press.COM3")
+        assert set(panels(picture)) == set(MASTER_PANELS.values())
+        assert has(picture, "not known at any point")  # the poll cycle
+        assert_legible(picture)

@@ -56,6 +56,19 @@ def test_one_row_a_run_whatever_the_order_of_the_outcomes(plan: Plan, runs: Tabl
     assert list(runs) == list(runs_table(plan, ENTRIES[::-1]))  # type: ignore[arg-type] # the same
 
 
+def test_a_code_that_did_not_occur_counts_0_where_its_port_was(plan: Plan) -> None:
+    entries: list[tuple[int, dict[str, int | float | None]]] = [
+        (0, {"a.COM3.ok": 5, "a.COM3.exceptions.02": 1, "b.rejected.framing error": 4, "b.requests": 9}),
+        (1, {"a.COM3.ok": 6, "b.requests": 9}),
+        (2, {"a.COM3.response_ms.max": None}),
+        (3, {"a.COM3.ok": 6, "a.COM3.exceptions.02": 2, "b.requests": 9}),
+    ]
+    table = runs_table(plan, entries)
+    assert table["a.COM3.exceptions.02"] == [1, 0, None, 2]
+    assert table["b.rejected.framing error"] == [4, 0, None, 0]
+    assert table["a.COM3.ok"] == [5, 6, None, 6]
+
+
 def test_one_row_a_point(plan: Plan, runs: Table) -> None:
     points = points_table(plan, runs)
     assert points["point"] == [1, 2]

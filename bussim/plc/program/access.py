@@ -12,7 +12,7 @@ from struct import Struct
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
 from bussim.plc.program.machine import Machine, OperationError
-from bussim.plc.program.operands import Operand, bit_end, word_end
+from bussim.plc.program.operands import Operand, range_of
 
 Reader = Callable[[], int]
 Writer = Callable[[int], None]
@@ -40,31 +40,34 @@ def _offset(machine: Machine, operand: Operand) -> Callable[[], int] | None:
     return lambda: (register[number] ^ 0x8000) - 0x8000
 
 
-def locate(machine: Machine, operand: Operand, span: int, *, word: bool) -> Callable[[], int]:
-    """The operand's address with its index; ``span`` devices from it on must exist.
+def finder(machine: Machine, operand: Operand, *, word: bool) -> Callable[[int], int]:
+    """Finds the operand's address with its index; so many devices from it on must exist.
 
     They must lie in the same range as the address that is written: an index cannot lead from M3071
     to M8000, nor from a 16-bit counter to a 32-bit one.
     """
-    letter, base = operand.letter, operand.address
-    offset = _offset(machine, operand)
-    end = (word_end if word else bit_end)(letter, base)
-    if end is None:
+    base, offset = operand.address, _offset(machine, operand)
+    bounds = range_of(operand.letter, base, word=word)
+    if bounds is None:
         raise ValueError(f"there is no {operand.text}")  # a program that was read has none such
-    first = base
-    while (word_end if word else bit_end)(letter, first - 1) == end:
-        first -= 1
-    last = end - span + 1
+    first, end = bounds
 
-    def find() -> int:
+    def find(span: int) -> int:
         at = base + offset() if offset is not None else base
-        if first <= at <= last:
+        if first <= at <= end - span + 1:
             return at
         raise OperationError
 
-    if offset is None and base <= last:
-        return lambda: base
     return find
+
+
+def locate(machine: Machine, operand: Operand, span: int, *, word: bool) -> Callable[[], int]:
+    """The same for a number of devices that never changes."""
+    find = finder(machine, operand, word=word)
+    if operand.index is None:
+        place = find(span)
+        return lambda: place
+    return lambda: find(span)
 
 
 def plain(machine: Machine, operand: Operand) -> tuple[array[int], int] | None:

@@ -148,8 +148,8 @@ def _shift(name: str) -> Spec:
     slots = (
         Slot("source", BITS_FROM, by="n2"),
         Slot("destination", BITS_TO, writes=True, by="n1"),
-        _count("n1", 1, 1024, takes=("K",)),
-        _count("n2", 1, 1024, takes=("K",)),
+        Slot("n1", ("K",), limits=(1, 1024), index=False),
+        Slot("n2", ("K",), limits=(1, 1024), index=False),
     )
     return Spec(name, Role.OUTPUT, slots, "P", group="block", fallible=True)
 

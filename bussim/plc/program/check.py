@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bussim.plc.memory import FIRST_LONG_COUNTER, Device
 from bussim.plc.program.catalog import Form, Instruction, Role, Slot
-from bussim.plc.program.operands import Operand, bit_end, range_text, word_end
+from bussim.plc.program.operands import Operand, range_of, range_text
 
 #: The first counter that counts in hardware, from its own inputs (FX programming manual).
 FIRST_FAST_COUNTER = 235
@@ -59,11 +59,9 @@ def operand_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> li
     if found:
         return found
     for number, extent in enumerate(_extents(form, operands)):
-        end = None if extent is None else _end(extent)
-        if extent is not None and end is not None and extent.last > end:
-            last = Device(extent.letter, end)
-            text = f"{name}: {operands[number].text} reaches past {last}, allowed {range_text(extent.letter)}"
-            found.append((number, text))
+        message = None if extent is None else _extent_problem(name, operands[number], extent)
+        if message is not None:
+            found.append((number, message))
     return found or list(_pair_problems(name, form, operands))
 
 
@@ -99,11 +97,8 @@ def _value_problem(name: str, form: Form, slot: Slot, operand: Operand) -> str |
                 f"OUT {text}: C{FIRST_FAST_COUNTER}–C255 count in hardware, which is not simulated; "
                 f"use C0–C{FIRST_FAST_COUNTER - 1}"
             )
-    elif kind == "M" and slot.writes and operand.index is None:
-        if address in READ_ONLY_BITS:
-            return f"{name}: {text} is driven by the PLC itself; a program can only read it"
-        if name in ("PLS", "PLF") and address >= 8000:
-            return f"{name}: {text} is a special bit, allowed Y and M0–M3071"
+    elif name in ("PLS", "PLF") and kind == "M" and address >= 8000:
+        return f"{name}: {text} is a special bit, allowed Y and M0–M3071"
     return None
 
 
@@ -168,8 +163,17 @@ def _extent(
     return Extent(operand.letter, first, last, word=True, writes=slot.writes)
 
 
-def _end(extent: Extent) -> int | None:
-    return (word_end if extent.word else bit_end)(extent.letter, extent.first)
+def _extent_problem(name: str, operand: Operand, extent: Extent) -> str | None:
+    letter = extent.letter
+    bounds = range_of(letter, extent.first, word=extent.word)
+    if bounds is not None and extent.last > bounds[1]:
+        last = Device(letter, bounds[1])
+        return f"{name}: {operand.text} reaches past {last}, allowed {range_text(letter)}"
+    if extent.writes and letter == "M" and operand.index is None:
+        for number in range(extent.first, extent.last + 1):
+            if number in READ_ONLY_BITS:
+                return f"{name}: M{number} is driven by the PLC itself; a program can only read it"
+    return None
 
 
 def extents(instruction: Instruction) -> list[Extent]:

@@ -9,7 +9,7 @@ from array import array
 from collections.abc import Callable
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
-from bussim.plc.program.access import locate, pack, plain, reader, spread, value_reader, writer
+from bussim.plc.program.access import finder, pack, plain, reader, spread, value_reader, writer
 from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.machine import Machine, OperationError
 from bussim.plc.program.operands import Operand
@@ -150,17 +150,19 @@ def block_reader(machine: Machine, operand: Operand, *, wide: bool = False) -> C
     """Reads so many patterns from an operand on: consecutive words or pairs, or groups one after another."""
     if operand.groups:
         bits, size = machine.bits[operand.letter], 4 * operand.groups
+        find_bits = finder(machine, operand, word=False)
 
         def read_groups(count: int) -> list[int]:
-            start = locate(machine, operand, size * count, word=False)()
+            start = find_bits(size * count)
             return [pack(bits[at : at + size]) for at in range(start, start + size * count, size)]
 
         return read_groups
     words = machine.words[operand.letter]
     paired = wide and not (operand.kind == "C" and operand.address >= FIRST_LONG_COUNTER)
+    find = finder(machine, operand, word=True)
 
     def read(count: int) -> list[int]:
-        start = locate(machine, operand, count * (2 if paired else 1), word=True)()
+        start = find(2 * count if paired else count)
         if paired:
             return [words[at] | words[at + 1] << 16 for at in range(start, start + 2 * count, 2)]
         return words[start : start + count].tolist()
@@ -172,9 +174,10 @@ def block_writer(machine: Machine, operand: Operand, *, wide: bool = False) -> C
     """Writes patterns from an operand on; nothing where the last one does not fit."""
     if operand.groups:
         bits, size = machine.bits[operand.letter], 4 * operand.groups
+        find_bits = finder(machine, operand, word=False)
 
         def write_groups(patterns: list[int]) -> None:
-            start = locate(machine, operand, size * len(patterns), word=False)()
+            start = find_bits(size * len(patterns))
             image = b"".join([spread(pattern, size) for pattern in patterns])
             bits[start : start + len(image)] = image
 
@@ -182,9 +185,10 @@ def block_writer(machine: Machine, operand: Operand, *, wide: bool = False) -> C
     words = machine.words[operand.letter]
     paired = wide and not (operand.kind == "C" and operand.address >= FIRST_LONG_COUNTER)
     mask = 0xFFFFFFFF if wide and not paired else 0xFFFF
+    find = finder(machine, operand, word=True)
 
     def write(patterns: list[int]) -> None:
-        start = locate(machine, operand, len(patterns) * (2 if paired else 1), word=True)()
+        start = find(len(patterns) * (2 if paired else 1))
         if paired:
             for number, pattern in enumerate(patterns):
                 words[start + 2 * number] = pattern & 0xFFFF

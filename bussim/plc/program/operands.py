@@ -65,20 +65,11 @@ class Operand:
         return self.address if self.kind == "K" and self.index is None else None
 
 
-def bit_end(letter: str, address: int) -> int | None:
-    """The last address of the range of bits that holds an address; None outside all of them."""
-    return _end(BIT_RANGES[letter], address)
-
-
-def word_end(letter: str, address: int) -> int | None:
-    """The last address of the range of words that holds an address; None outside all of them."""
-    return _end(WORD_SPANS[letter], address)
-
-
-def _end(ranges: tuple[tuple[int, int], ...], address: int) -> int | None:
-    for first, last in ranges:
+def range_of(letter: str, address: int, *, word: bool) -> tuple[int, int] | None:
+    """The range of bits or words that holds an address, both ends included; None outside all of them."""
+    for first, last in (WORD_SPANS if word else BIT_RANGES)[letter]:
         if first <= address <= last:
-            return last
+            return first, last
     return None
 
 
@@ -133,7 +124,7 @@ def _address(text: str, letter: str, digits: str) -> int:
     if letter in "PN":
         inside = address <= (LAST_LABEL if letter == "P" else LAST_LEVEL)
     else:
-        inside = _end(BIT_RANGES.get(letter) or WORD_SPANS[letter], address) is not None
+        inside = range_of(letter, address, word=letter not in BIT_RANGES) is not None
     if not inside:
         raise ValueError(f"{shown}: there is no {letter}{digits}, allowed {range_text(letter)}")
     return address

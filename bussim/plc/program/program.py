@@ -21,7 +21,7 @@ LINK_SETTINGS = 8038
 class Program:
     """A program that can run. Two are equal if their text and name are."""
 
-    text: str
+    text: str = field(repr=False)
     name: str
     instructions: tuple[Instruction, ...] = field(repr=False)
     stretches: tuple[Stretch, ...] = field(repr=False)

@@ -105,6 +105,7 @@ class ProgramRun:
                 (tuple(step for step in steps if step is not None), time, self._exit(builder, here, stretch))
             )
         first = program.stretches[0].exit
+        self._has_masters = any(at.name == "MC" for at in program.instructions)
         self._straight = first is not None and first.instruction.name in ("END", "FEND")
 
     # -- RUN, STOP and scans -----------------------------------------------------------------------
@@ -119,7 +120,7 @@ class ProgramRun:
             for numbers in ranges:
                 for number in numbers:
                     contacts[number] = values[number] = 0
-        for memories in (machine.earlier, machine.counter_input, machine.saved, machine.levels):
+        for memories in (machine.earlier, machine.counter_input, machine.saved):
             memories[:] = bytes(len(memories))
         machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 256
         machine.scan[0] = 0
@@ -157,8 +158,12 @@ class ProgramRun:
         machine, m = self._machine, self._m
         machine.now[0] = time = now - self._origin
         machine.scan[0] = number = machine.scan[0] + 1
+        # Written anew each time: an index register may have led a program to them.
+        m[8000], m[8001], m[8002], m[8003] = 1, 0, number == 1, number > 1
         if number == 2:
-            m[8002], m[8003], m[LINK_SETTINGS] = 0, 1, 0
+            m[LINK_SETTINGS] = 0
+        if self._has_masters:
+            machine.levels[:] = b"\1" * len(machine.levels)
         m[8011] = time % (10 * TICKS_PER_MS) < 5 * TICKS_PER_MS
         m[8012] = time % (100 * TICKS_PER_MS) < 50 * TICKS_PER_MS
         m[8013] = time % (1000 * TICKS_PER_MS) < 500 * TICKS_PER_MS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+
 from bussim.plc.program.access import locate, reader, writer
 from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.coils import reset
@@ -77,11 +79,10 @@ def reset_zone(machine: Machine, at: Instruction) -> Act:
     if first.kind in ("T", "C"):
         clear = reset(machine, first.letter, start, end)
     elif first.kind == "D":
-        words = machine.words["D"]
+        words, zeros = machine.words["D"], array("H", bytes(2 * (end - start + 1)))
 
         def clear() -> None:
-            for number in range(start, end + 1):
-                words[number] = 0
+            words[start : end + 1] = zeros
 
     else:
         bits, nothing = machine.bits[first.letter], bytes(end - start + 1)

@@ -163,3 +163,10 @@ def test_master_control_cuts_what_stands_under_it() -> None:
     assert rig.bits("Y0", "Y1", "Y2", "Y3", "Y4", "M100", "M101", "T0") == [0, 1, 0, 0, 1, 0, 0, 0]
     assert (rig.word("D0"), rig.word("T0"), rig.word("T250"), rig.word("C0")) == (3, 0, 2, 1)
     assert rig.scan(X0=1, X2=0).bits("Y0", "Y2", "Y3") == [1, 0, 1]
+
+
+def test_a_jump_into_a_master_control_finds_it_on() -> None:
+    rig = Rig("LD X1 / CJ P0 / LD X0 / MC N0 M100 / P0 / LD X2 / OUT Y0 / MCR N0").scan(X2=1)
+    assert rig.bit("Y0") == 0
+    assert rig.scan(X1=1).bit("Y0") == 1
+    assert rig.scan(X1=0).bit("Y0") == 0

@@ -113,6 +113,10 @@ def test_bmov_beyond_the_last_register_moves_nothing() -> None:
     assert (rig.error(), rig.word("D8250")) == (6706, 0)
 
 
+def test_blocks_among_the_special_registers() -> None:
+    assert always("BMOV D8100 D8200 K3 / FMOV K7 D8210 K2", D8102=9).word("D8202") == 9
+
+
 def test_fmov_fills() -> None:
     rig = always("FMOV K-1 D0 K3")
     assert [rig.value(f"D{n}") for n in range(4)] == [-1, -1, -1, 0]
