@@ -427,6 +427,21 @@ def test_no_disturbance_makes_a_cycle_longer_than_the_worst_case(seed: int) -> N
     assert max(cycles) <= found.worst + commands  # type: ignore[operator]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_master_that_awaits_what_has_begun(seed: int) -> None:
+    profile = replace(PROFILES["pw10"], begun_holds=True)
+    press = plc("press", port("COM3", MASTER, timeout=3), polls=[ask(retries=1), ask("b")], profile=profile)
+    # The answer begins within the timeout of 30 ms and ends after it.
+    scenario = serial_bus([station(delay=25 * MS)], [press], seconds=20, seed=seed)
+    found = only(scenario)
+    assert found.model.valid
+    assert {record.outcome for record in run(scenario).record.transactions} == {"ok"}
+    done = run(disturbances(seed, scenario))
+    assert max(cycle.duration for cycle in done.record.cycles[1:]) <= found.worst  # type: ignore[operator]
+    hasty = replace(scenario, plcs=(replace(press, profile=PROFILES["pw10"]),))
+    assert "it never comes in time" in reasons(hasty)
+
+
 # -- other ports, the link, slow slaves ---------------------------------------------------------------
 
 
