@@ -86,6 +86,9 @@ class _Tracks:
         for bus in selection.trace.header.buses:
             if bus.name in selection.buses:
                 pid = self.bus(bus.name)
+                if bus.nn:
+                    for name in ("link scans", "attempts"):
+                        self.thread(pid, name)
                 for node in bus.nodes:
                     self.bus_of[node] = bus.name
                     self.thread(pid, node)
@@ -275,7 +278,8 @@ class _Events:
                 pid = tracks.faults()
                 tid = tracks.thread(pid, note.where or "notes")
             text = f"{note.kind}: {note.text}"
-            yield note.tick, _instant(text, note.tick, pid, tid, {"where": note.where, **note.detail})
+            args = {"where": note.where, **note.detail}
+            yield note.tick, _instant(text, note.tick, pid, tid, args, note.kind)
 
     def _fault(self, note: NoteRecord, until: int) -> tuple[int, Event]:
         pid = self._tracks.faults()
@@ -318,7 +322,9 @@ def _slice(name: str, category: str, begin: int, end: int, pid: int, tid: int, a
     return event
 
 
-def _instant(name: str, tick: int, pid: int, tid: int, args: dict[str, Any]) -> Event:
-    event = _event("i", name, "error", tick, pid, tid, args)
+def _instant(
+    name: str, tick: int, pid: int, tid: int, args: dict[str, Any], category: str = "error"
+) -> Event:
+    event = _event("i", name, category, tick, pid, tid, args)
     event["s"] = "t"
     return event

@@ -5,9 +5,9 @@ Fields are named as in the file; where that is a word of Python, the alias is th
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.nn.frames import MODES
@@ -19,6 +19,7 @@ from bussim.scenario.fields import (
     Flag,
     Format,
     Name,
+    PlcDevice,
     Positive,
     Time,
     character,
@@ -31,6 +32,8 @@ from bussim.scenario.fields import (
     title,
     whole,
 )
+from bussim.scenario.form import Model, only_one
+from bussim.scenario.program_schema import MAX_OBSERVED, InputIn, ProgramIn
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 #: How many of each a scenario may have.
@@ -39,24 +42,6 @@ MAX_BUSES, MAX_PLCS, MAX_DEVICES, MAX_NOISE, MAX_FAULTS = 16, 64, 256, 1000, 100
 MAX_POLLS = 200
 #: The most that one of CPAVL's words holds.
 _WORD_MAX = 0xFFFF
-
-
-class Model(BaseModel):
-    """A mapping of the file: no unknown keys, nothing converted."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
-
-    #: What the message says where something else stands.
-    example: ClassVar[str] = ""
-    #: The key that a plain value in place of the mapping stands for.
-    shorthand: ClassVar[str | None] = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _expand(cls, value: Any) -> Any:
-        if cls.shorthand is not None and isinstance(value, str | int | float) and not isinstance(value, bool):
-            return {cls.shorthand: value}
-        return value
 
 
 class DocumentIn(Model):
@@ -70,9 +55,11 @@ class DocumentIn(Model):
     seed: Annotated[int, whole(0, 2**63 - 1)] = 1
     buses: list[Any]
     plcs: list[Any]
-    devices: list[Any] = []
-    noise: list[Any] = []
-    faults: list[Any] = []
+    devices: list[Any] = Field(default_factory=list)
+    noise: list[Any] = Field(default_factory=list)
+    faults: list[Any] = Field(default_factory=list)
+    observe: list[PlcDevice] = Field(default_factory=list, max_length=MAX_OBSERVED)
+    latency: list[Any] = Field(default_factory=list)
 
 
 class BusIn(Model):
@@ -258,24 +245,9 @@ class PlcIn(Model):
     scan: ScanIn = ScanIn(mean="10 ms")  # type: ignore[arg-type] # read as from a file
     phase: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
     nn: NNIn | None = None
-    registers: dict[str, Annotated[int, whole(-32768, 65535)]] = {}
-    ports: dict[str, PortIn] = {}
-    polls: list[Any] = []
-    sources: dict[str, SourceIn] = {}
-
-
-def given_of(model: Model, keys: tuple[str, ...]) -> str:
-    """The first of ``keys`` that is given, "" for none."""
-    return next((key for key in keys if getattr(model, key) is not None), "")
-
-
-def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
-    """Complain unless exactly one of ``keys`` is given.
-
-    None is right where the reading's context says that wrong keys were left out (they may be it).
-    """
-    given = [key for key in keys if getattr(model, key) is not None]
-    if len(given) > 1:
-        raise fail(f"excludes {given[0]} in the same entry", given[1])
-    if not given and not info.context:
-        raise fail(f"says nothing; expected one of {', '.join(keys)}")
+    registers: dict[str, Annotated[int, whole(-32768, 65535)]] = Field(default_factory=dict)
+    ports: dict[str, PortIn] = Field(default_factory=dict)
+    polls: list[Any] = Field(default_factory=list)
+    sources: dict[str, SourceIn] = Field(default_factory=dict)
+    program: ProgramIn | None = None
+    inputs: dict[str, InputIn] = Field(default_factory=dict)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -73,7 +75,10 @@ class _WaysOut:
 
 
 class _HereOnly(Collector):
-    """Without what nobody here can know: when those outside received a block. ``here``: nodes that are here."""
+    """Without what nobody here can know: when those outside received a block.
+
+    ``here`` are the names of the nodes that are inside.
+    """
 
     here: frozenset[str] = frozenset()
 
@@ -137,7 +142,7 @@ class Session:
         self.loop = RealTime(
             self.simulation.kernel, self.clock, self.ways, also=self._carry_out, report=report
         )
-        self._wishes: list[Callable[[], None]] = []
+        self._wishes: deque[Callable[[], None]] = deque()  # of other threads
         self._stack = ExitStack()
         self._totals: RunTotals | None = None
 
@@ -176,13 +181,23 @@ class Session:
         """Run until ``stopped`` says so, or up to a tick (default: the duration)."""
         self.loop.run(self.scenario.duration if until is None else until, stopped)
 
-    def inject(self, fault: model.Fault) -> None:
-        """Let a fault begin as soon as possible, and for as long as its window lasts. Any thread may call."""
-        self._wishes.append(lambda: self.simulation.faults.inject(fault))
+    def inject(self, fault: model.Fault) -> threading.Event:
+        """Let a fault begin as soon as possible, for as long as its window lasts. Any thread may call.
+
+        The event that is returned is set when it has begun.
+        """
+        begun = threading.Event()
+
+        def begin() -> None:
+            self.simulation.faults.inject(fault)
+            begun.set()
+
+        self._wishes.append(begin)
+        return begun
 
     def _carry_out(self) -> None:
         while self._wishes:
-            self._wishes.pop(0)()
+            self._wishes.popleft()()
 
     # -- results -----------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from bussim.plc.plc import Plc
 from bussim.plc.streams import Streams
 from bussim.scenario import model
 from bussim.sim import totals
+from bussim.sim.ends import EndsTeller
 from bussim.sim.faults import FaultPlan
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
@@ -191,12 +192,17 @@ class Simulation:
 
     def _build_units(self) -> dict[str, Unit]:
         units: dict[str, Unit] = {}
+        timed = {plc for entry in self._scenario.latency for plc in (entry.source_plc, entry.target_plc)}
+        others = [plc for name, plc in self.plcs.items() if name not in timed] if self._sink.traced else []
+        self._ends = EndsTeller(others, self.kernel, self._sink)
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
             clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
-            Watcher(plc, self._sink)
-            units[name] = PlcUnit(plc, link if isinstance(link, LinkPort) else None, ports, clock)
+            Watcher(plc, self._sink, ends=name in timed)
+            units[name] = PlcUnit(
+                plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.tell
+            )
         for device in self._scenario.devices:
             node = self.nodes[device.name]
             if isinstance(node, DeviceNode):
@@ -238,6 +244,7 @@ class Simulation:
     def totals(self) -> RunTotals:
         """Counts so far; brings every PLC's memory up to its latest END."""
         now = self.now
+        self._ends.flush(now - 1)
         for bus in (*self.links.values(), *self.serial_buses.values()):
             bus.close(now)
             for port in bus.ports:

@@ -28,33 +28,42 @@ def program(name: str, package: str) -> str:
     return found
 
 
-def tshark(path: Path, fields: list[str], options: list[str], shown: str = "") -> list[dict[str, list[str]]]:
-    """Fields of every packet (that a display filter shows), each with all its values."""
-    command = [program("tshark", "tshark"), "-r", str(path), "-n", *options, "-T", "fields"]
-    command += ["-E", "separator=/t", "-E", "occurrence=a", "-E", "aggregator=|"]
+def tshark(path: Path, fields: list[str], options: list[str]) -> list[dict[str, list[str]]]:
+    """Fields of every packet, each with all its values."""
+    wanted = ["-T", "fields", "-E", "separator=/t", "-E", "occurrence=a", "-E", "aggregator=|"]
     for field in fields:
-        command += ["-e", field]
-    if shown:
-        command += ["-Y", shown]
-    # A configuration of its own: what the user has set does not matter.
-    settings = {"XDG_CONFIG_HOME": str(path.parent), "HOME": str(path.parent), "TZ": "UTC", "LC_ALL": "C.UTF-8"}
-    run = subprocess.run(
-        command, capture_output=True, text=True, encoding="utf-8", timeout=_PATIENCE, env={**os.environ, **settings}
-    )
-    assert run.returncode == 0, run.stderr
-    assert "Lua" not in run.stderr, run.stderr
+        wanted += ["-e", field]
     rows = []
-    for line in run.stdout.split("\n")[:-1]:
+    for line in tshark_text(path, [*options, *wanted], verbose=False).split("\n")[:-1]:
         cells = line.split("\t")
         assert len(cells) == len(fields), line
         rows.append({name: cell.split("|") if cell else [] for name, cell in zip(fields, cells, strict=True)})
     return rows
 
 
-def sigrok(path: Path, decoders: str, *wanted: str, binary: str = "") -> list[tuple[int, int, str]]:
+def tshark_text(path: Path, options: list[str], *, verbose: bool = True) -> str:
+    """What tshark prints of a file."""
+    command = [program("tshark", "tshark"), "-r", str(path), "-n", *options, *(["-V"] if verbose else [])]
+    # A configuration of its own: what the user has set does not matter.
+    home = {"XDG_CONFIG_HOME": str(path.parent), "HOME": str(path.parent), "TZ": "UTC", "LC_ALL": "C.UTF-8"}
+    run = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=_PATIENCE,
+        env={**os.environ, **home},
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "Lua" not in run.stderr, run.stderr
+    return run.stdout
+
+
+def sigrok(path: Path, decoders: str, *wanted: str) -> list[tuple[int, int, str]]:
     """Annotations of protocol decoders on a file: first sample, last sample, text. They are in file order."""
-    command = _sigrok(path, decoders) + ["--protocol-decoder-samplenum", "-A", ",".join(wanted)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE)
+    command = [*_sigrok(path, decoders), "--protocol-decoder-samplenum", "-A", ",".join(wanted)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE, check=False)
     assert run.returncode == 0, run.stderr
     found = []
     for line in run.stdout.splitlines():
@@ -66,7 +75,9 @@ def sigrok(path: Path, decoders: str, *wanted: str, binary: str = "") -> list[tu
 
 def sigrok_bytes(path: Path, decoders: str, stream: str) -> bytes:
     """A binary stream of a protocol decoder."""
-    run = subprocess.run(_sigrok(path, decoders) + ["-B", stream], capture_output=True, timeout=_PATIENCE)
+    run = subprocess.run(
+        [*_sigrok(path, decoders), "-B", stream], capture_output=True, timeout=_PATIENCE, check=False
+    )
     assert run.returncode == 0, run.stderr
     return run.stdout
 

@@ -26,7 +26,9 @@ from bussim.results.trace_file import Record, Trace, trace_of
 from bussim.trace import FrameRecord, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS
 
-LINK = TraceBus("link", True, 38400, "7E1", ("press1", "press2", "press3"), {"press1": 0, "press2": 1, "press3": 2})
+LINK = TraceBus(
+    "link", True, 38400, "7E1", ("press1", "press2", "press3"), {"press1": 0, "press2": 1, "press3": 2}
+)
 FEEDER = TraceBus("feeder", False, 9600, "8N1", ("press1.COM3", "feeder1"), {"feeder1": 17})
 OVEN = TraceBus("oven", False, 19200, "8E1", ("press2.COM5", "oven1"), {"oven1": 2})
 PUMPS = TraceBus("pumps", False, 9600, "7E1", ("station.COM3", "pump1"), {"pump1": 6})
@@ -148,7 +150,11 @@ def exchanges(count: int, seed: int = 1, *, mode: Mode = Mode.RTU, bus: TraceBus
         answer: bytes | None = None
         if station:
             refused = chance.random() < 0.15
-            answer = encode_exception(request.function, chance.randint(1, 4)) if refused else _answer(chance, request)
+            answer = (
+                encode_exception(request.function, chance.randint(1, 4))
+                if refused
+                else _answer(chance, request)
+            )
         each = Exchange(request, station, answer)
         sent = [(master, "request", encode_request(request))]
         if answer is not None:

@@ -36,7 +36,9 @@ def test_undamaged_frames_are_read_as_they_were_sent() -> None:
     data=st.binary(min_size=1, max_size=12),
     choose=st.randoms(use_true_random=False),
 )
-def test_a_turned_data_bit_turns_one_bit_of_one_character(fmt: str, data: bytes, choose: random.Random) -> None:
+def test_a_turned_data_bit_turns_one_bit_of_one_character(
+    fmt: str, data: bytes, choose: random.Random
+) -> None:
     form = CharFormat.parse(fmt)
     bus = TraceBus("b", False, 9600, fmt, ("a",), {})
     mask = (1 << form.data_bits) - 1

@@ -13,7 +13,9 @@ from tests.export.samples import FEEDER, LINK, frame, link_frames, trace
 
 
 @given(starts=st.lists(st.integers(0, 50), min_size=1, max_size=40), choose=st.randoms(use_true_random=False))
-def test_frames_come_by_their_starts_however_late_they_are_told(starts: list[int], choose: random.Random) -> None:
+def test_frames_come_by_their_starts_however_late_they_are_told(
+    starts: list[int], choose: random.Random
+) -> None:
     frames = [frame(LINK, start, "press1", bytes((number,))) for number, start in enumerate(starts)]
     choose.shuffle(frames)
     lateness = survey(Selection(trace(*frames))).lateness
@@ -46,7 +48,7 @@ def test_the_survey_finds_who_speaks_what() -> None:
 
 
 def test_an_unknown_bus_is_refused_with_the_nearest_name() -> None:
-    with pytest.raises(UsageError, match="the trace has no bus 'feder'; did you mean feeder?"):
+    with pytest.raises(UsageError, match=r"the trace has no bus 'feder'; did you mean feeder\?"):
         Selection(trace(buses=(LINK, FEEDER)), "feder")
 
 
@@ -57,7 +59,9 @@ def test_an_unknown_bus_is_refused_with_the_nearest_name() -> None:
         ("feeder", (None, None), "the trace has no frame on the bus 'feeder'; there is nothing to export"),
     ],
 )
-def test_an_empty_trace_is_refused(bus: str | None, window: tuple[int | None, int | None], expected: str) -> None:
+def test_an_empty_trace_is_refused(
+    bus: str | None, window: tuple[int | None, int | None], expected: str
+) -> None:
     with pytest.raises(UsageError) as error:
         survey(Selection(trace(buses=(LINK, FEEDER)), bus, *window))
     assert str(error.value) == expected

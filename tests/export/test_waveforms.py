@@ -27,7 +27,9 @@ def crowds(draw: st.DrawFn) -> list[FrameRecord]:
             baud = draw(st.sampled_from([38400, 38400, 19200, 115200]))
             fmt = draw(st.sampled_from(["7E1", "7E1", "8N2"]))
             chars = draw(st.binary(min_size=1, max_size=6))
-            one = frame(LINK, now, name, chars, baud=baud, fmt=fmt, ppm=draw(st.sampled_from([0.0, -313.7, 90.25])))
+            one = frame(
+                LINK, now, name, chars, baud=baud, fmt=fmt, ppm=draw(st.sampled_from([0.0, -313.7, 90.25]))
+            )
             flips = draw(st.sets(st.integers(0, bits_of(one) - 1), max_size=3))
             if draw(st.booleans()):
                 cut = draw(st.integers(1, one.end - one.start))

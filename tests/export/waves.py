@@ -43,7 +43,9 @@ def merged(parts: Iterable[tuple[int, int]]) -> Lows:
 
 
 def clipped(parts: Lows, begin: int, end: int) -> Lows:
-    return [(max(first, begin), min(last, end)) for first, last in parts if max(first, begin) < min(last, end)]
+    return [
+        (max(first, begin), min(last, end)) for first, last in parts if max(first, begin) < min(last, end)
+    ]
 
 
 def of_vcd(path: Path) -> tuple[dict[str, Lows], int, int]:
@@ -97,7 +99,7 @@ def of_sr(path: Path) -> tuple[dict[str, Lows], int]:
     assert len(channels) == int(pairs["total probes"])
     for key in channels:
         byte, bit = divmod(int(key[5:]) - 1, 8)
-        levels = bytes(value >> bit & 1 for value in data[byte::unit])
+        levels = data[byte::unit].translate(bytes(value >> bit & 1 for value in range(256)))
         at, parts = 0, []
         while (first := levels.find(b"\0", at)) >= 0:
             at = levels.find(b"\1", first)

@@ -22,7 +22,8 @@ LENIENT = PortOptions(tolerance=TICKS_PER_SECOND // 5)
 
 HEAD = "schema: 1\nname: test\nduration: 60 s\nseed: 4\n"
 
-#: A V80 and a register map on one bus, RTU; a PLC's slave port, ASCII, on another.
+#: A V80 and a register map on one bus, RTU; a PLC's slave port, ASCII, on another. The V80 takes its time:
+#: it needs less silence than the other one, who would hear request and reply as one.
 SLAVES = f"""{HEAD}
 buses: [{{name: line, baud: 115200, format: 8N1}}, {{name: text, baud: 115200, format: 8N1}}]
 plcs:
@@ -31,7 +32,7 @@ plcs:
     ports:
       COM3: {{bus: text, protocol: modbus-ascii-slave, station: 5}}
 devices:
-  - {{name: v80, model: v80, bus: line, station: 1}}
+  - {{name: v80, model: v80, bus: line, station: 1, delay: 2 ms}}
   - name: oven
     model: map
     bus: line

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import pytest
 
 from bussim.engines.modbus.adu import Mode, encode_adu
+from bussim.engines.modbus.codes import Rejection
 from tests.serve.serving import PATIENCE, SLAVES, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
@@ -87,7 +88,7 @@ def test_half_frames_long_frames_and_a_good_one(mode: Mode) -> None:
     (device,) = [one for one in serving.totals().devices if one.name == NODES[mode]]
     assert device.answered == 6
     if mode is Mode.RTU:
-        assert device.rejected["overflow"] == 2
+        assert device.rejected[Rejection.OVERFLOW.value] == 2
 
 
 def test_a_master_that_closes_in_the_middle() -> None:

@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from bussim.engines.modbus.adu import Mode
-from bussim.results.collector import Collector
+from bussim.results.trace_file import Record
+from bussim.trace import TransactionRecord
 from tests.serve.serving import HEAD, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
@@ -46,15 +47,16 @@ devices:
 """
 
 
-class Outcomes(Collector):
+class Outcomes:
     """Counts outcomes by poll."""
 
     def __init__(self) -> None:
-        super().__init__()
         self.outcomes: dict[str, set[str]] = {}
         self.count = 0
 
-    def transaction(self, record) -> None:  # type: ignore[no-untyped-def]
+    def take(self, record: Record) -> None:
+        if not isinstance(record, TransactionRecord):
+            return
         self.outcomes.setdefault(record.poll, set()).add(record.outcome)
         self.count += 1
 
