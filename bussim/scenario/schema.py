@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
+from bussim.engines.modbus.gaps import STANDARD_GAPS
 from bussim.engines.nn.frames import MODES
 from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, PROFILES, AbsentStation, Attempts, ErrorCount, Reply
@@ -26,14 +27,17 @@ from bussim.scenario.fields import (
     choice,
     fail,
     link_port,
+    nanoseconds,
     number,
     one_of,
     time,
+    time_or,
     title,
     whole,
 )
 from bussim.scenario.form import Model, only_one
 from bussim.scenario.program_schema import MAX_OBSERVED, InputIn, ProgramIn
+from bussim.scenario.wording import show, suggest
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 #: How many of each a scenario may have.
@@ -121,6 +125,56 @@ class TurnaroundIn(Model):
         return self
 
 
+class RtuGapsIn(Model):
+    """The silences of Modbus RTU, in characters; what is left out stays as the profile has it."""
+
+    example = "{end: 4.5, inner: 1.5, fast_character: none}"
+
+    end: Annotated[float, number(0.1, 1000)] | None = None
+    inner: Annotated[float, number(0.1, 1000)] | None = None
+    fast_character: Annotated[int | str, time_or("none", 1, TICKS_PER_SECOND)] | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> RtuGapsIn:
+        end, inner = self.end or float(STANDARD_GAPS.end), self.inner or float(STANDARD_GAPS.inner)
+        if inner > end:
+            if self.inner is not None:
+                raise fail(f"is {inner:g}, more than what ends a frame ({end:g})", "inner")
+            raise fail(f"is {end:g}, less than what a frame may have inside ({inner:g})", "end")
+        return self
+
+
+_Nanoseconds = Annotated[int, nanoseconds(0, 1_000_000_000)]
+
+
+class InstructionTimesIn(Model):
+    """What a program's instructions take, class by class; what is left out stays as the profile has it."""
+
+    example = "{basic: 80 ns, move: 1.52 us, others: {FROM: 200 us}}"
+
+    basic: _Nanoseconds | None = None
+    timer: _Nanoseconds | None = None
+    comparison: _Nanoseconds | None = None
+    idle: _Nanoseconds | None = None
+    move: _Nanoseconds | None = None
+    arithmetic: _Nanoseconds | None = None
+    block: _Nanoseconds | None = None
+    each: _Nanoseconds | None = None
+    serial: _Nanoseconds | None = None
+    wide: Annotated[float, number(1, 100)] | None = None
+    others: dict[str, _Nanoseconds] | None = None
+
+    @field_validator("others", mode="before")
+    @classmethod
+    def _instructions_exist(cls, value: Any) -> Any:
+        from bussim.plc.program.catalog import SPECS  # what only a profile with such times pays
+
+        for name in value if isinstance(value, dict) else ():
+            if str(name).removesuffix(" off") not in SPECS:
+                raise fail(f"names {show(name)}, no instruction; {suggest(str(name), list(SPECS))}")
+        return value
+
+
 class ProfileIn(Model):
     """A profile by name, or a built-in one with some fields changed."""
 
@@ -143,6 +197,16 @@ class ProfileIn(Model):
     ) = None
     modes: Annotated[list[Annotated[int, whole(0, 4)]], Field(min_length=1, max_length=5)] | None = None
     word_spacing: Annotated[int, whole(4, 1000)] | None = None
+    transaction_time: Annotated[int, time(0, TICKS_PER_SECOND)] | None = None
+    broadcast_turnaround: Annotated[int, time(0, 60 * TICKS_PER_SECOND)] | None = None
+    rtu_gaps: RtuGapsIn | None = None
+    ascii_gap: Annotated[int, time(TICKS_PER_MS, 60 * TICKS_PER_SECOND)] | None = None
+    begun_holds: Flag | None = None
+    slave_backlog: Annotated[int, whole(0, 100)] | None = None
+    com2_station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] | None = None
+    free_awaits_first: Flag | None = None
+    free_keeps_frame: Flag | None = None
+    instruction_times: InstructionTimesIn | None = None
 
     @model_validator(mode="after")
     def _timeouts_agree(self) -> ProfileIn:
