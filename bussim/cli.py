@@ -17,7 +17,7 @@ from bussim.version import __version__
 COMMANDS = {
     "run": "Simulate a scenario and write its results.",
     "check": "Name every mistake of a scenario with its line and column.",
-    "exact": "Work out the law of the link scan time.",
+    "exact": "Work out link scan and poll cycle times.",
     "size": "Recommend retries and timeout.",
     "sweep": "Run a scenario at every point of a grid.",
     "scenarios": "List, show or copy the built-in scenarios.",

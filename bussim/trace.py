@@ -228,7 +228,12 @@ class Sink(Protocol):
         """An input's wire has changed; told when the PLC looks at it, in order."""
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
-        """ENDs of a PLC, in order (only if :attr:`traced`; later than they happen, in blocks)."""
+        """ENDs of a PLC, in order.
+
+        Of a PLC that a latency is measured of they are told one by one as they happen, each after what
+        it changed (:meth:`value`) and before the scan that begins with it (:meth:`input`). Those of
+        other PLCs come only if :attr:`traced`, in blocks, later than they happen.
+        """
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """The block of a source arrived, complete and valid, at ``tick``.

@@ -104,6 +104,8 @@ class Plc:
         #: the END of the scan that begins with it.
         self.sampled: Callable[[Device, Sequence[Change], int, int], None] | None = None
         self._observed = dict.fromkeys(observed, 0)
+        #: Told of every END that is carried out, when it has left the memory as it is, before the next scan.
+        self.ended: Callable[[int], None] | None = None
         #: Told of a new value of an observed device: the device, its value, the END.
         self.changed: Callable[[Device, int, int], None] | None = None
 
@@ -320,6 +322,8 @@ class Plc:
         self._image_until = -1
         if self._observed:
             self._observe(now)
+        if self.ended is not None:
+            self.ended(now)
         if logic is not None:
             logic.freeze()
             extra += logic.scan(now)

@@ -280,7 +280,10 @@ def _why(stretch: Stretch) -> Iterable[str]:
             continue
         parts = parts_of_scan(stretch, scan)
         lost = sum(part.ticks for part in parts if part.lost)
+        beyond = f", {ms(lost)} of it for what a plain one has not" if lost else ""
+        # A late answer is no part of its own; the run has said who was late.
+        because = "" if lost else f"; {scan.cause}"
         yield (
-            f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {ms(scan.duration)}, "
-            f"{ms(lost)} of it for what a plain one has not: {' + '.join(told(parts))}."
+            f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {ms(scan.duration)}{beyond}: "
+            f"{' + '.join(told(parts))}{because}."
         )

@@ -11,7 +11,7 @@ from bussim.plc.sources import Constant, Counter, Ramp, Source, Toggle
 from bussim.scenario.canonical import canonical
 from bussim.scenario.disturbance_rules import OF_THE_OWNER
 from bussim.scenario.disturbances import FaultIn, NoiseIn
-from bussim.scenario.fields import exact
+from bussim.scenario.fields import PlcPoint, exact
 from bussim.scenario.model import (
     BitErrors,
     BoardError,
@@ -22,12 +22,14 @@ from bussim.scenario.model import (
     ClockPpm,
     Direction,
     DropReply,
+    Edge,
     Fault,
     FaultKind,
     FlipBits,
     Impulse,
     InsertChar,
     Jabber,
+    Latency,
     LateRelease,
     LoseChar,
     Noise,
@@ -46,6 +48,7 @@ from bussim.scenario.model import (
 )
 from bussim.scenario.nodes import Directory, Node, lines_of
 from bussim.scenario.places import Path
+from bussim.scenario.program_schema import LatencyIn
 from bussim.scenario.rules import Judged
 from bussim.scenario.schema import SourceIn
 from bussim.scenario.seats import Member, device_name, line_of
@@ -72,6 +75,8 @@ def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
     }
     noise = [entry.value for entry in draft.noise if entry.value is not None]
     faults = [entry.value for entry in draft.faults if entry.value is not None]
+    latency = [entry.value for entry in draft.latency if entry.value is not None]
+    observed = _observed(document.observe, latency)
     power_on: dict[str, int] = {}
     for fault in faults:
         power_on.update(fault.power_on or {})
@@ -84,12 +89,19 @@ def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
         seed=document.seed,
         buses=tuple(Bus(bus.name, bus.nn, line_of(bus)) for bus in buses),
         plcs=tuple(
-            _plc(member, polls.get(member.path, ()), power_on.get(member.name, 0)) for member in members
+            _plc(
+                member,
+                polls.get(member.path, ()),
+                power_on.get(member.name, 0),
+                observed.get(member.name, ()),
+            )
+            for member in members
         ),
         devices=_devices(devices, draft, polls, power_on, judged),
         noise=tuple(_noise(name, entry, nodes) for name, entry in zip(noise_names, noise, strict=True)),
         faults=tuple(_fault(name, fault, nodes) for name, fault in zip(fault_names, acting, strict=True)),
         warnings=warnings,
+        latency=_latency(latency),
         source=canonical(
             document,
             buses,
@@ -98,7 +110,33 @@ def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
             polls,
             noise,
             faults,
+            latency,
         ),
+    )
+
+
+def _observed(observe: Sequence[PlcPoint], latency: Sequence[LatencyIn]) -> dict[str, tuple[str, ...]]:
+    """Devices by PLC: those to be observed, and those that latencies are measured between."""
+    points = [*observe, *(point for entry in latency for point in (entry.from_, entry.to))]
+    found: dict[str, dict[str, None]] = {}
+    for plc, device in points:
+        found.setdefault(plc, {})[str(device)] = None
+    return {plc: tuple(devices) for plc, devices in found.items()}
+
+
+def _latency(given: Sequence[LatencyIn]) -> tuple[Latency, ...]:
+    names = _unique([entry.name for entry in given], [f"{entry.from_} to {entry.to}" for entry in given])
+    return tuple(
+        Latency(
+            name,
+            entry.from_.plc,
+            str(entry.from_.device),
+            entry.to.plc,
+            str(entry.to.device),
+            Edge(entry.edge or "both"),
+            bool(entry.inverted),
+        )
+        for name, entry in zip(names, given, strict=True)
     )
 
 
@@ -135,7 +173,7 @@ def _polls(member: Member, polls: Sequence[TransactionIn]) -> tuple[PollSpec | F
     return polls_of(member, polls)
 
 
-def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int) -> Plc:
+def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int, observed: tuple[str, ...]) -> Plc:
     plc = member.plc
     return Plc(
         name=plc.name,
@@ -148,6 +186,9 @@ def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int) -> Plc:
         power_on=power_on,
         ports=tuple(PortSpec(seat.name, seat.bus, seat.words, seat.bits) for seat in member.ports),
         polls=_polls(member, polls),
+        program=member.logic.program,
+        inputs=dict(member.logic.inputs),
+        observed=observed,
     )
 
 

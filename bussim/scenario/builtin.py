@@ -14,7 +14,8 @@ DEFAULT = "press_line"
 _PLACES = (Path(__file__).with_name("builtin"), Path(__file__).parents[2] / "scenarios")
 
 
-def _folder() -> Path:
+def folder() -> Path:
+    """Where they lie; their programs are in ``programs`` below. Raises UsageError if they are missing."""
     for place in _PLACES:
         if (place / f"{DEFAULT}.yaml").is_file():
             return place
@@ -23,7 +24,7 @@ def _folder() -> Path:
 
 def names() -> list[str]:
     """The names of the built-in scenarios, the default one first, the others by name."""
-    found = sorted(file.stem for file in _folder().glob("*.yaml"))
+    found = sorted(file.stem for file in folder().glob("*.yaml"))
     return sorted(found, key=lambda name: name != DEFAULT)
 
 
@@ -33,7 +34,7 @@ def path(name: str) -> Path:
     wanted = name.removesuffix(".yaml")
     if wanted not in known:
         raise UsageError(f"no built-in scenario {shorten(repr(name))}; {suggest(wanted, known)}")
-    return _folder() / f"{wanted}.yaml"
+    return folder() / f"{wanted}.yaml"
 
 
 def read(name: str) -> str:

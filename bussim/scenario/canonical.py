@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from bussim.plc.board import D_TIMEOUT, TIMEOUT_UNIT
+from bussim.plc.inputs import Times
+from bussim.plc.memory import parse_device
 from bussim.scenario.disturbances import FAULT_KINDS, FaultIn, NoiseIn
 from bussim.scenario.places import Path
 from bussim.scenario.port_seats import written_keys
+from bussim.scenario.program_schema import LatencyIn
 from bussim.scenario.schema import BusIn, DocumentIn, PlcIn
 from bussim.scenario.seats import NN_KEYS, Member, line_of, raw_registers
 from bussim.scenario.written import as_written, in_order
@@ -27,6 +30,7 @@ def canonical(
     polls: Mapping[Path, Sequence[TransactionIn]],
     noise: list[NoiseIn],
     faults: list[FaultIn],
+    latency: list[LatencyIn],
 ) -> dict[str, object]:
     """Plain data that load as the same scenario: what the file says, and the defaults it relies on.
 
@@ -42,10 +46,21 @@ def canonical(
         "devices": [_device(device, own) for device, own in devices],
         "noise": [_noise(entry) for entry in noise],
         "faults": [_fault(fault) for fault in faults],
+        "observe": [str(point) for point in document.observe],
+        "latency": [_latency(entry) for entry in latency],
     }
-    if not devices:
-        del written["devices"]
+    for key in ("devices", "observe", "latency"):
+        if not written[key]:
+            del written[key]
     return written
+
+
+def _latency(latency: LatencyIn) -> dict[str, object]:
+    written = as_written(latency)
+    if not latency.from_.device.is_word:
+        written.setdefault("edge", "both")
+        written.setdefault("inverted", False)
+    return in_order(latency, written)
 
 
 def _bus(bus: BusIn) -> dict[str, object]:
@@ -68,11 +83,19 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
         port = written["ports"][seat.name]
         for key, value in written_keys(seat, member.registers, raw).items():
             port[key] = format_time(value) if key in ("timeout", "interval") else value
-        port["cpavl"] = {"words": str(seat.words), "bits": str(seat.bits)}
+        if seat.name not in member.logic.first.ports:  # else its program says it
+            port["cpavl"] = {"words": str(seat.words), "bits": str(seat.bits)}
         written["ports"][seat.name] = in_order(seat.given, port)
-    for key in ("registers", "ports", "polls", "sources"):
+    for key in ("registers", "ports", "polls", "sources", "inputs"):
         if not written[key]:
             del written[key]
+    if member.logic.program is not None:
+        written["program"] = member.logic.program.text
+    for name, given in plc.inputs.items():
+        if given.csv is not None:
+            spec = member.logic.inputs[str(parse_device(name))]
+            if isinstance(spec, Times):
+                written["inputs"][name] = {"times": [format_time(tick) for tick in spec.ticks]}
     if plc.nn is not None:
         written["nn"] = _nn(member, plc)
     return written
@@ -96,11 +119,15 @@ def _nn(member: Member, plc: PlcIn) -> dict[str, object]:
     """``nn`` with the defaults that it stands for, except where ``registers`` gives them."""
     if plc.nn is None:
         return {}
-    written: dict[str, object] = {"bus": plc.nn.bus, "port": member.port}
+    written: dict[str, object] = {"bus": plc.nn.bus, "port": plc.nn.port or member.port}
     raw = raw_registers(plc)
     for key, address in NN_KEYS.items():
         name = f"D{address}"
-        if getattr(plc.nn, key) is None and (name in raw or name not in member.registers):
+        given = getattr(plc.nn, key)
+        if given is not None:
+            written[key] = format_time(given) if address == D_TIMEOUT else given
+            continue
+        if name in raw or name in member.logic.first.link or name not in member.registers:
             continue
         value = member.registers[name]
         written[key] = format_time(value * TIMEOUT_UNIT) if address == D_TIMEOUT else value

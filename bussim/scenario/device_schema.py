@@ -24,8 +24,9 @@ from bussim.scenario.fields import (
     time,
     whole,
 )
+from bussim.scenario.form import Model, only_one
 from bussim.scenario.poll_schema import Hex, Text, Times
-from bussim.scenario.schema import Model, ScanIn, only_one
+from bussim.scenario.schema import ScanIn
 from bussim.units import TICKS_PER_SECOND
 
 MAX_ENTRIES, MAX_SAYINGS = 1000, 1000

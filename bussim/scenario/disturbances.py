@@ -23,7 +23,7 @@ from bussim.scenario.fields import (
     one_of,
     whole,
 )
-from bussim.scenario.schema import Model, given_of, only_one
+from bussim.scenario.form import Model, given_of, only_one
 
 #: Characters and bits of the link's longest frame, and of the longest one on any bus.
 LINK_FRAME = max(data_chars(mode) for mode in range(len(MODES)))

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import io
+from typing import TYPE_CHECKING
 
 from bussim.errors import UsageError
 from bussim.scenario.model import Scenario
 from bussim.units import format_time
+
+if TYPE_CHECKING:
+    from ruamel.yaml.nodes import ScalarNode
+    from ruamel.yaml.representer import SafeRepresenter
 
 
 def dumps(scenario: Scenario) -> str:
@@ -17,6 +22,10 @@ def dumps(scenario: Scenario) -> str:
     no loader made, which has no form to be written in.
     """
     from ruamel.yaml import YAML
+    from ruamel.yaml.representer import SafeRepresenter
+
+    class Representer(SafeRepresenter):
+        """A class of its own: what it learns is not for everybody who uses ruamel."""
 
     if not scenario.source:
         raise UsageError(
@@ -34,6 +43,14 @@ def dumps(scenario: Scenario) -> str:
     yaml.default_flow_style = None
     yaml.allow_unicode = True
     yaml.width = 110
+    Representer.add_representer(str, _text)
+    yaml.Representer = Representer
     text = io.StringIO()
     yaml.dump(data, text)
     return text.getvalue()
+
+
+def _text(representer: SafeRepresenter, text: str) -> ScalarNode:
+    """A text; one of several lines (a program) as a block."""
+    style = "|" if "\n" in text else None
+    return representer.represent_scalar("tag:yaml.org,2002:str", text, style=style)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, NamedTuple, cast
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -265,6 +265,42 @@ def device() -> Kind:
     return Kind(check, str)
 
 
+class PlcPoint(NamedTuple):
+    """A device of one PLC: ``press1.D8201``."""
+
+    plc: str
+    device: Device
+
+    def __str__(self) -> str:
+        return f"{self.plc}.{self.device}"
+
+
+def plc_device() -> Kind:
+    """A device of a PLC, such as press1.D8201."""
+
+    def check(value: object) -> PlcPoint:
+        plc, dot, device = value.partition(".") if isinstance(value, str) else ("", "", "")
+        if not dot or not _NAME.fullmatch(plc):
+            raise fail(f"{_found(value)}, expected a device of a PLC such as press1.D8201")
+        try:
+            return PlcPoint(plc, parse_device(device[:100]))
+        except ValueError as error:
+            raise fail(f"is {value}, whose device {error}") from None
+
+    return Kind(check, str)
+
+
+def file_name() -> Kind:
+    """The name of a file, with folders or without."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and value.strip() and len(value) <= 1000 and value.isprintable():
+            return value
+        raise fail(f"{_found(value)}, expected the name of a file")
+
+    return Kind(check)
+
+
 def function_code() -> Kind:
     """A Modbus function that is known here."""
 
@@ -353,4 +389,5 @@ Baud = Annotated[int, one_of(BAUDS)]
 Format = Annotated[CharFormat, character_format()]
 NodeName = Annotated[str, node()]
 DeviceName = Annotated[Device, device()]
+PlcDevice = Annotated[PlcPoint, plc_device()]
 Flag = Annotated[bool, flag()]

@@ -182,6 +182,13 @@ def foreign_blocks(member: Member, members: Sequence[Member]) -> list[BlockPlace
     ]
 
 
+def station_of(place: BlockPlace) -> int:
+    """Whose block lies there."""
+    return (place.bit - block_place(0, 0, 0, 0).bit) // (
+        block_place(1, 0, 0, 0).bit - block_place(0, 0, 0, 0).bit
+    )
+
+
 def holds(place: BlockPlace, device: Device) -> bool:
     """Whether a device lies in a block."""
     if device.is_word:

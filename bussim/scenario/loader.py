@@ -10,6 +10,7 @@ from pathlib import Path
 from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.scenario import builtin, yaml
 from bussim.scenario.code import Code
+from bussim.scenario.files import Files
 from bussim.scenario.model import Scenario
 from bussim.scenario.overrides import Override, apply_overrides
 from bussim.scenario.places import Places, Report
@@ -40,8 +41,8 @@ def load(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_code:
 
     ``overrides`` are texts ``key.path=value``. Functions of the user that a scenario names are loaded
     only with ``allow_code``, from the scenario's folder, the current one, or where Python finds its
-    own. Raises ScenarioError with every mistake, and UsageError for an override whose path leads
-    nowhere.
+    own; programs and tables that it names lie in its folder (a text's: in the current one). Raises
+    ScenarioError with every mistake, and UsageError for an override whose path leads nowhere.
     """
     return examine(path, overrides, allow_code=allow_code).get()
 
@@ -84,7 +85,8 @@ def examine(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_co
         raw = _bytes(place, shown)
     except ScenarioError as error:
         return Examined(None, error.problems, ())
-    return _judge(*yaml.read(raw, shown), overrides, Code(allowed=allow_code, folder=place.parent))
+    code = Code(allowed=allow_code, folder=place.parent)
+    return _judge(*yaml.read(raw, shown), overrides, code, Files(place.parent))
 
 
 def _bytes(path: Path, shown: str) -> bytes:
@@ -112,7 +114,12 @@ def _missing(path: Path, shown: str) -> str:
 
 
 def _judge(
-    data: object, places: Places, problems: list[Problem], overrides: Overrides, code: Code | None = None
+    data: object,
+    places: Places,
+    problems: list[Problem],
+    overrides: Overrides,
+    code: Code | None = None,
+    files: Files | None = None,
 ) -> Examined:
     report = Report(places, problems)
     if data is None:
@@ -125,7 +132,7 @@ def _judge(
 
     data = apply_overrides(data, places, overrides)
     draft = read_draft(data, report)
-    judged = check_rules(draft, report, code or Code())
+    judged = check_rules(draft, report, code or Code(), files or Files(None))
     labels = set(places.labels.values())
     for problem in report.unknown:
         if problem.file in labels:  # the request is wrong, not the file

@@ -24,6 +24,7 @@ from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
 from bussim.plc.program.program import Program
 from bussim.plc.sources import Source
+from bussim.units import TICKS_PER_MS, round_half_up
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,30 @@ class Plc:
     program: Program | None = None
     inputs: dict[str, InputSpec] = field(default_factory=dict)  # X devices by name
     observed: tuple[str, ...] = ()  # devices whose every change is told, by name
+
+    @property
+    def instruction_time(self) -> int | None:
+        """Ticks that a scan's instructions take at most; None where the program's text does not tell."""
+        if self.program is None:
+            return 0
+        from bussim.plc.program.longest import longest_scan  # what only a scenario with programs pays
+
+        return longest_scan(self.program, self.profile.instruction_times)
+
+    @property
+    def longest_scan(self) -> int:
+        """The longest scan in ticks, under N:N if it takes part, with a transaction on every other port.
+
+        A program whose instructions have no bound counts with its watchdog's time (D8000 at power-on).
+        """
+        factor = self.profile.scan_factor if self.seat is not None else Fraction(1)
+        scan = sum(round_half_up(part * factor) for part in (Fraction(self.scan.mean), self.scan.jitter))
+        spent = self.instruction_time
+        if spent is None:
+            from bussim.plc.program.run import WATCHDOG
+
+            spent = self.registers.get("D8000", WATCHDOG) * TICKS_PER_MS
+        return scan + spent + len(self.ports) * self.profile.transaction_time
 
     def port_node(self, port: str) -> str:
         """The name of one of its ports as a node of a bus: ``press1.COM3``; the link's port: ``press1``."""

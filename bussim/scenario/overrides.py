@@ -12,7 +12,13 @@ from bussim.scenario.wording import shorten, show, suggest
 from bussim.scenario.yaml import MAX_DEPTH, read
 
 #: Keys whose plain value stands for a mapping, and the key that it stands for.
-_SHORTHANDS = {"profile": "base", "scan": "mean", "turnaround": "mean", "reply_to": "text"}
+_SHORTHANDS = {
+    "profile": "base",
+    "scan": "mean",
+    "turnaround": "mean",
+    "reply_to": "text",
+    "square": "period",
+}
 _STATION_FAULTS = frozenset({"power_off", "stop", "drop_reply", "jabber", "lose_char", "insert_char"})
 
 
@@ -116,6 +122,7 @@ def _entered(node: Any, step: str | int, part: str, path: Path, places: Places, 
 
 def _forget(places: Places, path: Path) -> None:
     """What stood in the file at and below ``path`` has no place any more."""
-    for marks in (places.keys, places.values, places.labels):
+    marks: dict[Path, Any]
+    for marks in (places.keys, places.values, places.labels, places.blocks):
         for known in [known for known in marks if known[: len(path)] == path]:
             del marks[known]

@@ -20,13 +20,15 @@ class Places:
 
     ``keys`` and ``values`` hold the mark of each key and of each value by path; both are empty for
     data that were built in Python. ``labels`` names what came from somewhere else than the file
-    (``--set``), by path. ``data`` is the input itself, for the names of list elements.
+    (``--set``), by path. ``blocks`` are texts written as a block (``|``): the line of each one's first
+    line and its indentation. ``data`` is the input itself, for the names of list elements.
     """
 
     file: str
     keys: dict[Path, Mark] = field(default_factory=dict)
     values: dict[Path, Mark] = field(default_factory=dict)
     labels: dict[Path, str] = field(default_factory=dict)
+    blocks: dict[Path, tuple[int, int]] = field(default_factory=dict)
     data: object = None
 
     def problem(self, path: Path, predicate: str, *, key: bool = False) -> Problem:
@@ -121,6 +123,10 @@ class Report:
     def warn(self, path: Path, text: str, *, key: bool = False) -> None:
         """Something at ``path`` is odd but possible; ``text`` is a sentence that names what it is about."""
         self._add(self.places.remark(path, text, key=key), fatal=False)
+
+    def foreign(self, problem: Problem, *, fatal: bool) -> None:
+        """A problem of a file that the scenario names, or told by whoever read a part of it."""
+        self._add(problem, fatal=fatal)
 
     def _add(self, problem: Problem, *, fatal: bool) -> None:
         if (fatal, problem) not in self._seen:

@@ -19,7 +19,7 @@ from bussim.scenario.fields import (
     hexadecimal,
     whole,
 )
-from bussim.scenario.schema import Model
+from bussim.scenario.form import Model
 
 #: Most values that one request carries.
 _MOST_VALUES = STANDARD_LIMITS.write_coils

@@ -290,6 +290,8 @@ def check_port_use(nodes: Directory, polled: set[str], report: Report) -> None:
         seat = node.seat
         if seat is None or node.name in polled or not nodes.sure(node.owner):
             continue
+        if node.member is not None and node.member.drives_ports:
+            continue
         if seat.is_master:
             report.warn(seat.path, f"{node.name} is a Modbus master without polls: it sends nothing")
         elif seat.protocol == FREE:

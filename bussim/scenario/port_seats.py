@@ -135,16 +135,24 @@ def is_set_up(name: str, port: PortIn) -> bool:
 
 
 def seat_port(
-    path: Path, plc: str, name: str, given: PortIn, line: LineTiming, raw: Mapping[str, int]
+    path: Path,
+    plc: str,
+    name: str,
+    given: PortIn,
+    line: LineTiming,
+    raw: Mapping[str, int],
+    programmed: tuple[Device, Device] | None = None,
 ) -> tuple[PortSeat, dict[str, int]]:
     """The meaning of a port's entry, and the registers that its friendly keys and their defaults add.
 
     ``raw`` are the PLC's other registers by their proper names, which win over defaults. A port
-    without a protocol is as ``raw`` describes it: nothing is filled in.
+    without a protocol is as ``raw`` describes it: nothing is filled in. ``programmed`` are the places of
+    words and bits that the PLC's program gives them.
     """
     words, bits = cpavl.default_places(name)
     if given.cpavl is not None:
         words, bits = given.cpavl.words or words, given.cpavl.bits or bits
+    words, bits = programmed or (words, bits)
     explicit = _explicit(name, words, given, line)
     added = dict(explicit.values())
     if given.protocol is not None:

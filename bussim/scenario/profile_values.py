@@ -8,7 +8,8 @@ from bussim.engines.modbus.gaps import GapRule
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
 from bussim.plc.program.times import InstructionTimes
 from bussim.scenario.fields import exact
-from bussim.scenario.schema import InstructionTimesIn, Model, ProfileIn, RtuGapsIn, TurnaroundIn
+from bussim.scenario.form import Model
+from bussim.scenario.profile_schema import InstructionTimesIn, ProfileIn, RtuGapsIn, TurnaroundIn
 from bussim.units import round_half_up
 
 #: Fields that are in a profile as they are in the file.

@@ -15,14 +15,27 @@ from bussim.plc.memory import Device
 from bussim.scenario.bus_rules import check_buses
 from bussim.scenario.code import Code
 from bussim.scenario.disturbance_rules import check_faults, check_noise
+from bussim.scenario.files import Files
 from bussim.scenario.link_rules import check_links
 from bussim.scenario.nodes import Directory, lines_of
 from bussim.scenario.places import Path, Report
+from bussim.scenario.plc_logic import PlcLogic, read_logic
 from bussim.scenario.port_rules import check_link_bus, check_port_use, check_ports
 from bussim.scenario.port_seats import FIRST_SPECIAL
+from bussim.scenario.profile_values import profile_of
+from bussim.scenario.program_rules import check_latencies, check_observed, check_programs
 from bussim.scenario.register_rules import check_registers, named_device
 from bussim.scenario.schema import BusIn, PlcIn, SourceIn
-from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, device_name, friendly_registers, member_of
+from bussim.scenario.seats import (
+    NN_KEYS,
+    PORT_DEVICE,
+    Member,
+    device_name,
+    friendly_registers,
+    member_of,
+    own_registers,
+    raw_registers,
+)
 from bussim.scenario.validate import Draft, Entry
 from bussim.scenario.wording import show
 from bussim.units import format_time
@@ -37,17 +50,20 @@ class Judged:
     code: Code
 
 
-def check_rules(draft: Draft, report: Report, code: Code) -> Judged:
+def check_rules(draft: Draft, report: Report, code: Code, files: Files) -> Judged:
     """Judge a draft. PLCs and devices that cannot be read are left out of what is returned."""
     owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]  # both name nodes of buses
-    sections: list[Iterable[Entry[Any]]] = [draft.buses, owners, draft.noise, draft.faults]
+    sections: list[Iterable[Entry[Any]]] = [draft.buses, owners, draft.noise, draft.faults, draft.latency]
     for section in sections:
         _check_names(section, report)
     for bus in draft.buses:
         _check_bus(bus, report)
     lines = lines_of(draft)
+    power_on: dict[str, int] = {}
+    for fault in draft.faults:
+        power_on.update((fault.value.power_on or {}) if fault.value is not None else {})
     members = [
-        _check_plc(entry, entry.value, draft.buses, lines, report)
+        _check_plc(entry, entry.value, draft.buses, lines, power_on, files, report)
         for entry in draft.plcs
         if entry.value is not None
     ]
@@ -66,6 +82,9 @@ def check_rules(draft: Draft, report: Report, code: Code) -> Judged:
 
         polled = check_polls(draft, members, nodes, code, report)
     check_port_use(nodes, polled, report)
+    check_programs(members, report)
+    check_observed(draft, report)
+    check_latencies(draft, members, report)
     duration = draft.document.duration if draft.document is not None else None
     check_noise(draft, nodes, duration, report)
     check_faults(draft, nodes, duration, report)
@@ -107,21 +126,28 @@ def _check_plc(
     plc: PlcIn,
     buses: Sequence[Entry[BusIn]],
     lines: Mapping[str, LineTiming],
+    power_on: Mapping[str, int],
+    files: Files,
     report: Report,
 ) -> Member:
     check_registers((*entry.path, "registers"), plc.registers, report, link=True)
     _check_source_devices(entry, plc, report)
-    member = member_of(entry.path, plc, lines)
+    logic = PlcLogic()
+    if plc.program is not None or plc.inputs:
+        at = power_on.get(plc.name, 0)
+        logic = read_logic(entry.path, plc, profile_of(plc.profile), own_registers(plc), at, files, report)
+    member = member_of(entry.path, plc, lines, logic)
     check_ports(entry, member, buses, report)
     if plc.nn is not None:
         _check_nn(entry, member, report)
         check_link_bus((*entry.path, "nn", "bus"), plc.nn.bus, buses, report)
     elif member.takes_part and member.bus is None and not entry.lost("nn", "ports", "registers"):
         given = next(name for name in TAKE_PART if name in member.registers)
+        key = "registers" if given in raw_registers(plc) else "program"
         selected = member.registers.get(PORT_DEVICE, 0)
         example = next((bus.name for bus in buses if bus.value is not None and bus.value.nn), "link")
         report.mistake(
-            (*entry.path, "registers"),
+            (*entry.path, key),
             f"{plc.name} sets {given} and so takes part in N:N on {member.port} (M8179 is {selected}), "
             f"but ports does not tell the bus; write ports: {{{member.port}: {{bus: {example}}}}}",
         )

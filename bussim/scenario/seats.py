@@ -6,7 +6,7 @@ Rules judge these values and the builder puts them into the scenario, so that bo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.plc.board import (
@@ -24,6 +24,7 @@ from bussim.plc.board import (
 from bussim.plc.memory import parse_device
 from bussim.plc.profiles import Profile
 from bussim.scenario.places import Path
+from bussim.scenario.plc_logic import PlcLogic
 from bussim.scenario.port_seats import PortSeat, is_set_up, seat_port
 from bussim.scenario.profile_values import profile_of
 from bussim.scenario.schema import BusIn, NNIn, PlcIn
@@ -95,11 +96,17 @@ class Member:
     port: str
     bus: str | None
     ports: tuple[PortSeat, ...] = ()
+    logic: PlcLogic = field(default_factory=PlcLogic)
 
     @property
     def name(self) -> str:
         """The PLC's name."""
         return self.plc.name
+
+    @property
+    def drives_ports(self) -> bool:
+        """Whether its program has an RS2 or a CPAVL."""
+        return self.logic.program is not None and self.logic.program.uses_ports
 
     @property
     def settings(self) -> dict[int, int]:
@@ -133,18 +140,29 @@ class Member:
         for name in self.plc.registers:
             if device_name(name) == f"D{address}":
                 return (*self.path, "registers", name)
-        return self.path
+        return (*self.path, "program") if f"D{address}" in self.logic.first.link else self.path
 
 
-def member_of(path: Path, plc: PlcIn, lines: Mapping[str, LineTiming]) -> Member:
+def own_registers(plc: PlcIn) -> dict[str, int]:
+    """The registers that a PLC's entry sets by itself: raw ones, and those that ``nn`` stands for."""
+    registers = raw_registers(plc)
+    return registers if plc.nn is None else {**friendly_registers(plc.nn), **registers}
+
+
+def member_of(
+    path: Path, plc: PlcIn, lines: Mapping[str, LineTiming], logic: PlcLogic | None = None
+) -> Member:
     """The meaning of a PLC's entry; ``lines`` are rate and format of the buses by name.
 
     ``nn`` of a master also stands for the defaults of what it leaves open, so that a scenario says
-    with which settings it runs.
+    with which settings it runs. What its program sets in the first scan wins, as it does in the PLC.
     """
+    logic = PlcLogic() if logic is None else logic
     profile = profile_of(plc.profile)
     registers = raw_registers(plc)
-    takes_part = plc.nn is not None or any(name in registers for name in TAKE_PART)
+    takes_part = plc.nn is not None or any(
+        name in registers or name in logic.first.link for name in TAKE_PART
+    )
     if plc.nn is not None:
         given = friendly_registers(plc.nn)
         registers = {**given, **registers}
@@ -152,17 +170,29 @@ def member_of(path: Path, plc: PlcIn, lines: Mapping[str, LineTiming]) -> Member
         if plc.nn.station == 0:
             for address, default in setting_defaults(profile).items():
                 registers.setdefault(f"D{address}", default)
+    registers = {**registers, **logic.first.link}
     port = "COM4" if registers.get(PORT_DEVICE) else "COM3"
     bus = plc.nn.bus if plc.nn is not None else None
     if bus is None and takes_part and port in plc.ports:
         bus = plc.ports[port].bus
     seats = []
+    for found in logic.first.ports.values():
+        registers.update(found.registers)
     raw = registers
     for name, given_port in sorted(plc.ports.items()):
-        if is_set_up(name, given_port) and not (takes_part and name == port):
+        programmed = logic.first.ports.get(name)
+        if (programmed or is_set_up(name, given_port)) and not (takes_part and name == port):
             line = lines.get(given_port.bus, PLAIN_LINE)
-            seat, added = seat_port((*path, "ports", name), plc.name, name, given_port, line, raw)
+            seat, added = seat_port(
+                (*path, "ports", name),
+                plc.name,
+                name,
+                given_port,
+                line,
+                raw,
+                (programmed.words, programmed.bits) if programmed is not None else None,
+            )
             registers = {**registers, **added}
             seats.append(seat)
     ordered = dict(sorted(registers.items()))
-    return Member(path, plc, profile, ordered, takes_part, port, bus, tuple(seats))
+    return Member(path, plc, profile, ordered, takes_part, port, bus, tuple(seats), logic)

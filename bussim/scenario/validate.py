@@ -15,7 +15,9 @@ from pydantic import BaseModel, ValidationError
 
 from bussim.scenario.disturbances import FaultIn, NoiseIn
 from bussim.scenario.fields import EMPTY, OWN
+from bussim.scenario.form import Model
 from bussim.scenario.places import Path, Report
+from bussim.scenario.program_schema import MAX_LATENCIES, LatencyIn
 from bussim.scenario.schema import (
     MAX_BUSES,
     MAX_DEVICES,
@@ -25,11 +27,9 @@ from bussim.scenario.schema import (
     MAX_POLLS,
     BusIn,
     DocumentIn,
-    Model,
     PlcIn,
 )
 from bussim.scenario.wording import show, suggest
-from bussim.version import __version__
 
 if TYPE_CHECKING:
     from bussim.scenario.device_schema import DeviceIn
@@ -37,11 +37,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=Model)
 
-#: Keys that belong to a scenario but that this version cannot simulate.
-LATER = frozenset({"program", "inputs", "observe", "latency"})
 #: Sections that may stand empty, as when all of their entries are commented out.
-_EMPTY_LISTS = frozenset({"devices", "polls", "noise", "faults"})
-_EMPTY_MAPPINGS = frozenset({"registers", "ports", "sources"})
+_EMPTY_LISTS = frozenset({"devices", "polls", "noise", "faults", "observe", "latency"})
+_EMPTY_MAPPINGS = frozenset({"registers", "ports", "sources", "inputs"})
 
 
 @dataclass(slots=True)
@@ -78,6 +76,7 @@ class Draft:
     polls: dict[Path, list[Entry[TransactionIn]]] = field(default_factory=dict)
     noise: list[Entry[NoiseIn]] = field(default_factory=list)
     faults: list[Entry[FaultIn]] = field(default_factory=list)
+    latency: list[Entry[LatencyIn]] = field(default_factory=list)
 
 
 def read_draft(data: object, report: Report) -> Draft:
@@ -88,13 +87,15 @@ def read_draft(data: object, report: Report) -> Draft:
         return draft
     draft.document, _ = _read(DocumentIn, data, (), report)
     draft.buses = _section(lambda _: BusIn, data, ("buses",), (1, MAX_BUSES), report)
-    draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (1, MAX_PLCS), report)
+    least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
+    draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (least, MAX_PLCS), report)
     if data.get("devices"):
         from bussim.scenario.device_schema import form_of  # what only a scenario with devices pays
 
         draft.devices = _section(form_of, data, ("devices",), (0, MAX_DEVICES), report)
     draft.noise = _section(lambda _: NoiseIn, data, ("noise",), (0, MAX_NOISE), report)
     draft.faults = _section(lambda _: FaultIn, data, ("faults",), (0, MAX_FAULTS), report)
+    draft.latency = _section(lambda _: LatencyIn, data, ("latency",), (0, MAX_LATENCIES), report)
     owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
     for owner in owners:
         if isinstance(owner.raw, dict) and owner.raw.get("polls"):
@@ -246,12 +247,8 @@ def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
     owner = _model_at(model, loc[:-1])
     if not getattr(owner, "known", True):
         return  # a device of an unknown model, whose keys nobody knows
-    if key in LATER:
-        text = f"is not known to this version of bussim ({__version__})"
-    else:
-        allowed = [info.alias or name for name, info in owner.model_fields.items()] if owner else []
-        text = f"is not a key here; {suggest(key, allowed)}"
-    report.unknown_key((*path, *loc), text)
+    allowed = [info.alias or name for name, info in owner.model_fields.items()] if owner else []
+    report.unknown_key((*path, *loc), f"is not a key here; {suggest(key, allowed)}")
 
 
 def _model_at(model: type[Model], loc: Path) -> type[Model] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bussim.scenario.schema import Model
+from bussim.scenario.form import Model
 
 
 def as_written(model: Model) -> dict[str, Any]:

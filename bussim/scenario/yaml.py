@@ -37,6 +37,8 @@ _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
+#: What ends a line to the parser.
+_LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 #: What YAML allows in a text (YAML 1.2.2, section 5.1), turned round.
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -62,6 +64,7 @@ class _Node:
     entries: dict[str, tuple[Mark, _Node]] | None = None
     size: int = 1
     height: int = 0
+    block: tuple[int, int] | None = None  # of a text with |: its first line, its indentation
 
 
 @dataclass(slots=True)
@@ -102,7 +105,9 @@ def read(source: bytes | str, file: str) -> tuple[object, Places, list[Problem]]
     places = Places(file)
     builder = _Builder(file)
     try:
-        root = builder.build(_events(_text(source, file), file))
+        text = _text(source, file)
+        builder.text = text
+        root = builder.build(_events(text, file))
     except _Stop as stop:
         return None, places, [*builder.problems, stop.problem]
     places.data = None if root is None else _plain(root, (), places)
@@ -156,6 +161,9 @@ class _Builder:
         self._anchors: dict[str, _Node | None] = {}  # None: still being read
         self._count = 0
         self._root: _Node | None = None
+        #: What is read, for the places of texts with |.
+        self.text = ""
+        self._lines: list[str] | None = None
 
     def build(self, events: Iterable[Event]) -> _Node | None:
         """The root node of the only document, None if there is none."""
@@ -221,9 +229,20 @@ class _Builder:
                 node.scalar = _resolve(text)
             except ValueError as error:
                 self._complain(mark, str(error))
+        if event.style == "|":
+            node.block = self._block(event.start_mark.line + 1, text)
         if event.anchor is not None:
             self._anchors[event.anchor] = node
         self._attach(node, merge=plain and text == "<<")
+
+    def _block(self, line: int, text: str) -> tuple[int, int] | None:
+        """First line (from 1) and indentation of a text whose lines begin at ``line`` (from 0)."""
+        if self._lines is None:
+            self._lines = _LINE_END.split(self.text)
+        for source, own in zip(self._lines[line:], text.split("\n"), strict=False):
+            if own.strip():
+                return line + 1, len(source) - len(source.lstrip(" ")) - (len(own) - len(own.lstrip(" ")))
+        return None
 
     def _begin(self, event: CollectionStartEvent, mark: Mark, *, mapping: bool) -> None:
         self._check_tag(event, mark)
@@ -325,6 +344,8 @@ def _resolve(text: str) -> Scalar:
 def _plain(node: _Node, path: Path, places: Places) -> object:
     """The data of a node; enters the places of all that is in it."""
     places.values[path] = node.mark
+    if node.block is not None:
+        places.blocks[path] = node.block
     if node.entries is not None:
         result: dict[str, object] = {}
         for key, (mark, child) in node.entries.items():

@@ -11,6 +11,9 @@ from bussim.serve.session import Session
 from bussim.sim.faults import describe
 from bussim.units import format_time, seconds
 
+#: Seconds that a fault may take to begin.
+_PATIENCE = 5.0
+
 
 class Answers:
     """Called from the control server's thread."""
@@ -49,6 +52,7 @@ class Answers:
             allow_code=self._allow_code,
             folder=self._folder,
         )
-        self._session.inject(fault)
+        if not self._session.inject(fault).wait(_PATIENCE):
+            raise UsageError(f"{describe(fault.kind)}: it has not begun, for the simulation is very late")
         lasting = f" for {format_time(fault.window.duration)}" if fault.window.duration is not None else ""
         return {"text": f"{fault.name}: {describe(fault.kind)}{lasting}", "odd": list(odd)}

@@ -144,8 +144,10 @@ def _lines(
             raise UsageError(f"{url} cannot be the wire of {taken[url]} and of {bus} at once")
         taken[url] = bus
         same = [place for place in found if place.bus == bus]
-        name = bus if whole[bus] == len(nodes) else f"{bus} outside" + (f" {len(same) + 1}" if same else "")
         first = nodes[0]
+        alone = first.nn and sum(one == bus for one, _ in groups) == 1
+        number = f" {len(same) + 1}" if same else ""
+        name = bus if alone or whole[bus] == len(nodes) else f"{bus} outside{number}"
         found.append(Place(name, bus, first.nn, url, first.timing, tuple(nodes)))
     return tuple(found)
 

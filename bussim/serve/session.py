@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -12,7 +14,7 @@ from bussim.live.clock import Clock
 from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
-from bussim.results.record import RunRecord
+from bussim.results.record import LinkRecord, RunRecord
 from bussim.scenario import model
 from bussim.scenario.header import trace_header
 from bussim.serve.lines import OutsideLinkBus, OutsideSerialBus
@@ -72,6 +74,24 @@ class _WaysOut:
         return OutsideLinkBus(name, timing, kernel, sink, reporter, way, strangers)
 
 
+class _HereOnly(Collector):
+    """Without what nobody here can know: when those outside received a block.
+
+    ``here`` are the names of the nodes that are inside.
+    """
+
+    here: frozenset[str] = frozenset()
+
+    def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
+        """See the base class."""
+        return {
+            name: replace(
+                link, refresh={pair: gaps for pair, gaps in link.refresh.items() if pair[1] in self.here}
+            )
+            for name, link in super().links(totals).items()
+        }
+
+
 def _unheard(text: str) -> None:
     """Nobody wants to know."""
 
@@ -114,14 +134,15 @@ class Session:
         )
         header = session_header(self.scenario, places)
         bus_of = {node: bus.name for bus in header.buses if bus.nn for node in bus.nodes}
-        self.collector = Collector(traced=traced, rows=rows, bus_of=bus_of)
+        self.collector = _HereOnly(traced=traced, rows=rows, bus_of=bus_of)
         outside = _WaysOut(places, self.wires)
         self.simulation = Simulation(self.scenario, self.collector, outside)
+        self.collector.here = frozenset(self.simulation.nodes)
         self.ways = tuple(outside.ways)
         self.loop = RealTime(
             self.simulation.kernel, self.clock, self.ways, also=self._carry_out, report=report
         )
-        self._wishes: list[Callable[[], None]] = []
+        self._wishes: deque[Callable[[], None]] = deque()  # of other threads
         self._stack = ExitStack()
         self._totals: RunTotals | None = None
 
@@ -160,13 +181,23 @@ class Session:
         """Run until ``stopped`` says so, or up to a tick (default: the duration)."""
         self.loop.run(self.scenario.duration if until is None else until, stopped)
 
-    def inject(self, fault: model.Fault) -> None:
-        """Let a fault begin as soon as possible, and for as long as its window lasts. Any thread may call."""
-        self._wishes.append(lambda: self.simulation.faults.inject(fault))
+    def inject(self, fault: model.Fault) -> threading.Event:
+        """Let a fault begin as soon as possible, for as long as its window lasts. Any thread may call.
+
+        The event that is returned is set when it has begun.
+        """
+        begun = threading.Event()
+
+        def begin() -> None:
+            self.simulation.faults.inject(fault)
+            begun.set()
+
+        self._wishes.append(begin)
+        return begun
 
     def _carry_out(self) -> None:
         while self._wishes:
-            self._wishes.pop(0)()
+            self._wishes.popleft()()
 
     # -- results -----------------------------------------------------------------------------------
 
@@ -231,10 +262,10 @@ def session_header(scenario: model.Scenario, places: Sequence[Place]) -> TraceHe
         own = [place for place in places if place.bus == bus.name]
         away = {node.node for place in own for node in place.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
-        if left or not own:
+        if (left and not bus.nn) or not own:
             buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
         for place in own:
-            nodes = tuple(node.node for node in place.nodes)
+            nodes = bus.nodes if bus.nn else tuple(node.node for node in place.nodes)
             stations = dict(bus.stations) if bus.nn else _only(bus.stations, nodes)
             timing = place.timing
             buses.append(TraceBus(place.name, bus.nn, timing.baud, str(timing.format), nodes, stations))

@@ -58,10 +58,12 @@ class FaultPlan:
                 kernel.at(fault.window.at, self._beginning(fault), FAULT)
 
     def inject(self, fault: model.Fault) -> None:
-        """A fault that no scenario has foreseen begins now, in place of when its window says."""
+        """A fault that no scenario has foreseen begins now, in place of when its window says.
+
+        To be called from outside of the kernel's run.
+        """
         now = self._kernel.now
-        fault = replace(fault, window=model.Window(now, fault.window.duration))
-        self._kernel.at(now, self._beginning(fault), FAULT)
+        self._beginning(replace(fault, window=model.Window(now, fault.window.duration)))(now)
 
     def _note(self, tick: int, kind: str, fault: model.Fault, text: str) -> None:
         detail: dict[str, int | str] = {}

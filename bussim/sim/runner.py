@@ -15,6 +15,7 @@ from bussim.plc.plc import Plc
 from bussim.plc.streams import Streams
 from bussim.scenario import model
 from bussim.sim import totals
+from bussim.sim.ends import EndsTeller
 from bussim.sim.faults import FaultPlan
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
@@ -66,7 +67,8 @@ class Simulation:
     """A scenario in simulated time. Times are ticks from the start.
 
     ``links`` are the N:N lines by name, ``serial_buses`` the others; ``nodes`` all that sits on them.
-    With ``outside`` some nodes of a bus sit on lines of their own that lead out of the simulation.
+    With ``outside`` some nodes of a bus sit on lines of their own that lead out of the simulation. A
+    link is in or out as a whole: its stations that sit on no such line are taken to be found there.
     """
 
     def __init__(self, scenario: model.Scenario, sink: Sink, outside: Outside | None = None) -> None:
@@ -76,7 +78,11 @@ class Simulation:
         self.kernel = Kernel()
         streams = Streams(scenario.seed)
         self._streams = streams
-        self.plcs = {spec.name: _plc(spec, streams) for spec in scenario.plcs}
+        absent = self._absent()
+        self.plcs = {
+            spec.name: _plc(spec, streams, linked=spec.seat is not None and spec.name not in absent)
+            for spec in scenario.plcs
+        }
         self.links: dict[str, LinkBus] = {}
         self.serial_buses: dict[str, SerialBus] = {}
         self.nodes: dict[str, Node] = {}
@@ -97,6 +103,15 @@ class Simulation:
         buses: dict[str, Line] = {**self.links, **self.serial_buses}
         self.faults = FaultPlan(scenario, self.kernel, self.units, buses, self.nodes, streams, sink)
 
+    def _absent(self) -> set[str]:
+        """PLCs that take no part in their link: others of it are outside, and so is the link."""
+        if self._outside is None:
+            return set()
+        place = self._outside.place
+        seats = {spec.name: spec.seat.bus for spec in self._scenario.plcs if spec.seat is not None}
+        away = {bus for name, bus in seats.items() if place(name) is not None}
+        return {name for name, bus in seats.items() if bus in away and place(name) is None}
+
     def _parts(self, names: Sequence[str]) -> dict[str | None, list[str]]:
         """Nodes of a bus by the line that they sit on, None the bus itself."""
         place = self._outside.place if self._outside is not None else None
@@ -107,7 +122,10 @@ class Simulation:
 
     def _build_link(self, spec: model.Bus) -> None:
         seated = [plc for plc in self._scenario.plcs if plc.seat and plc.seat.bus == spec.name]
-        for name, members in self._parts([plc.name for plc in seated]).items():
+        parts = self._parts([plc.name for plc in seated])
+        if len(parts) > 1:
+            parts.pop(None, None)  # whoever is not served on a link that leads outside is outside, too
+        for name, members in parts.items():
             self._build_link_line(spec, name, seated, [plc for plc in seated if plc.name in members])
 
     def _build_link_line(
@@ -174,12 +192,17 @@ class Simulation:
 
     def _build_units(self) -> dict[str, Unit]:
         units: dict[str, Unit] = {}
+        timed = {plc for entry in self._scenario.latency for plc in (entry.source_plc, entry.target_plc)}
+        others = [plc for name, plc in self.plcs.items() if name not in timed] if self._sink.traced else []
+        self._ends = EndsTeller(others, self.kernel, self._sink)
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
             clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
-            Watcher(plc, self._sink)
-            units[name] = PlcUnit(plc, link if isinstance(link, LinkPort) else None, ports, clock)
+            Watcher(plc, self._sink, ends=name in timed)
+            units[name] = PlcUnit(
+                plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.tell
+            )
         for device in self._scenario.devices:
             node = self.nodes[device.name]
             if isinstance(node, DeviceNode):
@@ -188,8 +211,8 @@ class Simulation:
 
     def _place_noise(self, noise: model.Noise) -> None:
         target = noise.target
-        node = self.nodes[target.station] if target.station is not None else None
-        lines = self._lines.get(target.bus, []) if node is None else [node.line]
+        node = self.nodes.get(target.station) if target.station is not None else None
+        lines = [node.line] if node is not None else [] if target.station else self._lines[target.bus]
         for number, line in enumerate(lines):
             self._place_on(line, noise, node, noise.name if not number else f"{noise.name} {line.name}")
 
@@ -221,6 +244,7 @@ class Simulation:
     def totals(self) -> RunTotals:
         """Counts so far; brings every PLC's memory up to its latest END."""
         now = self.now
+        self._ends.flush(now - 1)
         for bus in (*self.links.values(), *self.serial_buses.values()):
             bus.close(now)
             for port in bus.ports:
@@ -297,7 +321,7 @@ def _visible(bus: LinkBus, seat: int) -> Callable[[int, int], Iterable[tuple[int
     return lambda since, end: ledger.visible(seat, end, since)
 
 
-def _plc(spec: model.Plc, streams: Streams) -> Plc:
+def _plc(spec: model.Plc, streams: Streams, *, linked: bool) -> Plc:
     return Plc(
         spec.name,
         spec.profile,
@@ -306,7 +330,7 @@ def _plc(spec: model.Plc, streams: Streams) -> Plc:
         phase=spec.phase,
         registers=spec.registers,
         sources=spec.sources,
-        linked=spec.seat is not None,
+        linked=linked,
         streams=streams,
         ports=spec.ports,
         polls=spec.polls,

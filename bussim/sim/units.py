@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from bussim.plc.plc import Plc, PlcState
@@ -28,11 +28,20 @@ class Unit(Protocol):
 
 
 class PlcUnit:
-    """A PLC with its port on the link, if it has one, and its other ports."""
+    """A PLC with its port on the link, if it has one, and its other ports.
+
+    ``tell_ends`` is told that it goes to STOP: its ENDs up to a tick are all that there are.
+    """
 
     def __init__(
-        self, plc: Plc, link: LinkPort | None, ports: Sequence[PlcPort], clock: EndClock | None
+        self,
+        plc: Plc,
+        link: LinkPort | None,
+        ports: Sequence[PlcPort],
+        clock: EndClock | None,
+        tell_ends: Callable[[Plc, int], None],
     ) -> None:
+        self._tell_ends = tell_ends
         self.plc = plc
         self.link = link
         self.ports = tuple(ports)
@@ -52,6 +61,7 @@ class PlcUnit:
                 node.halt(now)
             if self._clock is not None:
                 self._clock.stop()
+            self._tell_ends(plc, now - 1)
             plc.stop(now)
             for port in self.ports:
                 port.tell()

@@ -11,13 +11,18 @@ from bussim.trace import DeviceValueRecord, InputRecord, Sink
 
 
 class Watcher:
-    """Of one PLC."""
+    """Of one PLC. ``ends``: also every END of it, as it happens."""
 
-    def __init__(self, plc: Plc, sink: Sink) -> None:
+    def __init__(self, plc: Plc, sink: Sink, *, ends: bool) -> None:
         self._plc = plc
         self._sink = sink
         plc.changed = self._changed
         plc.sampled = self._sampled
+        if ends:
+            plc.ended = self._ended
+
+    def _ended(self, end: int) -> None:
+        self._sink.ends(self._plc.name, (end,))
 
     def _changed(self, device: Device, value: int, end: int) -> None:
         self._sink.value(DeviceValueRecord(end, self._plc.name, str(device), value))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
+from bussim.scenario.files import Files
 from bussim.scenario.model import Scenario
 from bussim.scenario.overrides import Override
 from bussim.sweep.figures import Number, figures_of
@@ -17,8 +18,8 @@ from bussim.version import __version__
 class Job:
     """A run: the scenario's ``text`` and ``name``, what is set in it, and the seed (None: its own).
 
-    It carries all that it needs, so that the process that runs it needs no file. ``version`` is
-    that of the bussim which asks for it.
+    It carries all that it needs, so that the process that runs it needs no file: ``files`` are those
+    that the scenario names, with their texts. ``version`` is that of the bussim which asks for it.
     """
 
     run: int
@@ -27,6 +28,7 @@ class Job:
     overrides: tuple[Override, ...]
     seed: int | None
     version: str = __version__
+    files: tuple[tuple[str, str], ...] = ()
 
 
 class Outcome(NamedTuple):
@@ -45,7 +47,7 @@ def run_job(job: Job) -> Outcome:
         error = f"the worker has bussim {__version__}, the sweep is made by {job.version}; install the same"
         return Outcome(job.run, None, error)
     try:
-        scenario = _scenario(job.text, job.name, job.overrides)
+        scenario = _scenario(job.text, job.name, job.files, job.overrides)
         if job.seed is not None:
             scenario = replace(scenario, seed=job.seed)
         summary = api.run(scenario, rows=False).summary
@@ -65,10 +67,12 @@ def masters_of(scenario: Scenario) -> dict[str, str]:
 
 # The repeats of a point follow each other, and mostly meet the same process.
 @lru_cache(maxsize=8)
-def _scenario(text: str, name: str, overrides: tuple[Override, ...]) -> Scenario:
-    return _template(text, name).examine(overrides).get()
+def _scenario(
+    text: str, name: str, files: tuple[tuple[str, str], ...], overrides: tuple[Override, ...]
+) -> Scenario:
+    return _template(text, name, files).examine(overrides).get()
 
 
 @lru_cache(maxsize=2)
-def _template(text: str, name: str) -> Template:
-    return Template(text, name)
+def _template(text: str, name: str, files: tuple[tuple[str, str], ...]) -> Template:
+    return Template(text, name, Files(None, dict(files)))

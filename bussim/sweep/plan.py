@@ -8,6 +8,7 @@ from typing import Any
 
 from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.scenario import builtin, loader
+from bussim.scenario.files import Files
 from bussim.scenario.overrides import Override
 from bussim.scenario.wording import shorten
 from bussim.sweep.identity import SCHEMA
@@ -57,7 +58,9 @@ class Plan:
         self.base = loader.load(source, self.sets)
         path, self.name = builtin.locate(os.fspath(source))
         self._text = path.read_text(encoding="utf-8-sig")
-        self._template = Template(self._text, self.name)
+        self._files = Files(path.parent)
+        self._template = Template(self._text, self.name, self._files)
+        self._template.examine(self.sets)  # reads the files that the scenario names
         self._check_keys()
 
     @property
@@ -85,7 +88,21 @@ class Plan:
     def job(self, run: int) -> Job:
         """The task of a run."""
         point, _ = self.place(run)
-        return Job(run, self._text, self.name, self._overrides(self.points[point]), self.seed(run))
+        return Job(
+            run,
+            self._text,
+            self.name,
+            self._overrides(self.points[point]),
+            self.seed(run),
+            files=tuple(sorted(self._files.texts.items())),
+        )
+
+    def _source(self) -> Any:
+        """The scenario as plain data, and what the files say that it names."""
+        data = self._template.data(self.sets)
+        if isinstance(data, dict) and self._files.texts:
+            data["files"] = dict(sorted(self._files.texts.items()))
+        return data
 
     def in_words(self, run: int) -> str:
         """A run, for messages."""
@@ -106,7 +123,7 @@ class Plan:
             "same_luck": self.same_luck,
             "points": len(self.points),
             "runs": self.runs,
-            "source": self._template.data(self.sets),
+            "source": self._source(),
         }
 
     def check(self, progress: Callable[[int, int], None] | None = None) -> None:

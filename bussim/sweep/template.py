@@ -7,18 +7,20 @@ from typing import Any
 
 from bussim.errors import UsageError
 from bussim.scenario import yaml
+from bussim.scenario.files import Files
 from bussim.scenario.loader import Examined, _judge
 from bussim.scenario.overrides import Override, apply_overrides
 from bussim.scenario.places import Places
 
 
 class Template:
-    """The text of a scenario, with ``name`` for messages.
+    """The text of a scenario, with ``name`` for messages, and the files that it names.
 
     Reading YAML takes most of the time of loading; a sweep does it once a process.
     """
 
-    def __init__(self, text: str, name: str) -> None:
+    def __init__(self, text: str, name: str, files: Files | None = None) -> None:
+        self._files = files
         self._data, self._places, self._problems = yaml.read(text, name)
 
     def data(self, overrides: Iterable[Override]) -> Any:
@@ -32,7 +34,7 @@ class Template:
         """
         given = list(overrides)
         places = self._copy_of_places()
-        examined = _judge(_copied(self._data), places, list(self._problems), given)
+        examined = _judge(_copied(self._data), places, list(self._problems), given, files=self._files)
         left = set(places.labels.values())
         lost = [override for override in given if override.label not in left]
         if lost:
@@ -41,7 +43,9 @@ class Template:
 
     def _copy_of_places(self) -> Places:
         known = self._places
-        return Places(known.file, dict(known.keys), dict(known.values), {}, known.data)
+        return Places(
+            known.file, dict(known.keys), dict(known.values), {}, dict(known.blocks), data=known.data
+        )
 
 
 def _copied(data: Any) -> Any:

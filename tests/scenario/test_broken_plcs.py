@@ -77,14 +77,6 @@ CASES: dict[str, tuple[str, list[str]]] = {
         added("noises: []\n"),
         ["x.yaml:12:1: noises is not a key here; did you mean noise?"],
     ),
-    "later key": (
-        added("observe: []\n"),
-        ["x.yaml:12:1: observe is not known to this version of bussim (0.1.0)"],
-    ),
-    "later plc key": (
-        changed("scan: 8 ms", "scan: 8 ms\n    program: x.il"),
-        ["x.yaml:9:5: program is not known to this version of bussim (0.1.0)"],
-    ),
     "unknown nn key": (
         changed("slaves: 2", "slave: 2"),
         ["x.yaml:9:45: nn.slave is not a key here; did you mean slaves?"],

@@ -62,10 +62,14 @@ def at_worst(model: PollListModel, poll: PollModel) -> Cost:
 
 
 class Round:
-    """One master's cycle with a cost for each of its cyclic polls, of which there must be some."""
+    """One master's cycle with a cost for each of its cyclic polls, of which there must be some.
 
-    def __init__(self, pace: Pace, costs: Sequence[Cost]) -> None:
+    ``ordered``: no commands come between.
+    """
+
+    def __init__(self, pace: Pace, costs: Sequence[Cost], *, ordered: bool) -> None:
         self._pace = pace
+        self._ordered = ordered
         self._costs = costs
         self._late = pace.interval if pace.begins_late else 0
         self._alone = [cost.alone(pace) for cost in costs]
@@ -87,8 +91,16 @@ class Round:
         """From the beginning of the first turn to the end of the last."""
         costs, pace = self._costs, self._pace
         if self.continuous:
-            total = sum((cost.turn(pace) for cost in costs), exactly(0))
-            return Span(total.least - self._late, total.most - self._late)
+            # What is before the first request is the gap of the turn before, not the one that goes with
+            # the last poll's own transaction.
+            *others, last = costs
+            gap = pace.gap(last.need if self._ordered else None)
+            total = sum((cost.turn(pace) for cost in others), gap)
+            taken, again = pace.taken(last.need), pace.turn(last.need)
+            return Span(
+                total.least + taken.least + (last.fewest - 1) * again.least - self._late,
+                total.most + taken.most + (last.attempts - 1) * again.most - self._late,
+            )
         least = sum(cost.own(pace) for cost in costs) + (len(costs) - 1) * self._late
         if self._together:
             return Span(least, self.all - self._late)
@@ -98,14 +110,10 @@ class Round:
 
     def period(self) -> Span | None:
         """From cycle to cycle where the list goes round and round; None where periods pace it."""
-        time = self.time()
-        return Span(time.least + self._late, time.most + self._late) if self.continuous else None
+        return sum((cost.turn(self._pace) for cost in self._costs), exactly(0)) if self.continuous else None
 
-    def age(self, place: int, *, ordered: bool) -> int:
-        """How old what a poll read can become before the next values replace it.
-
-        ``ordered``: no commands come between, so that polls which are due together keep their order.
-        """
+    def age(self, place: int) -> int:
+        """How old what a poll read can become before the next values replace it."""
         cost, pace = self._costs[place], self._pace
         served, taken = cost.poll.served.least, pace.taken(cost.need).most
         if self.continuous:
@@ -114,7 +122,7 @@ class Round:
         begun = pace.entry.least + served
         if not cost.poll.every:
             return self.all + taken - served
-        if self._together and ordered:
+        if self._together and self._ordered:
             until = sum(span.most for span in self._alone[: place + 1])
             before = sum(other.own(pace) + self._late for other in self._costs[:place])
             return cost.poll.every + pace.idle + until - before - begun
@@ -135,7 +143,7 @@ class Round:
         densest = max(cost.poll.frames / (cost.own(pace) + self._late) for cost in costs)
         return least, min(paced + max(rest, default=0.0), densest)
 
-    def mean(self, *, ordered: bool) -> float | None:
+    def mean(self) -> float | None:
         """Mean of :meth:`time`, all answered at once; None where no closed form is known."""
         pace = self._pace
         if any(cost.poll.waits for cost in self._costs):
@@ -148,6 +156,6 @@ class Round:
         taken = sum(mean[0] for mean in known)
         if self.continuous:
             return taken + sum(mean[1] for mean in known) - self._late
-        if self._together and ordered:
+        if self._together and self._ordered:
             return pace.mean_entry() + taken + sum(mean[1] for mean in known[:-1])
         return None

@@ -135,13 +135,13 @@ def poll_figures(model: PollListModel) -> PollFigures:
     if not cyclic:
         polls = tuple(_command(model, poll) for poll in model.polls)
         return PollFigures(model, command=command, worst_command=worst_command, polls=polls)
-    clean = Round(model.pace, without_errors(model))
+    clean = _round(model, without_errors(model))
     dead = tuple(_dead(model, device) for device in dict.fromkeys(p.device for p in cyclic if p.device))
-    worst = Round(model.pace, [at_worst(model, poll) for poll in cyclic])
+    worst = _round(model, [at_worst(model, poll) for poll in cyclic])
     return PollFigures(
         model,
         cycle=clean.time(),
-        mean=clean.mean(ordered=not commands),
+        mean=clean.mean(),
         worst=worst.time().most,
         command=command,
         worst_command=worst_command,
@@ -153,12 +153,16 @@ def poll_figures(model: PollListModel) -> PollFigures:
     )
 
 
+def _round(model: PollListModel, costs: list[Cost]) -> Round:
+    return Round(model.pace, costs, ordered=not model.commands)
+
+
 def _one_poll(model: PollListModel, clean: Round, poll: PollModel) -> OnePoll:
     if not poll.cyclic:
         return _command(model, poll)
     refresh = None
     if poll.reads:
-        refresh = clean.age(model.cyclic.index(poll), ordered=not model.commands)
+        refresh = clean.age(model.cyclic.index(poll))
     return _told(model, poll, refresh)
 
 
@@ -174,7 +178,7 @@ def _told(model: PollListModel, poll: PollModel, refresh: int | None) -> OnePoll
         response=Span(poll.answer.least - request, poll.answer.most - request),
         transaction=taken,
         turn=pace.turn(poll.need),
-        on_arrival=taken.most - poll.served.least if poll.reads else None,
+        on_arrival=min(taken.most - poll.served.least, poll.after + pace.late) if poll.reads else None,
         before_refresh=refresh,
     )
 
@@ -184,7 +188,7 @@ def _dead(model: PollListModel, device: str) -> Dead:
     hit = tuple(poll for poll in model.cyclic if poll.device and device in ("", poll.device))
     costs = [failing(model, poll) if poll in hit else Cost(poll, 1, poll.need) for poll in model.cyclic]
     lost = sum(poll.attempts for poll in hit) * model.timeout
-    return Dead(device, hit, lost, Round(model.pace, costs).time())
+    return Dead(device, hit, lost, _round(model, costs).time())
 
 
 def _longest_turn(model: PollListModel, costs: list[Cost]) -> int | None:

@@ -51,14 +51,16 @@ class Pace(Protocol):
     entry: Span
     #: The longest time that a turn which has come due waits for a master without anything to do.
     idle: int
+    #: The longest time from a decision to its taking over.
+    late: int
     #: Whether a turn begins after the interval, which is then no part of any turn.
     begins_late: bool
 
     def taken(self, need: Span) -> Span:
         """From sending to taking over."""
 
-    def gap(self) -> Span:
-        """From taking over to sending the next request, if there is one."""
+    def gap(self, need: Span | None = None) -> Span:
+        """From taking over to sending the next request, if there is one; without a need: whatever it was."""
 
     def turn(self, need: Span) -> Span:
         """From sending to sending the next request: their sum, which may be known better than they are."""
@@ -76,6 +78,7 @@ class Direct:
     begins_late = True
     entry = exactly(0)
     idle = 0
+    late = 0
 
     def __init__(self, interval: int) -> None:
         self.interval = interval
@@ -84,8 +87,9 @@ class Direct:
         """At once."""
         return need
 
-    def gap(self) -> Span:
+    def gap(self, need: Span | None = None) -> Span:
         """The interval."""
+        del need
         return exactly(self.interval)
 
     def turn(self, need: Span) -> Span:
@@ -118,6 +122,7 @@ class Scans:
         self._active = self._idle + exactly(execution)
         self.entry = self._idle
         self.idle = self._idle.most
+        self.late = self._active.most - 1
 
     def taken(self, need: Span) -> Span:
         """To the first END at or after the decision: at least one scan."""
@@ -127,19 +132,24 @@ class Scans:
         before = (need.most - 1) // shortest
         return Span(least, min(before * longest, need.most - 1) + longest)
 
-    def gap(self) -> Span:
+    def gap(self, need: Span | None = None) -> Span:
         """At least one scan; more where the interval, which began up to a scan earlier, is longer."""
         shortest, longest = self._idle.least, self._idle.most
-        left = max(0, self.interval - (self._active.most - 1))
+        least_late, most_late = 0, self.late
+        if need is not None:
+            taken = self.taken(need)
+            least_late = max(least_late, taken.least - need.most)
+            most_late = min(most_late, taken.most - need.least)
+        left = max(0, self.interval - most_late)
         least = max(shortest * max(1, -(-left // longest)), left)
-        before = max(0, self.interval - 1) // shortest
-        return Span(least, min(before * longest, max(0, self.interval - 1)) + longest)
+        room = max(0, self.interval - least_late - 1)
+        return Span(least, min(room // shortest * longest, room) + longest)
 
     def turn(self, need: Span) -> Span:
         """To the first END after taking over that the interval allows."""
         taken, over = self.taken(need), need + exactly(self.interval)
         shortest, longest = self._idle.least, self._idle.most
-        left = over.least - taken.most if need.fixed else self.interval - (self._active.most - 1)
+        left = over.least - taken.most if need.fixed else self.interval - self.late
         scans = max(1, -(-left // longest))
         least = max(taken.least + scans * shortest, over.least)
         most = taken.most + longest

@@ -110,6 +110,7 @@ class _Reader:
     ports: list[_Port] = field(default_factory=list)
     slaves: list[SlaveModel] = field(default_factory=list)
     masters: list[_Master] = field(default_factory=list)
+    asking: dict[str, list[str]] = field(default_factory=dict)  # masters by bus
     talkers: dict[str, list[str]] = field(default_factory=dict)
     broken: dict[str, PollListModel] = field(default_factory=dict)
 
@@ -146,6 +147,9 @@ class _Reader:
                     "it speaks a free protocol: when an exchange is over depends on what the others send",
                 )
             return
+        if plc.program is not None and protocol.endswith("-master") and (polls or plc.program.uses_ports):
+            self._program(port, "drives RS2" if not polls else "makes scans longer beside its polls")
+            return
         framing = (
             Framing.ascii(profile.ascii_gap)
             if "ascii" in protocol
@@ -159,7 +163,7 @@ class _Reader:
         elif protocol.endswith("-slave"):
             self._slave_port(port, settings, framing)
         elif asked:
-            self.masters.append(
+            self._master(
                 _Master(
                     node=port.node,
                     bus=port.bus,
@@ -190,14 +194,23 @@ class _Reader:
                 end=_scan(plc).most + loads - 1,
                 extra=self._slowness(port.node),
                 off=self._off(plc.name, port.node),
+                programmed=plc.program is not None,
             )
         )
+
+    def _program(self, port: _Port, does: str) -> None:
+        self.asking.setdefault(port.bus, []).append(port.node)
+        self._no_list(port, f"its program {does}: how long that takes depends on what it does")
 
     def _scans(self, port: _Port, interval: int) -> Scans:
         plc = port.plc
         execution = plc.profile.transaction_time
         others = sum(other.works for other in self.ports if other.plc is plc and other is not port)
         return Scans(_scan(plc), execution, others * execution, interval)
+
+    def _master(self, master: _Master) -> None:
+        self.asking.setdefault(master.bus, []).append(master.node)
+        self.masters.append(master)
 
     def _no_list(self, port: _Port, why: str) -> None:
         self.broken[port.node] = _refused(port.node, port.bus, port.protocol, [why])
@@ -214,7 +227,7 @@ class _Reader:
             if slave is not None:
                 self.slaves.append(slave)
         elif settings.polls:
-            self.masters.append(
+            self._master(
                 _Master(
                     node=device.name,
                     bus=device.bus,
@@ -304,7 +317,7 @@ class _Reader:
 
     def _crowd(self, master: _Master) -> list[str]:
         found = []
-        others = [other.node for other in self.masters if other.bus == master.bus and other is not master]
+        others = [node for node in self.asking[master.bus] if node != master.node]
         if others:
             found.append(
                 f"{names(others)} also {'asks' if len(others) == 1 else 'ask'} on {master.bus}: "
@@ -392,7 +405,7 @@ def _poll(master: _Master, spec: PollSpec, slaves: list[SlaveModel]) -> PollMode
     sent = master.timing.characters(size)
     if spec.station == BROADCAST:
         over = exactly(sent + master.turnaround)
-        return _model(spec, "", sent, 0, over, over, over)
+        return _model(spec, "", sent, 0, over, over, over, 0)
     asked = [slave for slave in slaves if slave.station == spec.station]
     heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
     if not heard:
@@ -401,6 +414,8 @@ def _poll(master: _Master, spec: PollSpec, slaves: list[SlaveModel]) -> PollMode
     if len(heard) > 1:
         return f"{names(slave.name for slave in heard)} both answer as station {spec.station} and collide"
     slave = heard[0]
+    if slave.programmed:
+        return f"{slave.name} answers at END, and its program makes its scans longer by no known time"
     refused = slave.refuses(request, valued=bool(spec.values) and not is_bits(spec.function))
     if refused:
         return f"{slave.name} refuses it every time: {refused}"
@@ -413,7 +428,11 @@ def _poll(master: _Master, spec: PollSpec, slaves: list[SlaveModel]) -> PollMode
         late = "never comes in time" if always else "may come too late"
         return f"the answer of {slave.name} takes {span} from the request's end on: it {late}"
     quiet = exactly(master.framing.quiet if master.framing.mode is Mode.RTU else 0)
-    return _model(spec, slave.name, sent, answered, served, answer, answer + quiet, waits=slave.end > 0)
+    # Who takes its values early waits for its delay to be over.
+    early = max(served.least, sent + slave.delay) - served.least
+    after = early + slave.spread + slave.extra.most + answered + quiet.most
+    waits = slave.end > 0
+    return _model(spec, slave.name, sent, answered, served, answer, answer + quiet, after, waits=waits)
 
 
 def _answer(slave: SlaveModel, sent: int, answered: int) -> tuple[Span, Span]:
@@ -432,6 +451,7 @@ def _model(
     served: Span,
     answer: Span,
     need: Span,
+    after: int,
     *,
     waits: bool = False,
 ) -> PollModel:
@@ -447,6 +467,7 @@ def _model(
         served=served,
         answer=answer,
         need=need,
+        after=after,
         waits=waits,
         every=spec.every,
         at=spec.at,

@@ -28,7 +28,7 @@ class SlaveModel:
 
     ``owner`` is the PLC or device that it belongs to. ``end`` is how long it may wait for its END (0: it
     answers by itself); ``delay`` counts from the request's end, ``spread`` and ``extra`` (of a fault that
-    makes it slow) are added to the reply's begin.
+    makes it slow) are added to the reply's begin. ``programmed``: a program makes its scans longer.
     """
 
     name: str
@@ -43,6 +43,7 @@ class SlaveModel:
     end: int = 0
     extra: Span = _NOTHING
     off: bool = False
+    programmed: bool = False
 
     def understands(self, mode: Mode, timing: LineTiming) -> bool:
         """Whether a master of this mode, rate and format is understood."""

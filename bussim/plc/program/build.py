@@ -59,6 +59,11 @@ def standing_time(times: InstructionTimes, at: Instruction) -> int:
     return times.of(at.spec.name, _group(at), wide=at.form.wide)
 
 
+def time_when_on(times: InstructionTimes, at: Instruction) -> int:
+    """Nanoseconds that an instruction takes when it is carried out, without those for each device."""
+    return times.of(at.spec.name, _group(at), wide=at.form.wide)
+
+
 def _is_applied(at: Instruction) -> bool:
     return at.spec.name in _APPLIED
 

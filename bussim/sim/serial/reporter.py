@@ -128,7 +128,7 @@ class SerialReporter:
                 chars=(node.request_chars if event.sent is not None else 0) + (reply.chars if reply else 0),
             )
         )
-        if mismatched:
+        if mismatched and outcome in ("ok", "exception"):
             text = f"took an answer to an earlier request for that to station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 

@@ -1,0 +1,116 @@
+"""What a program sets before its PLC takes settings over: the first scan, tried on a scratch memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from bussim.plc.board import TAKE_PART, setting_defaults
+from bussim.plc.inputs import Stimulus
+from bussim.plc.memory import Device, Memory, parse_device
+from bussim.plc.ports import cpavl
+from bussim.plc.profiles import Profile
+from bussim.plc.program.program import Program
+from bussim.plc.program.run import ProgramRun
+
+
+@dataclass(frozen=True, slots=True)
+class SetUpPort:
+    """A CPAVL that was carried out: where a port's words and bits lie, and what the words hold then."""
+
+    words: Device
+    bits: Device
+    registers: dict[str, int]
+
+
+@dataclass(slots=True)
+class FirstScan:
+    """``link`` are those of M8179 and D8176–D8180 that the program sets; ``ports`` its CPAVLs by port."""
+
+    link: dict[str, int] = field(default_factory=dict)
+    ports: dict[str, SetUpPort] = field(default_factory=dict)
+
+
+class _Heard:
+    """Takes RS2 and CPAVL for the PLC's ports."""
+
+    def __init__(self) -> None:
+        self.places: dict[str, tuple[Device, Device]] = {}
+
+    def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
+        """An RS2 sends nothing here."""
+
+    def cpavl(self, words: Device, bits: Device, port: int) -> None:
+        """A port's words and bits lie here."""
+        self.places[f"COM{port}"] = (words, bits)
+
+
+def first_scan(
+    program: Program,
+    profile: Profile,
+    registers: Mapping[Device, int],
+    inputs: Mapping[Device, Stimulus],
+    now: int = 0,
+) -> FirstScan:
+    """Carry out RUN at ``now`` and the first scan of a PLC with these registers and inputs.
+
+    A program that writes the value which is there already sets it as well: so it is tried on two
+    memories that differ in the link's settings, and what is the same afterwards, or was changed, the
+    program has set.
+    """
+    memory, heard = _tried(program, profile, registers, inputs, now, others=False)
+    other, _ = _tried(program, profile, registers, inputs, now, others=True)
+    before = _powered(profile, registers, inputs, now)
+    found = FirstScan()
+    for name in TAKE_PART:
+        device = parse_device(name)
+        value = memory.get(device)
+        if value == other.get(device) or value != before.get(device):
+            found.link[name] = value
+    for port, (words, bits) in heard.places.items():
+        last = min(words.address + cpavl.WORDS, len(memory.words(words.letter)))
+        values = {
+            str(Device(words.letter, address)): memory.word(words.letter, address)
+            for address in range(words.address, last)
+        }
+        found.ports[port] = SetUpPort(words, bits, {name: value for name, value in values.items() if value})
+    if "COM2" in found.ports:
+        station = memory.get(cpavl.COM2_STATION)
+        found.ports["COM2"].registers[str(cpavl.COM2_STATION)] = station
+    return found
+
+
+def _powered(
+    profile: Profile, registers: Mapping[Device, int], inputs: Mapping[Device, Stimulus], now: int
+) -> Memory:
+    memory = Memory()
+    for address, value in setting_defaults(profile).items():
+        memory.set_word("D", address, value)
+    memory.set(cpavl.COM2_STATION, profile.com2_station)
+    for device, value in registers.items():
+        memory.set(device, value)
+    for device, stimulus in inputs.items():
+        memory.set(device, stimulus.level(now))
+    return memory
+
+
+def _tried(
+    program: Program,
+    profile: Profile,
+    registers: Mapping[Device, int],
+    inputs: Mapping[Device, Stimulus],
+    now: int,
+    *,
+    others: bool,
+) -> tuple[Memory, _Heard]:
+    """The memory after the first scan, from settings as they are or from ``others``."""
+    memory = _powered(profile, registers, inputs, now)
+    if others:
+        for name in TAKE_PART:
+            device = parse_device(name)
+            memory.set(device, memory.get(device) ^ (0x5A5A if device.is_word else 1))
+    heard = _Heard()
+    run = ProgramRun(program, memory, times=profile.instruction_times, ports=heard, power_on=now)
+    run.run(now)
+    run.scan(now)
+    return memory, heard

@@ -1,0 +1,47 @@
+"""The longest time that one scan of a program can take, as far as its text tells it."""
+
+from __future__ import annotations
+
+from bussim.plc.program.build import standing_time, time_when_on
+from bussim.plc.program.catalog import Instruction
+from bussim.plc.program.check import slots_of
+from bussim.plc.program.program import Program
+from bussim.plc.program.times import InstructionTimes, ticks_of
+
+#: Instructions that lead backwards or elsewhere and back: how often they do so is known only when they run.
+_RETURNING = frozenset(("CALL", "FOR"))
+_BY_DEVICES = frozenset(("BMOV", "FMOV", "MEAN", "SFTR", "SFTL", "ZRST"))
+
+
+def longest_scan(program: Program, times: InstructionTimes) -> int | None:
+    """Ticks that the instructions of one scan take at most: all of them carried out, once each.
+
+    Jumps forwards leave some out. None for a program with loops, subroutines or a jump backwards, whose
+    time only the watchdog bounds.
+    """
+    if any(at.spec.name in _RETURNING for at in program.instructions):
+        return None
+    for here, stretch in enumerate(program.stretches):
+        at = stretch.exit
+        if at is not None and at.instruction.spec.name == "CJ" and 0 <= stretch.target <= here:
+            return None
+    total = sum(
+        max(standing_time(times, at), time_when_on(times, at)) + times.each * _devices(at)
+        for at in program.instructions
+    )
+    return ticks_of(total)
+
+
+def _devices(at: Instruction) -> int:
+    """How many devices an instruction is charged for, at most."""
+    if at.spec.name not in _BY_DEVICES:
+        return 0
+    if at.spec.name == "ZRST":
+        first, last = at.operands
+        return max(1, last.address - first.address + 1)
+    counts = {"BMOV": "n", "FMOV": "n", "MEAN": "n", "SFTR": "n1", "SFTL": "n1"}
+    for slot, operand in zip(slots_of(at.form, at.operands), at.operands, strict=True):
+        if slot.name == counts[at.spec.name]:
+            most = slot.limits[1] if slot.limits is not None else 0
+            return operand.constant if operand.constant is not None else most
+    return 0

@@ -1,0 +1,195 @@
+"""What a PLC's program and inputs mean: files read, the program parsed, its first scan tried."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from bussim.errors import Problem, ProgramError
+from bussim.plc.first_scan import FirstScan, first_scan
+from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
+from bussim.plc.memory import parse_device
+from bussim.plc.profiles import Profile
+from bussim.plc.program.program import Program
+from bussim.scenario.files import Files
+from bussim.scenario.places import Path, Report
+from bussim.scenario.program_schema import MAX_TIMES, InputIn, ProgramIn
+from bussim.scenario.register_rules import named_device
+from bussim.scenario.schema import PlcIn
+from bussim.scenario.wording import show
+from bussim.units import TICKS_PER_SECOND, round_half_up
+
+#: A program's text, comments and all; a run's scenario holds all of them.
+MAX_PROGRAM = 128 * 1024
+MAX_CSV = 1024 * 1024
+
+_SECONDS = re.compile(r"[+]?([0-9]{1,9}(\.[0-9]{0,12})?|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?")
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where the lines of a program stand: in a file of its own, in the scenario, or in no file at all."""
+
+    file: str
+    line: int = 0  # of the scenario, of the text's first line; 0: the text is the file's own
+    indent: int = 0
+    path: Path | None = None  # of a text whose lines have no places of their own
+
+    def problem(self, report: Report, found: Problem) -> Problem:
+        """A problem of the program, told where the user finds it."""
+        if self.path is not None:
+            return report.places.remark(self.path, f"line {found.line} of the program: {found.message}")
+        if not self.line:
+            return Problem(self.file, found.line, found.column, found.message)
+        line = max(found.line, 1)
+        return Problem(self.file, self.line + line - 1, self.indent + max(found.column, 1), found.message)
+
+
+@dataclass(frozen=True, slots=True)
+class PlcLogic:
+    """``first`` is what the program sets at RUN; ``inputs`` are by device name."""
+
+    program: Program | None = None
+    origin: Origin | None = None
+    first: FirstScan = field(default_factory=FirstScan)
+    inputs: Mapping[str, InputSpec] = field(default_factory=dict)
+
+
+def read_logic(
+    path: Path,
+    plc: PlcIn,
+    profile: Profile,
+    registers: Mapping[str, int],
+    power_on: int,
+    files: Files,
+    report: Report,
+) -> PlcLogic:
+    """What a PLC's entry says of its program and inputs; mistakes in them are reported.
+
+    ``registers`` are what the PLC has at power-on without its program.
+    """
+    inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
+    if plc.program is None:
+        return PlcLogic(inputs=inputs)
+    program, origin = _program((*path, "program"), plc, plc.program, files, report)
+    if program is None:
+        return PlcLogic(origin=origin, inputs=inputs)
+    known = {parse_device(name): value for name, value in registers.items()}
+    levels = {
+        parse_device(name): given for name, given in inputs.items() if not isinstance(given, RandomInput)
+    }
+    return PlcLogic(program, origin, first_scan(program, profile, known, levels, power_on), inputs)
+
+
+def _program(
+    path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report
+) -> tuple[Program | None, Origin | None]:
+    if given.file is not None:
+        origin = Origin(given.file)
+        try:
+            text = files.read(given.file, MAX_PROGRAM)
+        except ValueError as error:
+            report.error(_inner(path, "file", report), str(error))
+            return None, origin
+    else:
+        text = given.text or ""
+        at = _inner(path, "text", report)
+        block = report.places.blocks.get(at)
+        origin = Origin(report.places.file, *block) if block is not None else Origin("", path=at)
+        if len(text.encode()) > MAX_PROGRAM:
+            report.error(at, f"has more than {MAX_PROGRAM >> 10} KiB")
+            return None, origin
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    try:
+        program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name)
+    except ProgramError as error:
+        for problem in error.problems:
+            report.foreign(origin.problem(report, problem), fatal=True)
+        return None, origin
+    for problem in program.warnings:
+        # A run's warnings have no places: the PLC's name tells whose program it is.
+        named = replace(problem, message=f"{plc.name}: {problem.message}")
+        report.foreign(origin.problem(report, named), fatal=False)
+    return program, origin
+
+
+def _inner(path: Path, key: str, report: Report) -> Path:
+    """Where a value stands that may have been written without its key."""
+    inner = (*path, key)
+    return inner if inner in report.places.values else path
+
+
+# -- inputs --------------------------------------------------------------------------------------------
+
+
+def _inputs(path: Path, given: Mapping[str, InputIn], files: Files, report: Report) -> dict[str, InputSpec]:
+    found: dict[str, InputSpec] = {}
+    for name, entry in given.items():
+        device = named_device((*path, name), name, report)
+        if device is None:
+            continue
+        if device.letter != "X":
+            report.error(
+                (*path, name), f"is no input: {device.letter} cannot be driven here, only X", key=True
+            )
+        elif str(device) in found:
+            report.error((*path, name), f"is the same device as {device}", key=True)
+        else:
+            spec = _input((*path, name), entry, files, report)
+            if spec is not None:
+                found[str(device)] = spec
+    return found
+
+
+def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpec | None:
+    if given.pulse is not None:
+        pulse = given.pulse
+        return Pulse(pulse.width, pulse.at, pulse.every, pulse.times)
+    if given.square is not None:
+        return Square(given.square.period, given.square.at)
+    if given.random is not None:
+        return RandomInput(given.random.on, given.random.off)
+    if given.times is not None:
+        return Times(tuple(given.times))
+    if given.csv is not None:
+        try:
+            text = files.read(given.csv, MAX_CSV)
+        except ValueError as error:
+            report.error((*path, "csv"), str(error))
+            return None
+        times = _times_of(text, given.csv, report)
+        return Times(times) if times is not None else None
+    return None  # what it was to be is reported
+
+
+def _times_of(text: str, file: str, report: Report) -> tuple[int, ...] | None:
+    """The times of a CSV file: seconds in the first column, below a heading or not."""
+    times: list[int] = []
+    wrong = False
+    for number, line in enumerate(text.splitlines(), 1):
+        cell = re.split(r"[,;\t]", line, maxsplit=1)[0].strip().strip('"')
+        if not cell or cell.startswith("#"):
+            continue
+        if _SECONDS.fullmatch(cell) is None:
+            if number == 1:
+                continue  # the heading
+            message = f"is {show(cell)}, expected a time in seconds such as 1.25"
+        else:
+            tick = round_half_up(Fraction(cell) * TICKS_PER_SECOND)
+            if times and tick <= times[-1]:
+                message = f"{cell} s is not later than the time before; times must rise"
+            elif len(times) == MAX_TIMES:
+                message = f"more than {MAX_TIMES} times"
+            else:
+                times.append(tick)
+                continue
+        report.foreign(Problem(file, number, 1, message), fatal=True)
+        wrong = True
+        if len(report.errors) > 100 or len(times) == MAX_TIMES:
+            break
+    if not times and not wrong:
+        report.foreign(Problem(file, 0, 0, "has no times"), fatal=True)
+        wrong = True
+    return None if wrong else tuple(times)

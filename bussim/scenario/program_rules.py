@@ -1,0 +1,225 @@
+"""What is odd about programs beside the rest of a scenario, and what is wrong with latency entries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from bussim.errors import Problem
+from bussim.plc.memory import BlockPlace, Device
+from bussim.plc.program.catalog import Instruction
+from bussim.plc.program.check import Extent, extents
+from bussim.scenario.fields import PlcPoint
+from bussim.scenario.link_rules import foreign_blocks, holds, own_block, station_of
+from bussim.scenario.places import Path, Report
+from bussim.scenario.program_schema import LatencyIn
+from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, friendly_registers, raw_registers
+from bussim.scenario.validate import Draft, Entry
+from bussim.scenario.wording import show, suggest
+
+#: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
+MAX_PROGRAMS = 256 * 1024
+
+
+def check_programs(members: Sequence[Member], report: Report) -> None:
+    """Judge every program against registers, ports and the link."""
+    total = 0
+    for member in members:
+        program = member.logic.program
+        if program is None:
+            continue
+        # A line costs its indentation as well.
+        total += len(program.text.encode()) + 8 * program.text.count("\n")
+        _check_settings(member, report)
+        _check_ports(member, report)
+        if member.takes_part and member.bus is not None:
+            link = [other for other in members if other.takes_part and other.bus == member.bus]
+            _check_writes(member, link, report)
+    if total > MAX_PROGRAMS:
+        report.mistake(
+            ("plcs",),
+            f"the programs of all PLCs have {total >> 10} KiB together, allowed {MAX_PROGRAMS >> 10} KiB",
+        )
+
+
+def _warn_at(member: Member, at: Instruction, message: str, report: Report) -> None:
+    origin = member.logic.origin
+    if origin is not None:
+        problem = Problem("", at.line, at.column, f"{member.name}: {message}")
+        report.foreign(origin.problem(report, problem), fatal=False)
+
+
+def _check_settings(member: Member, report: Report) -> None:
+    """What the scenario says of the link and the program says otherwise."""
+    name, nn = member.name, member.plc.nn
+    keys = {f"D{address}": key for key, address in NN_KEYS.items()} | {PORT_DEVICE: "port"}
+    friendly = friendly_registers(nn) if nn is not None else {}
+    raw = raw_registers(member.plc)
+    for device, value in member.logic.first.link.items():
+        if device in friendly and friendly[device] != value:
+            path: Path = (*member.path, "nn", keys[device])
+            report.warn(
+                path,
+                f"the program of {name} sets {device} to {value}: nn.{keys[device]}, which stands for "
+                f"{friendly[device]}, is lost",
+            )
+        elif device not in friendly and device in raw and raw[device] & 0xFFFF != value:
+            report.warn(
+                (*member.path, "registers"),
+                f"the program of {name} sets {device} to {value}: the {raw[device]} of registers is lost",
+            )
+
+
+def _check_ports(member: Member, report: Report) -> None:
+    """Ports that a CPAVL sets up and the scenario does not connect; keys that it overrules."""
+    program = member.logic.program
+    if program is None:
+        return
+    for at in program.instructions:
+        if at.spec.name == "CPAVL":
+            port = f"COM{at.operands[2].address}"
+            if port not in member.plc.ports:
+                message = (
+                    f"CPAVL sets {port} up, but ports does not tell its bus: it does nothing; "
+                    f"write ports: {{{port}: {{bus: …}}}}"
+                )
+                _warn_at(member, at, message, report)
+    for seat in member.ports:
+        found = member.logic.first.ports.get(seat.name)
+        if found is None:
+            continue
+        for key, (register, value) in seat.explicit.items():
+            if found.registers.get(register, 0) != value:
+                report.warn(
+                    (*seat.path, key),
+                    f"the program of {member.name} sets {register} to {found.registers.get(register, 0)}: "
+                    f"ports.{seat.name}.{key}, which makes it {value}, is lost",
+                )
+
+
+def _check_writes(member: Member, link: list[Member], report: Report) -> None:
+    """Shared blocks of other stations that the program writes; each once."""
+    program = member.logic.program
+    if program is None:
+        return
+    for place in foreign_blocks(member, link):
+        for at in program.instructions:
+            found = next((extent for extent in extents(at) if extent.writes and _meets(extent, place)), None)
+            if found is None:
+                continue
+            station = station_of(place)
+            owner = next((other.name for other in link if other.station == station), None)
+            who = f"station {station}" + (f" ({owner})" if owner is not None else "")
+            first = Device(found.letter, found.first)
+            span = (
+                f"{first}" if found.first == found.last else f"{first} to {Device(found.letter, found.last)}"
+            )
+            message = (
+                f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "
+                "frame from there, and nobody else sees it"
+            )
+            _warn_at(member, at, message, report)
+            break
+
+
+def _meets(extent: Extent, place: BlockPlace) -> bool:
+    if extent.word:
+        return extent.letter == "D" and extent.first < place.word + place.words and place.word <= extent.last
+    return extent.letter == "M" and extent.first < place.bit + place.bits and place.bit <= extent.last
+
+
+# -- observed devices and latencies --------------------------------------------------------------------
+
+
+def check_observed(draft: Draft, report: Report) -> None:
+    """Observed devices are of PLCs that there are."""
+    if draft.document is None:
+        return
+    seen: set[PlcPoint] = set()
+    for index, point in enumerate(draft.document.observe):
+        path = ("observe", index)
+        if _is_plc(path, point, draft, report) and point in seen:
+            report.warn(path, f"{point} is observed twice")
+        seen.add(point)
+
+
+def _is_plc(path: Path, point: PlcPoint, draft: Draft, report: Report) -> bool:
+    known = [entry.name for entry in draft.plcs if entry.name is not None]
+    if point.plc in known:
+        return True
+    if known:
+        report.error(path, f"is {show(str(point))}, but {point.plc} is no PLC; {suggest(point.plc, known)}")
+    return False
+
+
+def check_latencies(draft: Draft, members: Sequence[Member], report: Report) -> None:
+    """Judge every entry of ``latency``."""
+    by_name = {member.name: member for member in members}
+    for entry in draft.latency:
+        given = entry.value
+        if given is None:
+            continue
+        ends = [("from", given.from_), ("to", given.to)]
+        known = [_is_plc((*entry.path, key), point, draft, report) for key, point in ends]
+        if not all(known):
+            continue
+        source, target = (by_name.get(point.plc) for _, point in ends)
+        if source is not None and target is not None:
+            _check_latency(entry, given, source, target, members, report)
+
+
+def _check_latency(
+    entry: Entry[LatencyIn],
+    given: LatencyIn,
+    source: Member,
+    target: Member,
+    members: Sequence[Member],
+    report: Report,
+) -> None:
+    start, end, path = given.from_, given.to, entry.path
+    if start.device.is_word != end.device.is_word:
+        kinds = [f"{point} is a {'word' if point.device.is_word else 'bit'}" for point in (start, end)]
+        report.error((*path, "to"), f"is {end}: {' and '.join(kinds)}, but a latency has two of a kind")
+        return
+    if start == end:
+        report.error((*path, "to"), f"is {end}, the device that it comes from")
+        return
+    if end.device.letter == "X":
+        report.error((*path, "to"), f"is {end}, an input: no program can set it")
+        return
+    if source is not target and (source.bus is None or source.bus != target.bus):
+        report.error((*path, "to"), f"is {end}, but {start.plc} and {end.plc} share no N:N link")
+        return
+    if start.device.is_word:
+        for key in ("edge", "inverted"):
+            if getattr(given, key) is not None:
+                report.error((*path, key), f"has no meaning for words, and {start} is one", key=True)
+        if source is target:
+            report.error((*path, "to"), f"is {end}, of the same PLC: there is no age to measure")
+            return
+    link = [member for member in members if member.takes_part and member.bus == source.bus]
+    _check_way(path, given, source, target, link, report)
+
+
+def _check_way(
+    path: Path, given: LatencyIn, source: Member, target: Member, link: Iterable[Member], report: Report
+) -> None:
+    """A device that nothing can drive, or that nobody sends, where no program does anything about it."""
+    start, end = given.from_, given.to
+    if start.device.letter == "X" and str(start.device) not in source.logic.inputs:
+        report.warn((*path, "from"), f"nothing drives {start}: give {source.name} inputs for it")
+    if source.plc.program is None and source is not target:
+        block = own_block(source, list(link))
+        if block is not None and not holds(block, start.device):
+            report.warn(
+                (*path, "from"),
+                f"{start} is not in the shared block of {source.name}, which has no program to put it there",
+            )
+    if target.plc.program is None and source is not target:
+        blocks = {station_of(place): place for place in foreign_blocks(target, list(link))}
+        place = blocks.get(source.station)
+        if place is not None and not holds(place, end.device):
+            report.warn(
+                (*path, "to"),
+                f"{end} is not where {target.name} keeps the block of {source.name}, and it has no program "
+                "to put it there",
+            )
