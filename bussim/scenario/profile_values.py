@@ -9,7 +9,7 @@ from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, P
 from bussim.plc.program.times import InstructionTimes
 from bussim.scenario.fields import exact
 from bussim.scenario.form import Model
-from bussim.scenario.schema import InstructionTimesIn, ProfileIn, RtuGapsIn, TurnaroundIn
+from bussim.scenario.profile_schema import InstructionTimesIn, ProfileIn, RtuGapsIn, TurnaroundIn
 from bussim.units import round_half_up
 
 #: Fields that are in a profile as they are in the file.

@@ -20,7 +20,8 @@ from bussim.scenario.dump import dumps
 from bussim.scenario.loader import from_data, load, loads
 from bussim.scenario.model import Scenario
 from bussim.scenario.poll_schema import PollIn
-from bussim.scenario.schema import BusIn, DocumentIn, NNIn, PlcIn, PortIn, ProfileIn
+from bussim.scenario.profile_schema import ProfileIn
+from bussim.scenario.schema import BusIn, DocumentIn, NNIn, PlcIn, PortIn
 from bussim.units import format_nanoseconds, format_time
 
 from .port_samples import FULL_PORTS, PORTS
