@@ -11,8 +11,8 @@ from bussim.scenario.wording import shorten
 class Files:
     """Finds them beside the scenario, and those that come with bussim among the built-in programs.
 
-    ``folder`` is the scenario's; None: where the program was started. ``texts`` are those that were read, by the names that the scenario has for them; such a one is not
-    read again.
+    ``folder`` is the scenario's; None: where the program was started. ``texts`` are those that were read,
+    by the names that the scenario has for them; such a one is not read again.
     """
 
     def __init__(self, folder: Path | None, texts: dict[str, str] | None = None) -> None:
