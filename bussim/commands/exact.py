@@ -1,4 +1,4 @@
-"""``bussim exact``: the exact law of the link scan time."""
+"""``bussim exact``: the exact law of the link scan time, and the longest latencies."""
 
 from __future__ import annotations
 
@@ -57,11 +57,14 @@ def command(
 ) -> None:
     """Work out the law of the link scan time, tails included, without simulating.
 
+    Of the scenario's latencies it tells what they are at worst.
+
     SCENARIO is a file or the name of a built-in scenario. Where the closed form does not hold, the
     answer says why instead.
     """
     from bussim import api
     from bussim.exact.figures import Request, figures_of
+    from bussim.exact.latency import bounds_of
     from bussim.exact.reading import from_scenario
 
     request = Request(
@@ -74,15 +77,23 @@ def command(
     if not models:
         raise UsageError(f"{scenario} has no N:N link")
     found = {bus: figures_of(model, request) for bus, model in models.items()}
+    bounds = bounds_of(loaded) if loaded.latency else {}
     if as_json:
-        links = {bus: figures.to_json() for bus, figures in found.items()}
-        click.echo(json.dumps({"schema": 1, "links": links}, indent=2, ensure_ascii=False))
+        answer: dict[str, object] = {"schema": 1}
+        answer["links"] = {bus: figures.to_json() for bus, figures in found.items()}
+        if bounds:
+            answer["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
+        click.echo(json.dumps(answer, indent=2, ensure_ascii=False))
     else:
         from bussim.commands.console import wide_console
 
         console = wide_console()
         for bus, figures in found.items():
             _show(console, bus, figures, request)
+        if bounds:
+            from bussim.commands.latency_bounds import show_bounds
+
+            show_bounds(console, bounds)
     if plot:
         for path in _draw(loaded, found, request, Path(out or ".")):
             click.echo(path, err=as_json)
