@@ -18,7 +18,33 @@ from .build import Recorder
 LONGEST = 100 * MS
 S = 1000 * MS
 
-DEVICES = ["master.X0", "master.X1", "master.X2", "master.X3", "master.Y0", "master.Y6", "master.Y10", "master.Y11", "master.Y12", "master.Y13", "master.Y14", "master.D1", "master.M1070", "master.M8184", "slave.X0", "slave.X1", "slave.Y0", "slave.Y5", "slave.Y10", "slave.Y11", "slave.Y12", "slave.Y13", "slave.D1", "slave.C1", "slave.M8183"]
+DEVICES = [
+    "master.X0",
+    "master.X1",
+    "master.X2",
+    "master.X3",
+    "master.Y0",
+    "master.Y6",
+    "master.Y10",
+    "master.Y11",
+    "master.Y12",
+    "master.Y13",
+    "master.Y14",
+    "master.D1",
+    "master.M1070",
+    "master.M8184",
+    "slave.X0",
+    "slave.X1",
+    "slave.Y0",
+    "slave.Y5",
+    "slave.Y10",
+    "slave.Y11",
+    "slave.Y12",
+    "slave.Y13",
+    "slave.D1",
+    "slave.C1",
+    "slave.M8183",
+]
 
 
 def watched(text: str) -> dict[str, Watched]:
