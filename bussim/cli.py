@@ -17,7 +17,7 @@ from bussim.version import __version__
 COMMANDS = {
     "run": "Simulate a scenario and write its results.",
     "check": "Name every mistake of a scenario with its line and column.",
-    "exact": "Work out the law of the link scan time.",
+    "exact": "Work out link scan and poll cycle times.",
     "size": "Recommend retries and timeout.",
     "watch": "Show chosen devices over time.",
     "sweep": "Run a scenario at every point of a grid.",
@@ -27,6 +27,8 @@ COMMANDS = {
     "export": "Write a run for Wireshark, PulseView, Perfetto.",
     "report": "Write a page on one run, or compare several.",
     "poll": "Poll Modbus stations on a serial port.",
+    "serve": "Serve parts of a scenario on real ports, the rest simulated.",
+    "inject": "Let a fault begin in a scenario that is being served.",
     "sniff": "Listen to a line, or read a recording of one.",
     "fit": "Estimate a scenario from a recording.",
 }

@@ -44,6 +44,15 @@ def parse_time(text: str) -> int:
     Raises ValueError, with a message for the user, for a bare number, an unknown unit or anything
     that is not a time. Negative times are read; whether one is allowed is the caller's business.
     """
+    return round_half_up(_exact(text))
+
+
+def parse_nanoseconds(text: str) -> int:
+    """Nanoseconds of a time written as :func:`parse_time` reads it, for what is far below a tick's use."""
+    return round_half_up(_exact(text) / UNIT_TICKS["ns"])
+
+
+def _exact(text: str) -> Fraction:
     match = _TIME.fullmatch(text)
     if match is None:
         raise ValueError(f"is {text!r}, not a time; write a number and a unit, such as 8 ms")
@@ -55,7 +64,7 @@ def parse_time(text: str) -> int:
     scale = UNIT_TICKS.get(unit)
     if scale is None:
         raise ValueError(f"has the unit {unit!r}; allowed are {_SHOWN_UNITS}")
-    return round_half_up(Fraction(Decimal(number)) * scale)
+    return Fraction(Decimal(number)) * scale
 
 
 def format_time(ticks: int) -> str:
@@ -67,6 +76,13 @@ def format_time(ticks: int) -> str:
     # A tick is 13.888… ns: five decimals of a microsecond name each tick uniquely.
     micros = Decimal(ticks) / Decimal(TICKS_PER_US)
     return f"{micros.quantize(Decimal('0.00001')).normalize():f} us"
+
+
+def format_nanoseconds(nanoseconds: int) -> str:
+    """The text of a time that :func:`parse_nanoseconds` reads back: ``80 ns``, ``1.52 us``."""
+    if nanoseconds < 1000:
+        return f"{nanoseconds} ns"
+    return f"{Decimal(nanoseconds).scaleb(-3).normalize():f} us"
 
 
 def format_ms(ticks: int) -> str:

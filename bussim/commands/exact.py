@@ -1,4 +1,4 @@
-"""``bussim exact``: the exact law of the link scan time, and the longest latencies."""
+"""``bussim exact``: the exact law of the link scan time, closed forms of Modbus polls and of latencies."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from bussim.exact.figures import Figures
     from bussim.exact.figures import Request as RequestType
+    from bussim.exact.polls.figures import PollFigures
     from bussim.scenario.model import Scenario
 
 #: Levels of exceeding that the picture reaches below the least quantile asked for.
@@ -55,12 +56,11 @@ def command(
     plot: bool,
     out: str | None,
 ) -> None:
-    """Work out the law of the link scan time, tails included, without simulating.
+    """Work out link scan times, tails included, and Modbus poll cycles, without simulating.
 
-    Of the scenario's latencies it tells what they are at worst.
-
-    SCENARIO is a file or the name of a built-in scenario. Where the closed form does not hold, the
-    answer says why instead.
+    SCENARIO is a file or the name of a built-in scenario. Where a closed form does not hold, the answer
+    says why instead. Of a poll list: cycle time without errors, what dead slaves and spent retries make of
+    it, response times, bus load, age of the data. Of the scenario's latencies: what they are at worst.
     """
     from bussim import api
     from bussim.exact.figures import Request, figures_of
@@ -74,13 +74,17 @@ def command(
     )
     loaded = api.load(scenario, overrides)
     models = from_scenario(loaded, ignore_faults=ignore_faults)
-    if not models:
-        raise UsageError(f"{scenario} has no N:N link")
+    polls = _polls(loaded)
+    if not (models or polls):
+        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list")
+    if plot and not models:
+        raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
     found = {bus: figures_of(model, request) for bus, model in models.items()}
     bounds = bounds_of(loaded) if loaded.latency else {}
     if as_json:
-        answer: dict[str, object] = {"schema": 1}
-        answer["links"] = {bus: figures.to_json() for bus, figures in found.items()}
+        links = {bus: figures.to_json() for bus, figures in found.items()}
+        lists = {node: figures.to_json() for node, figures in polls.items()}
+        answer: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
         if bounds:
             answer["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
         click.echo(json.dumps(answer, indent=2, ensure_ascii=False))
@@ -90,6 +94,11 @@ def command(
         console = wide_console()
         for bus, figures in found.items():
             _show(console, bus, figures, request)
+        if polls:
+            from bussim.commands.exact_polls import show
+
+            for figures_of_list in polls.values():
+                show(console, figures_of_list)
         if bounds:
             from bussim.commands.latency_bounds import show_bounds
 
@@ -99,6 +108,16 @@ def command(
             click.echo(path, err=as_json)
     elif out is not None:
         raise UsageError("--out is where --plot puts its pictures: give --plot as well")
+
+
+def _polls(scenario: Scenario) -> dict[str, PollFigures]:
+    """Figures of every poll list, by its node."""
+    if not (scenario.devices or any(plc.polls or plc.program for plc in scenario.plcs)):
+        return {}
+    from bussim.exact.polls.figures import poll_figures
+    from bussim.exact.polls.reading import poll_lists
+
+    return {node: poll_figures(model) for node, model in poll_lists(scenario).items()}
 
 
 def _time(option: str, text: str) -> int:

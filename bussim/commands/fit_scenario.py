@@ -179,6 +179,7 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         "duration": format_time(duration),
         "seed": seed,
         "buses": [{"name": bus, "baud": found.baud, "format": found.format}],
+        "plcs": [{"name": "idle"}],  # a scenario needs one
         "devices": devices,
         "noise": noise,
     }

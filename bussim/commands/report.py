@@ -46,6 +46,7 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     """
     from bussim.commands.output import checked_target, write_text
     from bussim.report.page import labels_of, report_page
+    from bussim.report.scene import MOST_SHAPES
     from bussim.results.load import load_run
 
     if len(runs) > _MOST_RUNS:
@@ -59,10 +60,11 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     target = checked_target(_target(folders, out), (".html", ".htm"), force=force)
     labels = labels_of([whole.name for whole in resolved], records)
     sources: list[Source] = []
+    shapes = MOST_SHAPES // len(folders)
     with _progress(len(folders)) as step:
         for folder, record, label in zip(folders, records, labels, strict=True):
             step(f"reading {label}")
-            sources.append(_source(folder, record, label, exact=not no_exact))
+            sources.append(_source(folder, record, label, shapes=shapes, exact=not no_exact))
         page = report_page(sources, ["bussim", "report", *runs])
     write_text(target, page)
     click.echo(target)
@@ -74,7 +76,7 @@ def _target(folders: Sequence[Path], out: str | None) -> Path:
     return folders[0] / "report.html" if len(folders) == 1 else Path("report.html")
 
 
-def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Source:
+def _source(folder: Path, record: RunRecord, label: str, *, shapes: int, exact: bool) -> Source:
     from bussim.commands.output import traced_again
     from bussim.report.source import Source
     from bussim.report.stations import measured_times
@@ -95,7 +97,8 @@ def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Sour
     no_trace = ""
     if (folder / TRACE).is_file():
         stations = measured_times(FolderRows(folder).exchanges())
-        scenes = _scenes(folder, record)
+        scenes = _scenes(folder, record, shapes)
+        no_trace = f"It is too much for this page; draw it with bussim timeline {folder} --worst"
     else:
         no_trace = (
             f"This run was not traced, so there is no timeline of it. To get one: {traced_again(folder)}"
@@ -103,10 +106,13 @@ def _source(folder: Path, record: RunRecord, label: str, *, exact: bool) -> Sour
     return Source(label, str(folder), record, scenario, laws, no_law, stations, scenes, no_trace)
 
 
-def _scenes(folder: Path, record: RunRecord) -> dict[str, Scene]:
-    """The longest link scan of every link, and the longest attempt on every other bus."""
+def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
+    """The longest link scan of every link, and the longest attempt on every other bus.
+
+    What has more than ``most`` shapes is left to ``bussim timeline``.
+    """
     from bussim.report.reading import read_stretch, worst_window
-    from bussim.report.scene import MOST_SHAPES, scene_of
+    from bussim.report.scene import scene_of
     from bussim.results.trace_file import read_trace
 
     trace = read_trace(folder)
@@ -116,7 +122,7 @@ def _scenes(folder: Path, record: RunRecord) -> dict[str, Scene]:
         if window is None:
             continue
         scene = scene_of(read_stretch(trace, record, bus.name, *window))
-        if len(scene.boxes) + len(scene.marks) <= MOST_SHAPES:
+        if len(scene.boxes) + len(scene.marks) <= most:
             scenes[bus.name] = scene
     return scenes
 

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+#: Stations or requests that are told apart.
+MOST_ASKED = 500
+
+
 class Asked:
     """Exchanges with one station (of N:N), or of one request."""
 
@@ -42,6 +46,14 @@ class Tally(Collector):
         self.asked: dict[str, Asked] = {}
         self.scan_times = Histogram()
 
+    def _asked(self, name: str) -> Asked:
+        known = self.asked.get(name)
+        if known is None:
+            # A master that asks for something else every time must not fill the memory.
+            name = name if len(self.asked) < MOST_ASKED else "others"
+            known = self.asked.setdefault(name, Asked())
+        return known
+
     def scan(self, record: ScanRecord) -> None:
         """Count a link scan."""
         self.scan_times.add(record.duration)
@@ -49,7 +61,7 @@ class Tally(Collector):
 
     def attempt(self, record: AttemptRecord) -> None:
         """Count an attempt of the N:N master."""
-        asked = self.asked.setdefault(f"station {record.station}", Asked())
+        asked = self._asked(f"station {record.station}")
         asked.attempts += 1
         asked.outcomes[record.outcome] += 1
         if record.turnaround is not None:
@@ -58,7 +70,7 @@ class Tally(Collector):
 
     def transaction(self, record: TransactionRecord) -> None:
         """Count a transaction."""
-        asked = self.asked.setdefault(record.poll, Asked())
+        asked = self._asked(record.poll)
         asked.attempts += 1
         asked.outcomes[f"exception {record.exception:02X}" if record.exception else record.outcome] += 1
         if record.answer_start is not None and record.asked is not None:

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from bussim.engines.contract import DEADLINE, EVENTS, TRANSMIT, RxChar, Transmit
 from bussim.engines.free.engine import FreeFrame
 from bussim.engines.free.events import FreeEvent, Sent
 from bussim.line.characters import LineTiming
+
+#: Sayings that wait while another is sent; what falls due beyond them is never said (assumed: a device's
+#: buffer is full, and a run's memory must not grow with its length).
+MOST_WAITING: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +39,8 @@ class Talker:
     """The device's one port. See :mod:`bussim.engines.contract` for the methods.
 
     ``draws`` are the streams of the sayings' jitter, in order. What falls due while something else is
-    being sent follows it. Characters with errors are heard with the value that they have.
+    being sent follows it, up to :data:`MOST_WAITING`. Characters with errors are heard with the value
+    that they have.
     """
 
     def __init__(
@@ -138,7 +144,8 @@ class Talker:
 
     def _say(self, data: bytes, at: int) -> int:
         if self._out is not None:
-            self._queue.append((at, data))
+            if len(self._queue) < MOST_WAITING:
+                self._queue.append((at, data))
             return 0
         self._out = data
         self.due = at

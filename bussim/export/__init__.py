@@ -34,9 +34,14 @@ Frames that were damaged, collided or were cut off carry a comment (``frame.comm
 character's parity or stop bit was wrong, the packet flag "symbol error". Times count from 1970.
 
 **PulseView.** Open the ``.sr`` (or import the ``.vcd``), add the decoder *UART* on the bus's lane with
-its rate and format (N:N: 38400, 7 data bits, even parity, 1 stop bit), and on top of it *Modbus* with
-RX for both directions. One sample is 1 µs. A ``.vcd`` counts from the run's start, a ``.sr`` from the
-window's.
+its rate and format (N:N: 38400, 7 data bits, even parity, 1 stop bit). For Modbus give the *UART* the
+lane of the station that answers as RX and the master's as TX, and stack *Modbus* on it: so it knows
+who asks. On the command line::
+
+    sigrok-cli -i trace.sr -P uart:rx=link:baudrate=38400:data_bits=7:parity=even -A uart=rx-data
+    sigrok-cli -i trace.sr -P uart:rx=oven1:tx=press2.COM5:baudrate=19200:parity=even,modbus -A modbus
+
+One sample is 1 µs. A ``.vcd`` counts from the run's start, a ``.sr`` from the window's.
 
 **Perfetto.** Open the ``.json`` at https://ui.perfetto.dev (it stays in the browser).
 """

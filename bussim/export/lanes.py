@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from bussim.export.heard import lows_of
 from bussim.export.source import Selection, Survey, in_order
+from bussim.line.wave import Interval
 from bussim.trace import FrameRecord
 from bussim.units import TICKS_PER_US
 
@@ -30,12 +31,13 @@ class Lane(NamedTuple):
     name: str
 
 
-class Change(NamedTuple):
-    """A lane has a new level from ``us`` on."""
+#: A lane has a new level: microsecond, number of the lane, level. A plain tuple: there are hundreds a frame.
+Change = tuple[int, int, int]
 
-    us: int
-    lane: int
-    level: int
+
+def unspaced(name: str) -> str:
+    """A name without what neither format takes in one: white space and some punctuation."""
+    return _UNFIT.sub("_", name) or "_"
 
 
 def microseconds(ticks: int) -> int:
@@ -77,7 +79,7 @@ class Lanes:
         return self.lanes[self._bus[bus]].name
 
     def _add(self, bus: str, wanted: str, taken: set[str]) -> int:
-        name = stem = _UNFIT.sub("_", wanted) or "_"
+        name = stem = unspaced(wanted)
         number = 1
         while name in taken:
             number += 1
@@ -87,55 +89,88 @@ class Lanes:
         return len(self.lanes) - 1
 
     def changes(self) -> Iterator[Change]:
-        """Every change of level inside the picture, by time; what is low as it begins, changes then."""
-        low = [0] * len(self.lanes)  # how many pull each lane low
-        pending: list[tuple[int, ...]] = []
+        """Every change of levels inside the picture, by time; what is low as it begins, changes then."""
+        levels = _Levels(len(self.lanes))
+        pending: list[_Event] = []
         for frame in in_order(self._selection.frames(), self._lateness):
             # No later frame begins before this one: what lies before it is settled.
             begun = microseconds(frame.start)
-            if pending and pending[0][0] < begun:
-                pending.sort()
-                settled = bisect_left(pending, (begun,))
-                yield from self._levels(pending[:settled], low)
+            pending.sort()
+            settled = bisect_left(pending, (begun,))
+            if settled:
+                yield from levels.after(pending[:settled])
                 del pending[:settled]
-            pending += self._events(frame)
+            for lanes, lows in self._pulls(frame):
+                pending += self._events(lanes, lows)
         pending.sort()
-        yield from self._levels(pending, low)
+        yield from levels.after(pending)
 
-    def _events(self, frame: FrameRecord) -> Iterator[tuple[int, ...]]:
-        """Who begins (+1) and ends (-1) to pull what low, and when."""
-        clean = lows_of(frame, ())
+    def _pulls(self, frame: FrameRecord) -> Iterator[tuple[tuple[int, ...], list[Interval]]]:
+        """Where a frame pulls which lanes low."""
         sender = self._sender[frame.bus, frame.sender]
-        damaged = lows_of(frame, frame.damaged_bits) if frame.damaged_bits else clean
-        lanes = [(sender, clean), (self._bus[frame.bus], damaged)]
+        together = [self._bus[frame.bus]]
         for node, lane in self._receivers[frame.bus]:
             own = frame.damaged_at.get(node)
-            # A bit inverted on the wire and again in the receiver is right once more.
-            seen = lows_of(frame, sorted(set(frame.damaged_bits) ^ set(own))) if own else damaged
-            if node != frame.sender:  # deaf while its own driver is on
-                lanes.append((lane, seen))
-        begin, end = self.begin, self.end
-        for lane, lows in lanes:
-            for first, last in lows:
-                since, until = max(microseconds(first), begin), min(microseconds(last), end)
-                if since < until:
-                    yield since, lane, 1
-                    yield until, lane, -1
+            if node == frame.sender:
+                continue  # deaf while its own driver is on
+            if own:
+                # A bit inverted on the wire and again in the receiver is right once more.
+                yield (lane,), lows_of(frame, sorted(set(frame.damaged_bits) ^ set(own)))
+            else:
+                together.append(lane)
+        clean = lows_of(frame, ())
+        if frame.damaged_bits:
+            yield (sender,), clean
+            yield tuple(together), lows_of(frame, frame.damaged_bits)
+        else:
+            yield (sender, *together), clean
 
-    def _levels(self, events: Sequence[tuple[int, ...]], low: list[int]) -> Iterator[Change]:
-        """The changes of level that events make which are sorted; at one time -1 comes before +1."""
+    def _events(self, lanes: tuple[int, ...], lows: list[Interval]) -> Iterator[_Event]:
+        """When lanes begin (+1) and end (-1) to be pulled low, inside the picture."""
+        begin, end, half, whole = self.begin, self.end, TICKS_PER_US // 2, TICKS_PER_US
+        for first, last in lows:
+            since, until = (first + half) // whole, (last + half) // whole
+            if since < begin or until > end:
+                since, until = max(since, begin), min(until, end)
+            if since < until:
+                yield since, 1, lanes
+                yield until, -1, lanes
+
+
+#: A time in microseconds, +1 or -1, and the lanes that are pulled low or let go.
+_Event = tuple[int, int, tuple[int, ...]]
+
+
+class _Levels:
+    """How many drivers pull each lane low."""
+
+    def __init__(self, lanes: int) -> None:
+        self._low = [0] * lanes
+
+    def after(self, events: Sequence[_Event]) -> Iterator[Change]:
+        """The changes of level that sorted events make."""
+        low = self._low
         at, count = 0, len(events)
         while at < count:
-            us, lane, step = events[at]
+            us, step, lanes = events[at]
             at += 1
-            before = low[lane]
-            now = before + step
-            while at < count and events[at][0] == us and events[at][1] == lane:
-                now += events[at][2]
-                at += 1
-            low[lane] = now
-            if (before > 0) is not (now > 0):
-                yield Change(us, lane, 0 if now > 0 else 1)
+            if at < count and events[at][0] == us:
+                steps = dict.fromkeys(lanes, step)
+                while at < count and events[at][0] == us:
+                    for lane in events[at][2]:
+                        steps[lane] = steps.get(lane, 0) + events[at][1]
+                    at += 1
+                for lane, number in steps.items():
+                    before = low[lane]
+                    low[lane] = now = before + number
+                    if (before > 0) is not (now > 0):
+                        yield us, lane, 0 if now else 1
+                continue
+            for lane in lanes:
+                now = low[lane] + step
+                low[lane] = now
+                if now == (step > 0):  # the first that pulls, or the last that lets go
+                    yield us, lane, 0 if now else 1
 
 
 def by_scope(lanes: Iterable[Lane]) -> dict[str, list[int]]:

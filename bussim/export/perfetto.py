@@ -42,7 +42,10 @@ Timed = tuple[int, int, Event]
 
 
 def write_perfetto(path: Path, selection: Selection, comment: str) -> int:
-    """Write the trace; returns how many events. Raises UsageError for none, or more than :data:`MOST_EVENTS`."""
+    """Write the trace; returns how many events.
+
+    Raises UsageError where there is none, or more than :data:`MOST_EVENTS`.
+    """
     tracks = _Tracks(selection)
     events: list[Timed] = []
     for number, (tick, event) in enumerate(_Events(selection, tracks).all()):
@@ -83,6 +86,9 @@ class _Tracks:
         for bus in selection.trace.header.buses:
             if bus.name in selection.buses:
                 pid = self.bus(bus.name)
+                if bus.nn:
+                    for name in ("link scans", "attempts"):
+                        self.thread(pid, name)
                 for node in bus.nodes:
                     self.bus_of[node] = bus.name
                     self.thread(pid, node)
@@ -155,25 +161,19 @@ class _Events:
             case TransactionRecord():
                 yield from self._transaction(record)
             case PollRecord():
-                args = {
-                    "attempts": record.attempts,
-                    "error": record.error,
-                    "late_us": microseconds(record.late),
-                }
-                name = record.poll or "poll"
-                yield self._on_bus(record, "polls", "poll", name, record.start, record.end, args)
+                late = microseconds(record.late)
+                args = {"attempts": record.attempts, "error": record.error, "late_us": late}
+                track, name = f"{record.master} polls", record.poll or "poll"
+                yield self._on_bus(record, track, "poll", name, record.start, record.end, args)
             case CycleRecord():
                 end = record.start + record.duration
-                name = f"poll list {record.number}"
-                yield self._on_bus(record, "poll lists", "cycle", name, record.start, end, {})
+                track, name = f"{record.master} poll lists", f"poll list {record.number}"
+                yield self._on_bus(record, track, "cycle", name, record.start, end, {})
             case FreeRecord():
                 yield from self._free(record)
             case DeviceValueRecord():
-                pid = self._tracks.plc(record.plc)
-                yield (
-                    record.tick,
-                    _event("C", record.device, "register", record.tick, pid, 0, {"value": record.value}),
-                )
+                pid, value = self._tracks.plc(record.plc), {"value": record.value}
+                yield record.tick, _event("C", record.device, "register", record.tick, pid, 0, value)
             case EndsRecord():
                 yield from self._ends(record)
             case NoteRecord():
@@ -240,10 +240,8 @@ class _Events:
         if done.error is not None:
             pid = self._tracks.bus(done.bus)
             tid = self._tracks.thread(pid, track)
-            yield (
-                done.end,
-                _instant(f"error {done.error}: {done.outcome}", done.end, pid, tid, {"poll": done.poll}),
-            )
+            text = f"error {done.error}: {done.outcome}"
+            yield done.end, _instant(text, done.end, pid, tid, {"poll": done.poll})
 
     def _free(self, record: FreeRecord) -> Iterator[tuple[int, Event]]:
         args = {"bytes": record.data.hex(" ").upper(), "ended": record.ended, "damaged": record.damaged}
@@ -280,7 +278,8 @@ class _Events:
                 pid = tracks.faults()
                 tid = tracks.thread(pid, note.where or "notes")
             text = f"{note.kind}: {note.text}"
-            yield note.tick, _instant(text, note.tick, pid, tid, {"where": note.where, **note.detail})
+            args = {"where": note.where, **note.detail}
+            yield note.tick, _instant(text, note.tick, pid, tid, args, note.kind)
 
     def _fault(self, note: NoteRecord, until: int) -> tuple[int, Event]:
         pid = self._tracks.faults()
@@ -297,8 +296,6 @@ class _Events:
         end: int,
         args: dict[str, Any],
     ) -> tuple[int, Event]:
-        if isinstance(record, PollRecord | CycleRecord):
-            track = f"{record.master} {track}"
         pid = self._tracks.bus(record.bus)
         tid = self._tracks.thread(pid, track)
         given = {key: value for key, value in args.items() if value not in (None, "")}
@@ -325,7 +322,9 @@ def _slice(name: str, category: str, begin: int, end: int, pid: int, tid: int, a
     return event
 
 
-def _instant(name: str, tick: int, pid: int, tid: int, args: dict[str, Any]) -> Event:
-    event = _event("i", name, "error", tick, pid, tid, args)
+def _instant(
+    name: str, tick: int, pid: int, tid: int, args: dict[str, Any], category: str = "error"
+) -> Event:
+    event = _event("i", name, category, tick, pid, tid, args)
     event["s"] = "t"
     return event

@@ -96,7 +96,7 @@ def _write(
 
         write_sigrok(path, lanes)
     return tuple(
-        f"PulseView: decoder UART on the lane {lanes.name_of(bus.name)}, {bus.timing.baud} {bus.timing.format}"
+        f"PulseView: decoder UART, lane {lanes.name_of(bus.name)}: {bus.timing.baud} {bus.timing.format}"
         for bus in found.buses.values()
     )
 

@@ -42,10 +42,10 @@ class Selection:
 
 @dataclass(slots=True)
 class BusSurvey:
-    """One bus: its rate and format, who sends on it (in cable order), and what is spoken.
+    """One bus: its rate and format, who is on it (in cable order), and what is spoken.
 
-    ``receivers`` are those in whose receiver alone something was damaged; ``rates`` all rates, formats
-    and clock errors of its frames, which are checked.
+    ``stations`` are station numbers by node, ``receivers`` the nodes in whose receiver alone something
+    was damaged.
     """
 
     name: str
@@ -110,15 +110,13 @@ def nothing_there(selection: Selection, what: str) -> str:
         return f"the trace has {what}{where}; there is nothing to export"
     since = format_time(selection.start or 0)
     until = "the end" if selection.stop is None else format_time(selection.stop)
-    span: tuple[int, int] | None = None
+    begin, end = None, 0
     for frame in selection.trace.of(FrameRecord, bus=selection.bus):
-        span = (
-            (frame.start, frame.end) if span is None else (min(span[0], frame.start), max(span[1], frame.end))
-        )
+        begin, end = frame.start if begin is None else min(begin, frame.start), max(end, frame.end)
     there = (
         "and no frame at another time"
-        if span is None
-        else f"its frames are between {seconds(span[0]):.3f} s and {seconds(span[1]):.3f} s"
+        if begin is None
+        else f"its frames are between {seconds(begin):.3f} s and {seconds(end):.3f} s"
     )
     return f"the trace has {what}{where} from {since} to {until}; {there}"
 

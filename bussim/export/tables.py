@@ -7,7 +7,7 @@ from pathlib import Path
 from bussim.export.heard import Heard, hear
 from bussim.export.source import Selection, Survey, in_order
 from bussim.results.rows import nanoseconds
-from bussim.results.tables import CsvTable, ParquetTable, Row, Table, import_pyarrow
+from bussim.results.tables import CsvTable, ParquetTable, Row, Table
 
 #: Columns, and what they hold (as in :mod:`bussim.results.tables`). ``bytes`` are the characters sent,
 #: ``heard`` those that a receiver on the bus read (:mod:`bussim.export.heard`); bits are counted from
@@ -34,11 +34,6 @@ COLUMNS = {
     "baud": "int",
     "format": "text",
 }
-
-
-def check_parquet() -> None:
-    """Raise UsageError where pyarrow is missing."""
-    import_pyarrow()
 
 
 def write_table(path: Path, selection: Selection, survey: Survey, fmt: str) -> None:

@@ -9,13 +9,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bussim.export.lanes import Lanes, by_scope
+from bussim.export.lanes import Lanes, by_scope, unspaced
 from bussim.version import __version__
 
 
 def write_vcd(path: Path, lanes: Lanes, comment: str) -> None:
     """Write the lanes; memory does not depend on their length."""
     from vcd import VCDWriter
+    from vcd.writer import Variable
 
     with path.open("w", encoding="utf-8", newline="\n") as file:
         writer = VCDWriter(
@@ -23,15 +24,15 @@ def write_vcd(path: Path, lanes: Lanes, comment: str) -> None:
             timescale="1 us",
             date="",  # the same bytes for the same run
             version=f"bussim {__version__}",
-            comment=comment.replace("$", "_"),
+            comment=comment.replace("$", "_"),  # a word that begins with $ would end the comment
             check_values=False,
             init_timestamp=lanes.begin,
         )
-        wires: list[Any] = [None] * len(lanes.lanes)
+        wires: dict[int, Variable[Any]] = {}
         for scope, members in by_scope(lanes.lanes).items():
             for number in members:
                 name = lanes.lanes[number].name
-                wires[number] = writer.register_var(scope.replace(" ", "_"), name, "wire", size=1, init=1)
+                wires[number] = writer.register_var(unspaced(scope), name, "wire", size=1, init=1)
         change = writer.change
         for us, lane, level in lanes.changes():
             change(wires[lane], us, level)

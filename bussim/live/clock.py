@@ -19,6 +19,10 @@ class Clock:
         # perf_counter is monotonic everywhere; monotonic itself counts in 15 ms steps on Windows.
         self._origin = time.perf_counter_ns()
 
+    def restart(self) -> None:
+        """Count from 0 again."""
+        self._origin = time.perf_counter_ns()
+
     def now(self) -> int:
         """The present tick."""
         return (time.perf_counter_ns() - self._origin) * _TICKS // _NANOSECONDS

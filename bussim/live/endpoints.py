@@ -53,6 +53,7 @@ class Endpoint(Protocol):
     """An open port. Every method may raise one of :data:`LOST_ERRORS`: then the port is gone."""
 
     name: str  # what the other side connects to, or the URL
+    handle: int | None  # the file that may be waited for, None where there is none
     instant: bool  # bytes take no time
     warnings: tuple[str, ...]
 
@@ -88,12 +89,17 @@ class SerialEndpoint:
         self.instant = _is_instant(url)
         self.warnings: tuple[str, ...] = ()
         self._rts = options.direction is Direction.RTS
+        special = line.format.data_bits != 8 or line.format.parity != "N"
+        # Linux refuses parity on a pseudo-terminal only sometimes, and else leaves it out in silence.
+        plain = special and _is_terminal(url)
         try:
-            self._port = _open(url, line, plain=False)
+            self._port = _open(url, line, plain=plain)
         except _SETTING_ERRORS:
-            if line.format.data_bits == 8 and line.format.parity == "N":
+            if not special or plain:
                 raise
+            plain = True
             self._port = _open(url, line, plain=True)
+        if plain:
             missing = (
                 f"{url} has neither parity nor 7 data bits, as pseudo-terminals have not: "
                 f"it is used with 8N{line.format.stop_bits} instead of {line.format}"
@@ -103,7 +109,7 @@ class SerialEndpoint:
             self._set_direction(url)
         if self._rts:
             self._port.rts = False
-        self._handle = _handle(self._port)
+        self.handle = _handle(self._port)
 
     def _set_direction(self, url: str) -> None:
         try:
@@ -117,12 +123,12 @@ class SerialEndpoint:
 
     def read(self, timeout: float) -> bytes:
         """See the protocol."""
-        if self._handle is None:
+        if self.handle is None:
             return self._look(timeout)
-        ready, _, _ = select.select((self._handle,), (), (), timeout)
+        ready, _, _ = select.select((self.handle,), (), (), timeout)
         if not ready:
             return b""
-        data = os.read(self._handle, LUMP)
+        data = os.read(self.handle, LUMP)
         if not data:
             raise OSError("the other side has closed the connection")
         return data
@@ -186,7 +192,12 @@ def _open(url: str, line: LineTiming, *, plain: bool) -> serial.Serial:
 def _is_instant(url: str) -> bool:
     if "://" in url:
         return not url.startswith("rfc2217://")
-    return os.path.realpath(url).startswith("/dev/pts/")
+    return _is_terminal(url)
+
+
+def _is_terminal(url: str) -> bool:
+    """Whether a device is the end of a pseudo-terminal, as far as its name tells."""
+    return "://" not in url and os.path.realpath(url).startswith("/dev/pts/")
 
 
 def _handle(port: serial.Serial) -> int | None:

@@ -33,6 +33,7 @@ class PseudoTerminal:
         if self._link is not None and self._link.exists() and not self._link.is_symlink():
             raise UsageError(f"{link} exists and is no symbolic link; choose another name for the pty")
         self._inner, self._outer = os.openpty()
+        self.handle: int | None = self._inner
         try:
             tty.setraw(self._outer, termios.TCSANOW)
             os.set_blocking(self._inner, False)

@@ -94,6 +94,11 @@ class Wire:
         return self._name
 
     @property
+    def handle(self) -> int | None:
+        """The file that may be waited for, None where there is none."""
+        return self._endpoint.handle if self._endpoint is not None else None
+
+    @property
     def instant(self) -> bool:
         """Whether bytes take no time on this wire."""
         return self._instant

@@ -6,6 +6,7 @@ communication manual, chapter 12.2.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Container, Mapping
 from fractions import Fraction
 
@@ -137,6 +138,9 @@ class LinkBoard:
         self._errors = errors if errors is not None else SerialErrors(memory)
         self._registers = profile.devices
         self.engine: LinkEngine | None = None
+        # The latest link scan times that were shown, in ticks and in the unit of D8201.
+        self._times: tuple[int | None, int | None] = (None, None)
+        self._shown = (0, 0)
         self.place: BlockPlace | None = None
         #: Whether it takes no part in the link because its parameters are bad.
         self.refusing = False
@@ -224,15 +228,18 @@ class LinkBoard:
             self._publish_status(self.engine.status)
 
     def _publish_status(self, status: LinkStatus) -> None:
-        memory, devices = self._memory, self._registers
-        first = devices.first_word
-        memory.set_word("D", first, self.in_units(status.current))
-        memory.set_word("D", first + 1, self.in_units(status.longest))
-        for station in range(STATIONS):
-            memory.set_word("D", first + _COUNTS + station, status.counts[station])
-            memory.set_word("D", first + _CODES + station, status.codes[station])
-            memory.set(Device("M", devices.flags[station]), int(status.flags[station]))
-        memory.set(Device("M", devices.flags[STATIONS]), int(status.running))
+        words, bits = self._memory.words("D"), self._memory.bits("M")
+        first, flags = self._registers.first_word, self._registers.flags
+        times = (status.current, status.longest)
+        if times != self._times:
+            self._times = times
+            self._shown = (self.in_units(status.current), self.in_units(status.longest))
+        words[first], words[first + 1] = self._shown
+        words[first + _COUNTS : first + _COUNTS + STATIONS] = array("H", status.counts)
+        words[first + _CODES : first + _CODES + STATIONS] = array("H", status.codes)
+        for address, flag in zip(flags, status.flags, strict=False):
+            bits[address] = flag
+        bits[flags[STATIONS]] = status.running
 
     def in_units(self, ticks: int | None) -> int:
         """A link scan time in the unit of D8201, rounded half up; 0 for none; at most 32767."""

@@ -13,23 +13,30 @@ from bussim.results.record import LinkRecord
 from bussim.results.timeline import Span
 from bussim.units import milliseconds, seconds
 
-#: Of a simulated tail, a point stands for at least so many samples.
-_LEAST = 1
+# A page of seven runs stays under 5 MB, whatever they are: what a chart carries is bounded.
+#: Most bins of a histogram and most points of a curve.
+MOST_BINS, MOST_POINTS = 6_000, 4_000
 #: Significant digits of a probability in the page.
 _DIGITS = 6
 
 
 def histogram_chart(histograms: Mapping[str, Histogram], law: ExactLaw | None, title: str) -> dict[str, Any]:
-    """Histograms by label, as (bin number, count); the law as (x in ms, P(scan > x))."""
+    """Histograms by label, as (bin number, count); the law as (x in ms, P(scan > x)).
+
+    Bins are 10 µs wide, or so many times wider that :data:`MOST_BINS` of them do.
+    """
+    width = 1
+    while max(len(_widened(histogram, width)) for histogram in histograms.values()) > MOST_BINS:
+        width *= 3
     return {
         "kind": "histogram",
         "title": title,
-        "bin_ms": milliseconds(BIN_TICKS),
+        "bin_ms": milliseconds(BIN_TICKS * width),
         "series": [
             {
                 "label": label,
                 "count": histogram.count,
-                "bins": [[place, histogram.bins[place]] for place in sorted(histogram.bins)],
+                "bins": [list(bar) for bar in sorted(_widened(histogram, width).items())],
             }
             for label, histogram in histograms.items()
         ],
@@ -38,23 +45,38 @@ def histogram_chart(histograms: Mapping[str, Histogram], law: ExactLaw | None, t
     }
 
 
+def _widened(histogram: Histogram, width: int) -> dict[int, int]:
+    """Counts in bins ``width`` times as wide; ``width`` is odd, so that a centre stays on the grid."""
+    bars: dict[int, int] = {}
+    for place, count in histogram.bins.items():
+        bar = (place + width // 2) // width
+        bars[bar] = bars.get(bar, 0) + count
+    return bars
+
+
 def tail_chart(histogram: Histogram, law: ExactLaw | None, title: str) -> dict[str, Any]:
     """How often a link scan takes longer than x: counted, and by the law."""
-    places = sorted(histogram.bins)
     beyond, points = histogram.count, []
-    for place in places:
+    for place in sorted(histogram.bins):
         beyond -= histogram.bins[place]
-        if beyond < _LEAST:
+        if not beyond:
             break
         # All samples of a bin are at most half a bin above its centre.
-        points.append([round(milliseconds((place + 0.5) * BIN_TICKS), 6), beyond / histogram.count])
+        x = round(milliseconds((place + 0.5) * BIN_TICKS), 6)
+        points.append([x, float(f"{beyond / histogram.count:.{_DIGITS}g}")])
     return {
         "kind": "tail",
         "title": title,
-        "counted": points,
+        "counted": _thinned(points),
         "law": _law_points(law),
         "without": _without(law),
     }
+
+
+def _thinned(points: list[list[float]]) -> list[list[float]]:
+    """At most :data:`MOST_POINTS` of the points, evenly, the last one among them."""
+    step = -(-len(points) // MOST_POINTS) or 1
+    return points[::-step][::-1]
 
 
 def _without(law: ExactLaw | None) -> str:
@@ -64,7 +86,8 @@ def _without(law: ExactLaw | None) -> str:
 def _law_points(law: ExactLaw | None) -> list[list[float]]:
     if law is None:
         return []
-    return [[round(x, 6), float(f"{p:.{_DIGITS}g}")] for x, p in zip(law.x, law.tail, strict=True)]
+    points = [[round(x, 6), float(f"{p:.{_DIGITS}g}")] for x, p in zip(law.x, law.tail, strict=True)]
+    return _thinned(points)
 
 
 def over_run_chart(

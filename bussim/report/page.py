@@ -25,9 +25,6 @@ from bussim.version import __version__
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-#: No report is larger (bytes); timelines are the part that could be.
-LARGEST = 5 * 1024 * 1024
-
 
 @dataclass(frozen=True, slots=True)
 class Chart:
@@ -93,7 +90,7 @@ class RunPart:
 
 
 def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
-    """The page, at most :data:`LARGEST` bytes of UTF-8 unless a scenario alone is as large.
+    """The page. Up to seven runs stay under 5 MB unless their scenarios are as large.
 
     ``command`` is how it was asked for, to tell how to get it again.
     """

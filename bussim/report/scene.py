@@ -17,8 +17,8 @@ from bussim.units import milliseconds, seconds
 
 #: Most lanes of devices that changed; the least busy ones are left out.
 MOST_DEVICES = 8
-#: Most shapes that a picture can show and a page can carry.
-MOST_SHAPES = 20_000
+#: Most shapes of the timelines that one page can carry.
+MOST_SHAPES = 6_000
 
 #: Kinds of boxes besides those of frames (:data:`bussim.results.style.FRAMES`), and what they are.
 SCAN, GOOD, WAIT, DAMAGE, HEARD_DAMAGE, LEVEL = "scan", "good", "wait", "damage", "heard damage", "level"
@@ -280,7 +280,10 @@ def _why(stretch: Stretch) -> Iterable[str]:
             continue
         parts = parts_of_scan(stretch, scan)
         lost = sum(part.ticks for part in parts if part.lost)
+        beyond = f", {ms(lost)} of it for what a plain one has not" if lost else ""
+        # A late answer is no part of its own; the run has said who was late.
+        because = "" if lost else f"; {scan.cause}"
         yield (
-            f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {ms(scan.duration)}, "
-            f"{ms(lost)} of it for what a plain one has not: {' + '.join(told(parts))}."
+            f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {ms(scan.duration)}{beyond}: "
+            f"{' + '.join(told(parts))}{because}."
         )

@@ -49,7 +49,7 @@ class Source:
 
     ``label`` tells it from the others; ``folder`` is its folder as the user named it. ``laws``,
     ``stations`` and ``scenes`` are by bus; ``stations`` by station number below. ``no_trace`` says why
-    there is no timeline, ``no_law`` why no exact law could be asked for.
+    there is none where one is missing, ``no_law`` why no exact law could be asked for.
     """
 
     label: str

@@ -74,10 +74,10 @@ def scan_times(source: Source, bus: str) -> Table:
     keys = {
         "min": "shortest",
         "mean": "mean",
-        "p50": "typical (half are shorter)",
-        "p95": "95 of 100 are shorter",
+        "p50": "typical: half take no longer",
+        "p95": "95 of 100 take no longer",
     }
-    keys |= {"p99": "99 of 100 are shorter", "p999": "999 of 1,000 are shorter", "max": "longest"}
+    keys |= {"p99": "99 of 100 take no longer", "p999": "999 of 1,000 take no longer", "max": "longest"}
     rows = [
         (
             label,

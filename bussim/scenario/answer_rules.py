@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.engines.modbus.adu import BROADCAST, Mode, adu_chars
-from bussim.engines.modbus.pdu import READS, Request, response_size
+from bussim.engines.modbus.pdu import EXCEPTION_SIZE, READS, Request, response_size
 from bussim.engines.modbus.server import SPACES, Space
 from bussim.scenario.code import Code
 from bussim.scenario.device_schema import LxIn, SlaveIn
@@ -53,8 +53,10 @@ class Answers:
                 f"speaks {_name(asked[0].mode)}",
             )
         else:
+            before = len(self._report.warnings)
             self._check_map(entry, poll, understands[0])
-            self._check_time(entry, poll, master, understands[0], timeout)
+            refused = len(self._report.warnings) > before
+            self._check_time(entry, poll, master, understands[0], timeout, refused=refused)
 
     def _check_map(self, entry: Entry[TransactionIn], poll: TransactionIn, slave: Node) -> None:
         found = self._map(slave)
@@ -93,12 +95,20 @@ class Answers:
         return self._maps[slave.name]
 
     def _check_time(
-        self, entry: Entry[TransactionIn], poll: TransactionIn, master: Node, slave: Node, timeout: int
+        self,
+        entry: Entry[TransactionIn],
+        poll: TransactionIn,
+        master: Node,
+        slave: Node,
+        timeout: int,
+        *,
+        refused: bool,
     ) -> None:
+        """Judge the timeout against the slave's answer, which is an exception where it is ``refused``."""
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
         request = Request(poll.function or 0, poll.address or 0, poll.quantity)
-        least, most = _response_time(slave, response_size(request))
+        least, most = _response_time(slave, EXCEPTION_SIZE if refused else response_size(request))
         if least > timeout:
             can = f"takes at least {format_ms(least)}: it never comes in time"
         elif most > timeout:

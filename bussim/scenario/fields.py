@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, cast
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -20,7 +20,7 @@ from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.line.characters import BAUDS, CharFormat
 from bussim.plc.memory import Device, parse_device
 from bussim.scenario.wording import RawFloat, RawInt, nearest, show
-from bussim.units import TICKS_PER_SECOND, format_time, parse_time
+from bussim.units import TICKS_PER_SECOND, format_nanoseconds, format_time, parse_nanoseconds, parse_time
 
 #: The error type of our own messages.
 OWN = "bussim"
@@ -134,14 +134,9 @@ def time(low: int = 0, high: int = LONGEST) -> Kind:
     """A time with its unit, from ``low`` to ``high`` ticks."""
 
     def check(value: object) -> int:
-        if isinstance(value, RawInt | RawFloat):
-            value = value.raw
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            value = show(value)
-        if not isinstance(value, str):
-            raise fail(f"{_found(value)}, expected a time such as 8 ms")
+        value = _time_text(value)
         try:
-            ticks = parse_time(value[:100])
+            ticks = parse_time(value)
         except ValueError as error:
             raise fail(str(error)) from None
         if low <= ticks <= high:
@@ -153,6 +148,43 @@ def time(low: int = 0, high: int = LONGEST) -> Kind:
         raise fail(f"is {value.strip()}, allowed {least}..{most}")
 
     return Kind(check, format_time)
+
+
+def _time_text(value: object) -> str:
+    """A time as the file has it; a bare number is left for the parser to complain of."""
+    if isinstance(value, RawInt | RawFloat):
+        value = value.raw
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        value = show(value)
+    if not isinstance(value, str):
+        raise fail(f"{_found(value)}, expected a time such as 8 ms")
+    return value[:100]
+
+
+def time_or(word: str, low: int, high: int) -> Kind:
+    """A time from ``low`` to ``high`` ticks, or ``word``."""
+    known = time(low, high)
+
+    def check(value: object) -> int | str:
+        return word if value == word else cast("int", known.read(value))
+
+    return Kind(check, lambda value: value if value == word else format_time(value))
+
+
+def nanoseconds(low: int, high: int) -> Kind:
+    """A time with its unit as whole nanoseconds, from ``low`` to ``high`` of them."""
+
+    def check(value: object) -> int:
+        text = _time_text(value)
+        try:
+            found = parse_nanoseconds(text)
+        except ValueError as error:
+            raise fail(str(error)) from None
+        if not low <= found <= high:
+            raise fail(f"is {text.strip()}, allowed {format_nanoseconds(low)}..{format_nanoseconds(high)}")
+        return found
+
+    return Kind(check, format_nanoseconds)
 
 
 def flag() -> Kind:

@@ -60,10 +60,16 @@ def from_data(
     name: str = "<data>",
     *,
     allow_code: bool = False,
+    folder: Path | None = None,
 ) -> Scenario:
-    """The scenario in plain data as a YAML file would give them. Raises as :func:`load`."""
+    """The scenario in plain data as a YAML file would give them. Raises as :func:`load`.
+
+    ``folder`` is where the user's functions are looked for first.
+    """
     plain = copied(data, name)
-    return _judge(plain, Places(name, data=plain), [], overrides, Code(allowed=allow_code)).get()
+    return _judge(
+        plain, Places(name, data=plain), [], overrides, Code(allowed=allow_code, folder=folder)
+    ).get()
 
 
 def check(path: str | os.PathLike[str], overrides: Overrides = ()) -> tuple[list[Problem], list[Problem]]:

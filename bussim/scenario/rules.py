@@ -22,6 +22,7 @@ from bussim.scenario.places import Path, Report
 from bussim.scenario.plc_logic import PlcLogic, read_logic
 from bussim.scenario.port_rules import check_link_bus, check_port_use, check_ports
 from bussim.scenario.port_seats import FIRST_SPECIAL
+from bussim.scenario.profile_values import profile_of
 from bussim.scenario.program_rules import check_latencies, check_observed, check_programs
 from bussim.scenario.register_rules import check_registers, named_device
 from bussim.scenario.schema import BusIn, PlcIn, SourceIn
@@ -33,7 +34,6 @@ from bussim.scenario.seats import (
     friendly_registers,
     member_of,
     own_registers,
-    profile_of,
     raw_registers,
 )
 from bussim.scenario.validate import Draft, Entry

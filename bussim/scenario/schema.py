@@ -10,9 +10,8 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
-from bussim.engines.nn.frames import MODES
 from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
-from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, PROFILES, AbsentStation, Attempts, ErrorCount, Reply
+from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
 from bussim.scenario.fields import (
     Baud,
     DeviceName,
@@ -26,13 +25,13 @@ from bussim.scenario.fields import (
     choice,
     fail,
     link_port,
-    number,
     one_of,
     time,
     title,
     whole,
 )
 from bussim.scenario.form import Model, only_one
+from bussim.scenario.profile_schema import ProfileIn
 from bussim.scenario.program_schema import MAX_OBSERVED, InputIn, ProgramIn
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -86,85 +85,6 @@ class ScanIn(Model):
     def _jitter_below_mean(self) -> ScanIn:
         if self.jitter >= self.mean:
             raise fail("must be less than the mean", "jitter")
-        return self
-
-
-class TurnaroundIn(Model):
-    """A turnaround: uniform, or measured values with weights."""
-
-    example = "{mean: 1.25 ms, jitter: 0.75 ms} or {values: [1 ms, 2 ms], weights: [3, 1]}"
-    shorthand = "mean"
-
-    mean: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
-    jitter: Time | None = None
-    values: (
-        Annotated[
-            list[Annotated[int, time(0, 10 * TICKS_PER_SECOND)]], Field(min_length=1, max_length=10_000)
-        ]
-        | None
-    ) = None
-    weights: Annotated[list[Annotated[float, number(1e-9, 1e9)]], Field(max_length=10_000)] | None = None
-
-    @model_validator(mode="after")
-    def _one_form(self) -> TurnaroundIn:
-        if self.values is not None:
-            if self.mean is not None or self.jitter is not None:
-                raise fail("excludes mean and jitter", "values")
-            if self.weights is not None and len(self.weights) != len(self.values):
-                raise fail(f"has {len(self.weights)} entries, values has {len(self.values)}", "weights")
-        elif self.weights is not None:
-            raise fail("needs values", "weights")
-        elif self.mean is None:
-            raise fail("is missing", "mean")
-        elif self.jitter is not None and self.jitter > self.mean:
-            raise fail("must not be more than the mean", "jitter")
-        return self
-
-
-class ProfileIn(Model):
-    """A profile by name, or a built-in one with some fields changed."""
-
-    example = "the name of a profile, or {base: pw10, attempts: retries}"
-    shorthand = "base"
-
-    base: Annotated[str, choice(*PROFILES)]
-    master_gap: Annotated[int, time(0, TICKS_PER_SECOND)] | None = None
-    turnaround: TurnaroundIn | None = None
-    scan_overhead: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
-    attempts: Annotated[str, choice(*Attempts)] | None = None
-    absent_station: Annotated[str, choice(*AbsentStation)] | None = None
-    error_count: Annotated[str, choice(*ErrorCount)] | None = None
-    reply: Annotated[str, choice(*Reply)] | None = None
-    link_scan_unit: Annotated[int, time(72, TICKS_PER_SECOND)] | None = None
-    scan_factor: Annotated[float, number(1, 10)] | None = None
-    default_timeout: Annotated[int, whole(1, 255)] | None = None
-    timeout_range: (
-        Annotated[list[Annotated[int, whole(1, 255)]], Field(min_length=2, max_length=2)] | None
-    ) = None
-    modes: Annotated[list[Annotated[int, whole(0, 4)]], Field(min_length=1, max_length=5)] | None = None
-    word_spacing: Annotated[int, whole(4, 1000)] | None = None
-
-    @model_validator(mode="after")
-    def _timeouts_agree(self) -> ProfileIn:
-        base = PROFILES[self.base]
-        low, high = self.timeout_range or base.timeout_range
-        if low > high:
-            raise fail(f"is [{low}, {high}]; the first must not be more than the second", "timeout_range")
-        default = self.default_timeout or base.default_timeout
-        if not low <= default <= high:
-            if self.default_timeout is not None:
-                raise fail(f"is {default}, allowed {low}..{high}", "default_timeout")
-            raise fail(f"is [{low}, {high}], which leaves out the default timeout {default}", "timeout_range")
-        return self
-
-    @model_validator(mode="after")
-    def _blocks_fit(self) -> ProfileIn:
-        base = PROFILES[self.base]
-        spacing = self.word_spacing or base.word_spacing
-        words = max(MODES[mode].words for mode in self.modes or base.modes)
-        if words > spacing:
-            at = "word_spacing" if self.word_spacing is not None else "modes"
-            raise fail(f"lets the stations' blocks of {words} words overlap: they are {spacing} apart", at)
         return self
 
 

@@ -6,7 +6,7 @@ Rules judge these values and the builder puts them into the scenario, so that bo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.plc.board import (
@@ -22,12 +22,12 @@ from bussim.plc.board import (
     setting_defaults,
 )
 from bussim.plc.memory import parse_device
-from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
-from bussim.scenario.fields import exact
+from bussim.plc.profiles import Profile
 from bussim.scenario.places import Path
 from bussim.scenario.plc_logic import PlcLogic
 from bussim.scenario.port_seats import PortSeat, is_set_up, seat_port
-from bussim.scenario.schema import BusIn, NNIn, PlcIn, ProfileIn, TurnaroundIn
+from bussim.scenario.profile_values import profile_of
+from bussim.scenario.schema import BusIn, NNIn, PlcIn
 from bussim.units import round_half_up
 
 #: The keys of ``nn`` beside bus and port, and the registers that they stand for.
@@ -48,43 +48,6 @@ def line_of(bus: BusIn) -> LineTiming:
     if bus.nn:
         return NN_LINE
     return LineTiming(bus.baud or PLAIN_LINE.baud, bus.format or PLAIN_LINE.format)
-
-
-def profile_of(given: ProfileIn) -> Profile:
-    """The built-in profile with the given fields changed."""
-    base = PROFILES[given.base]
-    changes: dict[str, object] = {
-        key: value
-        for key in ("master_gap", "scan_overhead", "link_scan_unit", "default_timeout", "word_spacing")
-        if (value := getattr(given, key)) is not None
-    }
-    choices = {
-        "attempts": Attempts,
-        "absent_station": AbsentStation,
-        "error_count": ErrorCount,
-        "reply": Reply,
-    }
-    for key, kind in choices.items():
-        if (word := getattr(given, key)) is not None:
-            changes[key] = kind(word)
-    if given.turnaround is not None:
-        changes["turnaround"] = _turnaround(given.turnaround)
-    if given.scan_factor is not None:
-        changes["scan_factor"] = exact(given.scan_factor)
-    if given.timeout_range is not None:
-        changes["timeout_range"] = tuple(given.timeout_range)
-    if given.modes is not None:
-        changes["modes"] = tuple(sorted(set(given.modes)))
-    return replace(base, **changes)  # type: ignore[arg-type] # the schema gave each field its type
-
-
-def _turnaround(given: TurnaroundIn) -> Turnaround:
-    if given.values is None:
-        return Turnaround(given.mean or 0, given.jitter or 0)
-    values = tuple(given.values)
-    weights = tuple(given.weights or [1.0] * len(values))
-    measured = Turnaround(0, 0, values, weights)
-    return replace(measured, mean=round_half_up(measured.average))
 
 
 def friendly_registers(nn: NNIn) -> dict[str, int]:

@@ -87,7 +87,8 @@ def read_draft(data: object, report: Report) -> Draft:
         return draft
     draft.document, _ = _read(DocumentIn, data, (), report)
     draft.buses = _section(lambda _: BusIn, data, ("buses",), (1, MAX_BUSES), report)
-    draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (1, MAX_PLCS), report)
+    least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
+    draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (least, MAX_PLCS), report)
     if data.get("devices"):
         from bussim.scenario.device_schema import form_of  # what only a scenario with devices pays
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 
 from bussim.line.characters import LineTiming
@@ -47,6 +48,7 @@ class FaultPlan:
         self._stopped: dict[str, int] = {}
         self._jabbers: dict[str, list[Jabber]] = {}
         self._cuts: dict[str, list[int]] = {name: [] for name in buses}
+        self._order = {bus.name: scenario.nodes_on(bus.name) for bus in scenario.buses}
         supplied = [(plc.name, plc.power_on) for plc in scenario.plcs]
         for name, since in (*supplied, *((device.name, device.power_on) for device in scenario.devices)):
             self._unpowered[name] = 1
@@ -54,6 +56,14 @@ class FaultPlan:
         for fault in scenario.faults:
             if fault.window.at < scenario.duration:
                 kernel.at(fault.window.at, self._beginning(fault), FAULT)
+
+    def inject(self, fault: model.Fault) -> None:
+        """A fault that no scenario has foreseen begins now, in place of when its window says.
+
+        To be called from outside of the kernel's run.
+        """
+        now = self._kernel.now
+        self._beginning(replace(fault, window=model.Window(now, fault.window.duration)))(now)
 
     def _note(self, tick: int, kind: str, fault: model.Fault, text: str) -> None:
         detail: dict[str, int | str] = {}
@@ -226,6 +236,16 @@ class FaultPlan:
         if bus is None or node is None:
             return None
         seat = node.seat
+        if node.line is not bus:  # it leads out of the simulation: the cut lies behind the one before it
+            before = self._order[kind.bus]
+            seats = [
+                self._nodes[name].seat
+                for name in before[: before.index(kind.after)]
+                if self._nodes[name].line is bus
+            ]
+            if not seats:
+                return None
+            seat = max(seats)
         cuts = self._cuts[kind.bus]
         cuts.append(seat)
         bus.set_cuts(cuts, now)

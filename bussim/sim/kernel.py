@@ -7,6 +7,7 @@ entry in the queue; when that one comes up it is recognised by its time and igno
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from typing import Final
 
 import simpy
@@ -20,6 +21,9 @@ HEARING: Final = EventPriority(2)
 DEADLINES: Final = EventPriority(3)
 END: Final = EventPriority(4)
 SENDING: Final = EventPriority(5)
+
+#: A tick that is never reached.
+NEVER: Final = 1 << 62
 
 _UNSET = -1
 
@@ -125,6 +129,13 @@ class Kernel:
         """Call ``action(tick)`` once."""
         self.timer(action, priority).set(tick)
 
+    def next(self) -> int:
+        """The tick at which something may happen next, far away if nothing is to happen at all."""
+        if self.chained is not None:  # set from outside of any action
+            self.chained.unchain()
+        at = self.env.peek()
+        return NEVER if at == inf else int(at)
+
     def run(self, until: int) -> None:
         """Do everything before the tick ``until``."""
         if until <= self.env.now:
@@ -132,4 +143,5 @@ class Kernel:
         if self.chained is not None:  # set from outside of any action
             self.chained.unchain()
         self.env.run(until)
+        self.env.step()  # SimPy puts the event that stopped it back into its queue
         self.now = until

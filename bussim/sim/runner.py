@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol
 
 from bussim.devices.lx import LxMap
+from bussim.line.characters import LineTiming
 from bussim.plc.board import D_STATION, bad_parameters, master_config, setting_values
 from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
 from bussim.plc.memory import parse_device
@@ -27,7 +29,7 @@ from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.units import DeviceUnit, PlcUnit, Unit
 from bussim.sim.watcher import Watcher
 from bussim.sim.wire.disturb import Loss, PlacedNoise
-from bussim.sim.wire.line import Line
+from bussim.sim.wire.line import Line, Witness
 from bussim.sim.wire.node import Node
 from bussim.trace import LinkTotals, RunTotals, Sink
 
@@ -36,23 +38,57 @@ Progress = Callable[[int, int], None]
 _PROGRESS_STEPS = 400
 
 
+class Outside(Protocol):
+    """Lines that lead out of the simulation: who sits on them, and what they are."""
+
+    lateness: int  # ticks by which what comes from there may be late
+
+    def place(self, node: str) -> str | None:
+        """The name of the line that a node sits on in place of its bus; None: it stays there."""
+
+    def serial_bus(
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness
+    ) -> SerialBus:
+        """Such a line beside the link."""
+
+    def link_bus(
+        self,
+        name: str,
+        timing: LineTiming,
+        kernel: Kernel,
+        sink: Sink,
+        reporter: Reporter,
+        strangers: dict[int, str],
+    ) -> LinkBus:
+        """Such a line of a link; ``strangers`` are the PLCs by station that are to be found outside."""
+
+
 class Simulation:
     """A scenario in simulated time. Times are ticks from the start.
 
     ``links`` are the N:N lines by name, ``serial_buses`` the others; ``nodes`` all that sits on them.
+    With ``outside`` some nodes of a bus sit on lines of their own that lead out of the simulation. A
+    link is in or out as a whole: its stations that sit on no such line are taken to be found there.
     """
 
-    def __init__(self, scenario: model.Scenario, sink: Sink) -> None:
+    def __init__(self, scenario: model.Scenario, sink: Sink, outside: Outside | None = None) -> None:
         self._scenario = scenario
         self._sink = sink
+        self._outside = outside
         self.kernel = Kernel()
         streams = Streams(scenario.seed)
         self._streams = streams
-        self.plcs = {spec.name: _plc(spec, streams) for spec in scenario.plcs}
+        absent = self._absent()
+        self.plcs = {
+            spec.name: _plc(spec, streams, linked=spec.seat is not None and spec.name not in absent)
+            for spec in scenario.plcs
+        }
         self.links: dict[str, LinkBus] = {}
         self.serial_buses: dict[str, SerialBus] = {}
         self.nodes: dict[str, Node] = {}
         self.serial_reporter = SerialReporter(sink)
+        # The lines that a bus of the scenario has become: one, but for those that lead outside.
+        self._lines: dict[str, list[Line]] = {bus.name: [] for bus in scenario.buses}
         self._primaries: dict[str, str | None] = {}
         # By bus: the first PLC with each station number.
         self._names: dict[str, dict[int, str]] = {}
@@ -67,49 +103,92 @@ class Simulation:
         buses: dict[str, Line] = {**self.links, **self.serial_buses}
         self.faults = FaultPlan(scenario, self.kernel, self.units, buses, self.nodes, streams, sink)
 
+    def _absent(self) -> set[str]:
+        """PLCs that take no part in their link: others of it are outside, and so is the link."""
+        if self._outside is None:
+            return set()
+        place = self._outside.place
+        seats = {spec.name: spec.seat.bus for spec in self._scenario.plcs if spec.seat is not None}
+        away = {bus for name, bus in seats.items() if place(name) is not None}
+        return {name for name, bus in seats.items() if bus in away and place(name) is None}
+
+    def _parts(self, names: Sequence[str]) -> dict[str | None, list[str]]:
+        """Nodes of a bus by the line that they sit on, None the bus itself."""
+        place = self._outside.place if self._outside is not None else None
+        parts: dict[str | None, list[str]] = {}
+        for name in names:
+            parts.setdefault(place(name) if place is not None else None, []).append(name)
+        return parts or {None: []}
+
     def _build_link(self, spec: model.Bus) -> None:
         seated = [plc for plc in self._scenario.plcs if plc.seat and plc.seat.bus == spec.name]
+        parts = self._parts([plc.name for plc in seated])
+        if len(parts) > 1:
+            parts.pop(None, None)  # whoever is not served on a link that leads outside is outside, too
+        for name, members in parts.items():
+            self._build_link_line(spec, name, seated, [plc for plc in seated if plc.name in members])
+
+    def _build_link_line(
+        self, spec: model.Bus, outer: str | None, all_seated: list[model.Plc], seated: list[model.Plc]
+    ) -> None:
+        """A link's line with some of its PLCs; ``outer`` is its name if it leads outside."""
+        line = outer or spec.name
+        everybody: dict[int, str] = {}
+        for plc in all_seated:
+            everybody.setdefault(plc.registers.get(f"D{D_STATION}", 0), plc.name)
         stations = {plc.name: plc.registers.get(f"D{D_STATION}", 0) for plc in seated}
-        names: dict[int, str] = {}
-        for name, station in stations.items():
-            names.setdefault(station, name)
-        self._names[spec.name] = names
+        self._names[line] = everybody
         primary = next((plc.name for plc in seated if stations[plc.name] == 0 and _accepted(plc)), None)
-        self._primaries[spec.name] = primary
-        longest = max((plc.profile.turnaround.longest for plc in seated), default=0)
-        reporter = Reporter(spec.name, self._sink, names, primary, longest)
-        bus = LinkBus(spec.name, spec.timing, self.kernel, self._sink, reporter)
+        self._primaries[line] = primary
+        longest = max((plc.profile.turnaround.longest for plc in all_seated), default=0)
+        if outer is None or self._outside is None:
+            reporter = Reporter(line, self._sink, self._names[line], primary, longest)
+            bus = LinkBus(line, spec.timing, self.kernel, self._sink, reporter)
+        else:
+            strangers = {number: name for number, name in everybody.items() if name not in stations}
+            reporter = Reporter(
+                line, self._sink, self._names[line], primary, longest + self._outside.lateness
+            )
+            bus = self._outside.link_bus(line, spec.timing, self.kernel, self._sink, reporter, strangers)
         ports = [
             LinkPort(self.plcs[plc.name], bus, seat, self.kernel, self._streams)
             for seat, plc in enumerate(seated)
         ]
         horizon = max((port.plc.longest_scan() for port in ports), default=0)
         bus.connect(ports, horizon)
-        self.links[spec.name] = bus
+        self.links[line] = bus
+        self._lines[spec.name].append(bus)
         for port in ports:
             self.nodes[port.name] = port
             port.plc.received = _visible(bus, port.seat)
             port.plc.before_status = bus.gallery.sync
 
     def _build_serial_bus(self, spec: model.Bus) -> None:
-        bus = SerialBus(spec.name, spec.timing, self._sink, self.serial_reporter)
-        nodes: list[SerialNode] = []
-        for plc in self._scenario.plcs:
-            for port in plc.ports:
-                if port.bus == spec.name:
-                    nodes.append(
-                        PlcPort(
-                            self.plcs[plc.name], port.name, bus, len(nodes), self.kernel, self.serial_reporter
-                        )
-                    )
-        for device in self._scenario.devices:
-            if device.bus == spec.name:
-                nodes.append(
-                    DeviceNode(device, bus, len(nodes), self.kernel, self.serial_reporter, self._streams)
-                )
-        bus.connect(nodes)
-        self.serial_buses[spec.name] = bus
-        self.nodes.update((node.name, node) for node in nodes)
+        ports = {
+            f"{plc.name}.{port.name}": (plc.name, port.name)
+            for plc in self._scenario.plcs
+            for port in plc.ports
+            if port.bus == spec.name
+        }
+        devices = {device.name: device for device in self._scenario.devices if device.bus == spec.name}
+        kernel, reporter = self.kernel, self.serial_reporter
+        for outer, members in self._parts([*ports, *devices]).items():
+            line = outer or spec.name
+            if outer is None or self._outside is None:
+                bus = SerialBus(line, spec.timing, self._sink, reporter)
+            else:
+                bus = self._outside.serial_bus(line, spec.timing, kernel, self._sink, reporter)
+            nodes: list[SerialNode] = []
+            for name in members:
+                if name in ports:
+                    plc, port = ports[name]
+                    nodes.append(PlcPort(self.plcs[plc], port, bus, len(nodes), kernel, reporter))
+                else:
+                    nodes.append(DeviceNode(devices[name], bus, len(nodes), kernel, reporter, self._streams))
+            bus.connect(nodes)
+            self.serial_buses[line] = bus
+            self._lines[spec.name].append(bus)
+            self.nodes.update((node.name, node) for node in nodes)
 
     def _build_units(self) -> dict[str, Unit]:
         units: dict[str, Unit] = {}
@@ -131,22 +210,26 @@ class Simulation:
         return units
 
     def _place_noise(self, noise: model.Noise) -> None:
-        target, kind, window = noise.target, noise.kind, noise.window
-        line: Line | None = self.links.get(target.bus) or self.serial_buses.get(target.bus)
-        if line is None:
-            return
-        streams = self._streams
-        seat = self.nodes[target.station].seat if target.station is not None else None
+        target = noise.target
+        node = self.nodes.get(target.station) if target.station is not None else None
+        lines = [node.line] if node is not None else [] if target.station else self._lines[target.bus]
+        for number, line in enumerate(lines):
+            self._place_on(line, noise, node, noise.name if not number else f"{noise.name} {line.name}")
+
+    def _place_on(self, line: Line, noise: model.Noise, node: Node | None, name: str) -> None:
+        """A noise disturbs a line, or a node on it; ``name`` is that of its luck."""
+        kind, window, streams = noise.kind, noise.window, self._streams
+        seat = node.seat if node is not None else None
         if isinstance(kind, model.ReplyLoss):
             draws = {
-                port.seat: streams.uniforms("noise", noise.name, port.name)
+                port.seat: streams.uniforms("noise", name, port.name)
                 for port in line.ports
                 if seat in (None, port.seat)
             }
             line.disturber.add(Loss(seat, kind.probability, window.at, window.until, draws))
             return
-        process = BitNoise(noise.name, _rate(noise, streams), streams, window.at, window.until)
-        receiver = seat is not None and target.direction is model.Direction.RX
+        process = BitNoise(name, _rate(noise, name, streams), streams, window.at, window.until)
+        receiver = seat is not None and noise.target.direction is model.Direction.RX
         line.disturber.add(PlacedNoise(process, seat, receiver))
 
     @property
@@ -209,7 +292,7 @@ class Simulation:
                     errors[station] = errors.get(station, 0) + count
         return LinkTotals(
             bus=bus.name,
-            seats=tuple(port.name for port in bus.ports),
+            seats=bus.seats,
             station_names=dict(self._names[bus.name]),
             master=primary_name,
             slaves=settings.slaves if settings else None,
@@ -238,7 +321,7 @@ def _visible(bus: LinkBus, seat: int) -> Callable[[int, int], Iterable[tuple[int
     return lambda since, end: ledger.visible(seat, end, since)
 
 
-def _plc(spec: model.Plc, streams: Streams) -> Plc:
+def _plc(spec: model.Plc, streams: Streams, *, linked: bool) -> Plc:
     return Plc(
         spec.name,
         spec.profile,
@@ -247,7 +330,7 @@ def _plc(spec: model.Plc, streams: Streams) -> Plc:
         phase=spec.phase,
         registers=spec.registers,
         sources=spec.sources,
-        linked=spec.seat is not None,
+        linked=linked,
         streams=streams,
         ports=spec.ports,
         polls=spec.polls,
@@ -267,11 +350,11 @@ def _stimulus(plc: str, device: str, given: InputSpec, streams: Streams) -> Stim
     return given
 
 
-def _rate(noise: model.Noise, streams: Streams) -> ErrorRate:
+def _rate(noise: model.Noise, name: str, streams: Streams) -> ErrorRate:
     kind = noise.kind
     if isinstance(kind, model.BitErrors):
         return ConstantRate(kind.ber)
-    draws = streams.uniforms("noise", noise.name, "state")
+    draws = streams.uniforms("noise", name, "state")
     if isinstance(kind, model.Burst):
         return BurstRate(kind.good, kind.bad, kind.ber_good, kind.ber_bad, draws)
     if isinstance(kind, model.Impulse):

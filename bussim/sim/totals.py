@@ -67,7 +67,7 @@ def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
     return DeviceTotals(
         name=spec.name,
         model=spec.model,
-        bus=spec.bus,
+        bus=node.bus.name,
         station=spec.station,
         requests=counts.requests,
         answered=counts.answered,

@@ -71,6 +71,34 @@ def test_bad_options(args: tuple[str, ...], said: str) -> None:
     assert said in str(result.exception)
 
 
+def test_poll_lists_stand_beside_the_links() -> None:
+    result = invoke(exact.command, "nn_with_modbus", "--json")
+    found = json.loads(result.stdout)
+    assert list(found["links"]) == ["link"]
+    assert list(found["polls"]) == ["press1.COM3", "press2.COM5"]
+    press = found["polls"]["press1.COM3"]
+    # (8 + 3.5 + 7 or 9 + 3.5 characters, 35 ms) in whole scans of 7 to 9 ms, 1.1 times that under N:N.
+    assert press["polls"]["position"]["response_ms"] == {"min": 44.375, "max": 44.375}
+    assert press["cycle_ms"]["min"] < press["cycle_ms"]["mean"] < press["cycle_ms"]["max"]
+    assert press["cycle_ms"]["max"] < press["worst_case_ms"]
+    assert press["dead"]["feeder1"]["lost_ms"] == 2 * 200 * 2
+    said = invoke(exact.command, "nn_with_modbus").stdout
+    assert "1 retry = 2 attempts × 200 ms on 2 polls (position, running): 800 ms when feeder1 is off" in said
+    assert "at worst" in said
+    assert "44.375" in said
+
+
+def test_poll_lists_without_a_link() -> None:
+    found = json.loads(invoke(exact.command, "two_masters", "--json").stdout)
+    assert found["links"] == {}
+    assert [found["polls"][node]["valid"] for node in ("filler.COM3", "packer.COM3")] == [False, False]
+    assert "no figures: packer.COM3 also asks" in invoke(exact.command, "two_masters").stdout
+    alone = invoke(exact.command, "two_masters", "--set", "plcs.packer.polls=[]").stdout
+    assert "poll cycle" in alone
+    plotted = invoke(exact.command, "two_masters", "--plot")
+    assert "no N:N link, whose law --plot draws" in str(plotted.exception)
+
+
 def test_pictures(tmp_path: Path) -> None:
     result = invoke(
         exact.command, "electrical_noise", "--set", "duration=5 s", "--plot", "--out", str(tmp_path)

@@ -78,6 +78,14 @@ def test_without_a_trace_it_tells_how_to_get_a_timeline(
     assert "--trace --out NEW_DIR" in text
 
 
+def test_a_timeline_that_is_too_much_for_the_page_is_left_to_its_command(
+    runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bussim.report.scene.MOST_SHAPES", 5)
+    text = page(capsys, runs / "traced", "-o", tmp_path / "a.html")
+    assert f"draw it with bussim timeline {runs / 'traced'} --worst" in text
+
+
 def test_without_a_law_it_tells_why(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = page(capsys, runs / "twice", "-o", tmp_path / "a.html")
     assert "for no exact law holds:" in text

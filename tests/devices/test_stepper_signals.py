@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from math import ceil
 
 import pytest
 
@@ -162,3 +163,20 @@ def test_power_off_stands_at_once_and_forgets() -> None:
     found = events(device)
     assert MotorStopped in {type(event) for event in found}
     assert found[-1] == PoweredOn(8 * S, 1, 9600)
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_units_that_change_under_way_move_the_switches(*, asked: bool) -> None:
+    device = Stepper(switches=[Switch(2, low=10000)])
+    set_(device, distance=60000, forward_limit_input=2)
+    command(device, "run_once", 0)
+    # 10 units a turn instead of 5: the switch at 100.00 units is half as many pulses away.
+    set_(device, 5 * S, pitch=1000)
+    if asked:
+        for tick in range(5 * S, 60 * S, S // 10):
+            position(device, tick)
+    device.advance(100 * S)
+    stopped = events(device)[-1]
+    assert (stopped.reason, stopped.position) == (Stop.LIMIT, 10000)
+    ramp = Fraction(TOP**2 - LOW**2, 2 * SLOPE)
+    assert stopped.tick == ceil((Fraction(TOP - LOW, SLOPE) + (16_000 - ramp) / TOP) * S)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import sys
 import threading
 from typing import Any
 
 import pytest
 
 from bussim.engines.modbus.adu import Mode
-from bussim.live.pseudo import PseudoTerminal
+
+if sys.platform != "win32":
+    from bussim.live.pseudo import PseudoTerminal
 
 #: Seconds: nothing here takes so long unless something is broken.
 PATIENCE = 10.0

@@ -59,6 +59,26 @@ def test_a_loop_receives_what_it_sends() -> None:
     wire.close()
 
 
+def test_rts_is_on_around_a_write_and_off_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[bool | bytes] = []
+    loop = serial.serial_for_url("loop://", do_not_open=True).__class__
+    write = loop.write
+    monkeypatch.setattr(loop, "_update_rts_state", lambda self: seen.append(self._rts_state))
+    monkeypatch.setattr(loop, "flush", lambda _self: seen.append(b"flushed"), raising=False)
+
+    def noted(self: object, data: bytes) -> int:
+        seen.append(data)
+        return int(write(self, data))
+
+    monkeypatch.setattr(loop, "write", noted)
+    wire = Wire("loop://", LINE, PortOptions(direction=Direction.RTS))
+    wire.open()
+    seen.clear()
+    wire.write(b"ab")
+    wire.close()
+    assert seen[:4] == [True, b"ab", b"flushed", False]
+
+
 @posix
 def test_a_pseudo_terminal_has_a_stable_link(tmp_path: Path) -> None:
     link = tmp_path / "plc"

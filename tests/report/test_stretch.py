@@ -7,7 +7,7 @@ from itertools import pairwise
 import bussim
 from bussim.report.reading import read_stretch, worst_window
 from bussim.report.scene import scene_of
-from bussim.report.stretch import Part, parts_of_scan, told
+from bussim.report.stretch import Part, Stretch, parts_of_scan, told
 from bussim.trace import ScanRecord
 from bussim.units import TICKS_PER_MS
 from tests.report.samples import eight_folder, longest, opened
@@ -88,3 +88,10 @@ def test_without_the_records_a_scan_is_one_part() -> None:
     assert [(part.ticks, part.what) for part in parts_of_scan(stretch, scan)] == [
         (5000, "overhead of the scan")
     ]
+
+
+def test_a_scan_with_a_late_answer_says_who_was_late() -> None:
+    scan = ScanRecord("link", 5, 0, 5000, 1, 0, 0, "station 1 (b) answered 15 ms after its poll")
+    (sentence,) = scene_of(Stretch("link", 0, 9000, ("a", "b"), scans=[scan])).why
+    assert sentence.endswith("overhead of the scan); station 1 (b) answered 15 ms after its poll.")
+    assert "a plain one has not" not in sentence

@@ -10,9 +10,10 @@ import pytest
 
 import bussim
 from bussim.report import compare, settings, tables
-from bussim.report.charts import histogram_chart, tail_chart
+from bussim.report.charts import MOST_BINS, MOST_POINTS, histogram_chart, tail_chart
 from bussim.report.source import ExactLaw, Source
 from bussim.report.stations import measured_times, station_rows
+from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.results.record import RunRecord
 
 
@@ -161,3 +162,23 @@ def test_ports_of_two_runs_are_compared(source: Source) -> None:
     assert [cell.text for cell in cells["errors"]] == ["none", "none"]
     assert cells["ok"][1].path == "/ports/a.COM3/ok"
     assert compare.thing_tables([source, source]) == []
+
+
+def test_a_page_stays_small_whatever_the_runs_were() -> None:
+    wide = Histogram()
+    for place in range(1, 60_001):
+        wide.add(place * BIN_TICKS)
+    law = ExactLaw({"valid": True}, x=list(range(50_000)), tail=[1 - n / 50_000 for n in range(50_000)])
+    chart = histogram_chart({"a": wide}, law, "t")
+    (series,) = chart["series"]
+    assert len(series["bins"]) <= MOST_BINS
+    assert sum(count for _, count in series["bins"]) == wide.count
+    # A bar holds the samples within half its width of its centre.
+    assert chart["bin_ms"] == pytest.approx(0.27)
+    for bar, count in series["bins"][1:-1]:
+        centre, half = round(bar * 27), 13
+        assert count == sum(place in wide.bins for place in range(centre - half, centre + half + 1))
+    tail = tail_chart(wide, law, "t")
+    for points in (chart["law"], tail["law"], tail["counted"]):
+        assert MOST_POINTS // 2 < len(points) <= MOST_POINTS
+    assert chart["law"][-1][0] == 49_999

@@ -185,6 +185,40 @@ CASES: dict[str, tuple[str, list[str]]] = {
         changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: fx2n, modes: [0, 3]}"),
         ["x.yaml:9:34: profile.modes lets the stations' blocks of 16 words overlap: they are 10 apart"],
     ),
+    "profile of ports": (
+        changed(
+            "scan: 8 ms",
+            "scan: 8 ms\n    profile: {base: pw10, com2_station: 0, rtu_gaps: {inner: 4}, ascii_gap: 1 us, "
+            "slave_backlog: 101, begun_holds: 1, instruction_times: {basic: 80, MOV: 1 us, others: {MOVE: 1 us}}}",
+        ),
+        [
+            "x.yaml:9:41: profile.com2_station is 0, allowed 1..247",
+            "x.yaml:9:62: profile.rtu_gaps.inner is 4, more than what ends a frame (3.5)",
+            "x.yaml:9:77: profile.ascii_gap is 1 us, allowed 1 ms..60 s",
+            "x.yaml:9:98: profile.slave_backlog is 101, allowed 0..100",
+            "x.yaml:9:116: profile.begun_holds is 1, allowed true, false",
+            (
+                "x.yaml:9:146: profile.instruction_times.basic is 80, a time without a unit; "
+                "write one of ns, us, ms, s, min, h, d, y, such as 80 ms"
+            ),
+            "x.yaml:9:150: profile.instruction_times.MOV is not a key here; did you mean move?",
+            "x.yaml:9:169: profile.instruction_times.others names 'MOVE', no instruction; did you mean MOV?",
+        ],
+    ),
+    "profile silences": (
+        changed(
+            "scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, rtu_gaps: {end: 1, fast_character: 0 us}}"
+        ),
+        [
+            "x.yaml:9:62: profile.rtu_gaps.fast_character is 0 us, allowed more than 0..1 s",
+        ],
+    ),
+    "profile silence at the end": (
+        changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, rtu_gaps: {end: 1}}"),
+        [
+            "x.yaml:9:43: profile.rtu_gaps.end is 1, less than what a frame may have inside (1.5)",
+        ],
+    ),
     "profile timeouts": (
         changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: fx2n, timeout_range: [10, 9], reply: never}"),
         ["x.yaml:9:58: profile.reply is 'never', allowed interrupt, end"],

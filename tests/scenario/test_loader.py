@@ -7,12 +7,15 @@ from fractions import Fraction
 
 import pytest
 
+from bussim.engines.modbus.gaps import GapRule
 from bussim.errors import ScenarioError
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Reply, Turnaround
+from bussim.plc.program.times import InstructionTimes
 from bussim.plc.sources import Constant, Counter, Ramp, Toggle
 from bussim.scenario import model
 from bussim.scenario.loader import from_data, loads
+from bussim.scenario.profile_schema import ProfileIn
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 from .samples import BASE, added, changed
@@ -194,6 +197,54 @@ def test_a_profile_with_fields_changed() -> None:
         modes=(0, 2),
         word_spacing=16,
     )
+
+
+def test_a_profile_with_the_fields_of_ports_changed() -> None:
+    profile = (
+        "{base: pw10, transaction_time: 350 us, broadcast_turnaround: 150 ms, "
+        "rtu_gaps: {end: 4.5, inner: 1.1, fast_character: none}, ascii_gap: 20 ms, begun_holds: true, "
+        "slave_backlog: 2, com2_station: 9, free_awaits_first: true, free_keeps_frame: true, "
+        "instruction_times: {basic: 100 ns, timer: 1 us, comparison: 2 us, idle: 50 ns, move: 3.25 us, "
+        "arithmetic: 10 us, block: 11 us, each: 12 us, serial: 1 ms, wide: 2, others: {MUL: 7 us, MUL off: 60 ns}}}"
+    )
+    found = loads(changed("scan: 8 ms", f"scan: 8 ms\n    profile: {profile}")).plcs[0].profile
+    assert found == dataclasses.replace(
+        PROFILES["pw10"],
+        transaction_time=25_200,
+        broadcast_turnaround=150 * MS,
+        rtu_gaps=GapRule(Fraction(9, 2), Fraction(11, 10), None),
+        ascii_gap=20 * MS,
+        begun_holds=True,
+        slave_backlog=2,
+        com2_station=9,
+        free_awaits_first=True,
+        free_keeps_frame=True,
+        instruction_times=InstructionTimes(
+            100,
+            1000,
+            2000,
+            50,
+            3250,
+            10_000,
+            11_000,
+            12_000,
+            1_000_000,
+            2.0,
+            (("MUL", 7000), ("MUL off", 60)),
+        ),
+    )
+    given = dict.fromkeys(field.name for field in dataclasses.fields(found))
+    unreachable = given.keys() - ProfileIn.model_fields.keys()
+    assert unreachable == {"name", "documented_modes", "devices"}  # what a family is, not how it behaves
+
+
+def test_silences_left_out_stay_as_they_are() -> None:
+    text = changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, rtu_gaps: {fast_character: 400 us}}")
+    assert loads(text).plcs[0].profile.rtu_gaps == GapRule(fast_character=28_800)
+    text = changed(
+        "scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, instruction_times: {others: {MOV: 1 us}}}"
+    )
+    assert loads(text).plcs[0].profile.instruction_times == InstructionTimes(others=(("MOV", 1000),))
 
 
 def test_a_measured_turnaround() -> None:

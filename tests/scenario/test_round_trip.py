@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -19,8 +20,9 @@ from bussim.scenario.dump import dumps
 from bussim.scenario.loader import from_data, load, loads
 from bussim.scenario.model import Scenario
 from bussim.scenario.poll_schema import PollIn
-from bussim.scenario.schema import BusIn, DocumentIn, NNIn, PlcIn, PortIn, ProfileIn
-from bussim.units import format_time
+from bussim.scenario.profile_schema import ProfileIn
+from bussim.scenario.schema import BusIn, DocumentIn, NNIn, PlcIn, PortIn
+from bussim.units import format_nanoseconds, format_time
 
 from .port_samples import FULL_PORTS, PORTS
 from .samples import BASE
@@ -32,10 +34,12 @@ def test_written_and_read_again(text: str) -> None:
     first = loads(text)
     written = dumps(first)
     again = loads(written)
-    assert again == first
+    # What is odd in a program is told by its file's line, or by that of the text within the scenario.
+    first = replace(first, warnings=())
+    assert replace(again, warnings=()) == first
     assert again.source == first.source
     assert dumps(again) == written
-    assert from_data(first.source) == first
+    assert replace(from_data(first.source), warnings=()) == first
 
 
 def test_every_default_is_written() -> None:
@@ -162,6 +166,24 @@ def _profiles(draw: st.DrawFn) -> Any:
         "scan_factor": st.floats(1, 2),
         "word_spacing": st.integers(32, 64),
         "modes": st.just([0, 1, 2]),
+        "transaction_time": st.integers(0, 72_000).map(format_time),
+        "rtu_gaps": st.fixed_dictionaries(
+            {},
+            optional={
+                "end": st.floats(2, 9),
+                "inner": st.floats(0.5, 2),
+                "fast_character": st.just("none") | st.integers(1, 72_000).map(format_time),
+            },
+        ),
+        "begun_holds": st.booleans(),
+        "com2_station": st.integers(1, 247),
+        "instruction_times": st.fixed_dictionaries(
+            {},
+            optional={
+                "basic": st.integers(0, 10**9).map(format_nanoseconds),
+                "others": st.dictionaries(st.sampled_from(["MOV", "LD", "ADD off"]), st.just("1.52 us")),
+            },
+        ),
     }
     chosen = draw(st.fixed_dictionaries({}, optional=fields))
     return {"base": base, **chosen} if chosen or draw(st.booleans()) else base

@@ -101,6 +101,13 @@ class Axis:
     def move(self, motion: Motion, tick: int) -> None:
         """Begin a motion, or go on with another form of the one under way."""
         self.motion = motion
+        self.replan(tick)
+
+    def replan(self, tick: int) -> None:
+        """Work out when the motion under way passes switches: where they lie may be new."""
+        motion = self.motion
+        if motion is None:
+            return
         marks = {abs(mark - self._base) for mark in self._marks(motion.direction) if self._ahead(mark)}
         ticks = {motion.reaches(mark) for mark in marks}
         self._crossings = sorted((at for at in ticks if at is not None and at > tick), reverse=True)

@@ -233,7 +233,9 @@ class Stepper(AreaMap):
         self.parameters[name] = self._written(part, values)
         if name == "disabled" and self.parameters[name]:
             self.controller.disable(now)
-        self.controller.inputs_changed(now)  # which input means what, and where switches lie, may be new
+        # Which input means what, and where switches lie, may be new.
+        self.controller.axis.replan(now)
+        self.controller.inputs_changed(now)
 
 
 def _switch(control: Controller, number: int, *, on: bool) -> Callable[[int], bool]:

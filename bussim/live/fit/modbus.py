@@ -13,8 +13,9 @@ from bussim.live.fit.turnaround import Law, law_of
 from bussim.live.sniff.heard import Heard, Protocol
 from bussim.trace import TransactionRecord
 
-#: A request is periodic if nine tenths of its distances lie within so much of the median.
-_STEADY = 0.05
+#: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
+_LATE, _MOST = 0.25, 0.9
+#: Fewer distances tell nothing of a period.
 _LEAST = 5
 
 
@@ -22,7 +23,7 @@ _LEAST = 5
 class PollEstimate:
     """A request that recurs. ``every`` is the typical distance of its turns in ticks, None for a single one.
 
-    ``low`` and ``high`` hold nine tenths of the distances; ``periodic``: they are near ``every``.
+    ``low`` and ``high`` hold nine tenths of the distances; ``periodic``: its turns keep to a grid.
     """
 
     station: int
@@ -164,11 +165,22 @@ def _poll(key: tuple[int, int, int, int], poll: _Poll) -> PollEstimate:
     if apart:
         every = median(apart)
         low, high = apart[len(apart) // 20], apart[-1 - len(apart) // 20]
-        steady = _STEADY * every
-        periodic = len(apart) >= _LEAST and every - low <= steady and high - every <= steady
+        turns = round((starts[-1] - starts[0]) / every) if every else 0
+        if len(apart) >= _LEAST and turns:
+            grid = (starts[-1] - starts[0]) / turns
+            periodic = _on_grid(starts, grid)
+            every = round(grid) if periodic else every
     return PollEstimate(
         *key, len(starts), starts[0] if starts else 0, every, low, high, periodic, poll.attempts - 1
     )
+
+
+def _on_grid(starts: array[int], grid: float) -> bool:
+    """Whether turns keep to a grid: others may hold them up, but lateness does not add up."""
+    late = sorted((start - starts[0] + grid / 2) % grid for start in starts)
+    middle = late[len(late) // 2]
+    near = sum(abs(each - middle) <= _LATE * grid for each in late)
+    return near >= _MOST * len(late)
 
 
 def _slave(number: int, slave: _Slave) -> SlaveEstimate:

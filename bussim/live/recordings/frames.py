@@ -8,6 +8,9 @@ from bussim.engines.nn.frames import decode as decode_nn
 from bussim.live.sniff.heard import Heard, Protocol
 from bussim.trace import FrameRecord
 
+#: Kind of a frame that a listener could not read.
+DAMAGED = "damaged"
+
 _PROTOCOLS = {protocol.value: protocol for protocol in Protocol}
 
 
@@ -28,6 +31,8 @@ def heard_of(record: FrameRecord) -> Heard | None:
         reason = "cut off"
     elif record.damaged_bits:
         reason = "damaged bits"
+    elif record.kind == DAMAGED:
+        reason = "damaged"  # a recording keeps what was sent, not what became of it
     else:
         frame = _decoded(protocol, record.chars)
         reason = "" if frame is not None else "damaged"

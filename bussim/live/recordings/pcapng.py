@@ -1,9 +1,10 @@
 """pcapng files with the frames of a serial line.
 
-Each packet is the characters of one frame or lump (link types DLT_USER0 and DLT_USER1, 147 and 148,
-which is what this program's own export writes, or RTAC serial, 250, whose header is skipped). Block
-layout: draft-ietf-opsawg-pcapng, sections 3 and 4. Written here because what is needed are three
-kinds of blocks, and a reader that is bounded whatever the file holds.
+Each packet is the characters of one frame or lump: link types DLT_USER0 to DLT_USER3 (147 Modbus RTU,
+148 N:N, 149 Modbus ASCII, 150 free, as this program's own export writes them; bit 7 of a character of
+148 and 149 marks one whose parity or stop bit was wrong), or RTAC serial, 250, whose header is
+skipped. Block layout: draft-ietf-opsawg-pcapng, sections 3 and 4. Written here because what is needed
+are three kinds of blocks, and a reader that is bounded whatever the file holds.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from bussim.units import TICKS_PER_SECOND
 _SECTION = 0x0A0D0D0A
 _INTERFACE, _SIMPLE, _ENHANCED = 1, 3, 6
 _MAGIC = 0x1A2B3C4D
-_OPTION_NAME, _OPTION_RESOLUTION, _OPTION_OFFSET = 2, 9, 14
-#: Link types: user 0 and 1, and RTAC serial with the bytes of its header.
-USER0, USER1, RTAC = 147, 148, 250
+_OPTION_NAME, _OPTION_SPEED, _OPTION_RESOLUTION, _OPTION_OFFSET = 2, 8, 9, 14
+#: Link types: user 0 to 3, and RTAC serial with the bytes of its header.
+_USER, RTAC = range(147, 151), 250
 _RTAC_HEADER = 12
+#: Link types whose characters have seven bits and a mark.
+_MARKED = (148, 149)
+_FASTEST = 100_000_000
 #: A larger block is none of a serial line's.
 _LARGEST = 16 * 1024 * 1024
 _MOST_INTERFACES = 1000
@@ -34,6 +38,12 @@ class Interface(NamedTuple):
     name: str
     per_second: int  # units of its timestamps
     offset: int  # seconds to add to them
+    speed: int = 0  # bits per second, 0: not said
+
+    @property
+    def marked(self) -> bool:
+        """Whether bit 7 of a character marks one that was received wrongly."""
+        return self.link_type in _MARKED
 
 
 class Packet(NamedTuple):
@@ -112,7 +122,7 @@ class PcapngReader:
         if len(self.interfaces) >= _MOST_INTERFACES:
             raise self._error(f"more than {_MOST_INTERFACES} interfaces")
         link_type = struct.unpack(self._order + "H", body[:2])[0]
-        name, per_second, offset = "", 1_000_000, 0
+        name, per_second, offset, speed = "", 1_000_000, 0, 0
         for code, value in self._options(body[8:]):
             if code == _OPTION_NAME:
                 name = value.decode("utf-8", "replace")
@@ -123,7 +133,9 @@ class PcapngReader:
                 per_second = (2 if value[0] & 0x80 else 10) ** exponent
             elif code == _OPTION_OFFSET and len(value) == 8:
                 offset = struct.unpack(self._order + "q", value)[0]
-        self.interfaces.append(Interface(link_type, name, per_second, offset))
+            elif code == _OPTION_SPEED and len(value) == 8:
+                speed = min(struct.unpack(self._order + "Q", value)[0], _FASTEST)
+        self.interfaces.append(Interface(link_type, name, per_second, offset, speed))
 
     def _options(self, data: bytes) -> Iterator[tuple[int, bytes]]:
         at = 0
@@ -154,7 +166,7 @@ class PcapngReader:
         interface = self.interfaces[number]
         if interface.link_type == RTAC:
             data = data[_RTAC_HEADER:]
-        elif interface.link_type not in (USER0, USER1):
+        elif interface.link_type not in _USER:
             return None
         tick = None
         if stamp is not None:

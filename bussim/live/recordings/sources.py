@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 from typing import BinaryIO
@@ -17,6 +18,8 @@ from bussim.live.recordings.raw import read_raw
 from bussim.live.recordings.sigrok import SigrokFile
 from bussim.units import TICKS_PER_SECOND
 
+#: Bit of a character in a pcapng file that was received wrongly.
+_MARK = 0x80
 #: Recordings whose times begin later count from 1970, and are moved to begin at 0.
 _A_MONTH = 31 * 86_400 * TICKS_PER_SECOND
 
@@ -91,7 +94,14 @@ def _packets(path: Path, timing: LineTiming, channel: str | None) -> Iterator[li
             if since is None and tick is not None:
                 since = tick if tick > _A_MONTH else 0
             # A simple packet has no time: right behind the one before.
-            chars = placed(data, end if tick is None else max(tick - (since or 0), 0), timing)
+            begun = end if tick is None else max(tick - (since or 0), 0)
+            line = reader.interfaces[interface]
+            chars = placed(data, begun, replace(timing, baud=line.speed) if line.speed else timing)
+            if line.marked:
+                chars = [
+                    (char if byte < _MARK else RxChar(byte & ~_MARK, parity_ok=False), start, stop)
+                    for byte, (char, start, stop) in zip(data, chars, strict=True)
+                ]
             end = chars[-1][2]
             yield chars
         if chosen is None:

@@ -43,6 +43,11 @@ class LinkBus(Line):
         self._others = len(ports) - 1
         self.ledger = Ledger(horizon)
 
+    @property
+    def seats(self) -> tuple[str, ...]:
+        """Names by the positions that refreshes are told with."""
+        return tuple(port.name for port in self.ports)
+
     # -- frames ------------------------------------------------------------------------------------
 
     def luck_key(self, tx: Transmission) -> Hashable:

@@ -55,7 +55,10 @@ class SerialReporter:
 
     def counts(self, node: str) -> SlaveCounts:
         """What a node has counted as a slave so far."""
-        return self._slaves.setdefault(node, SlaveCounts())
+        found = self._slaves.get(node)
+        if found is None:
+            found = self._slaves[node] = SlaveCounts()
+        return found
 
     def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
         """A receiver believed a frame that nobody sent."""
@@ -125,7 +128,7 @@ class SerialReporter:
                 chars=(node.request_chars if event.sent is not None else 0) + (reply.chars if reply else 0),
             )
         )
-        if mismatched:
+        if mismatched and outcome in ("ok", "exception"):
             text = f"took an answer to an earlier request for that to station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 

@@ -7,6 +7,7 @@ It then watches the line's level, and closes when the line is quiet and nothing 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.engines.contract import OPEN, STORED, RxChar
@@ -73,6 +74,38 @@ class Ear:
     def half_heard(self) -> bool:
         """Whether something unfinished waits for more, or for the line's quiet."""
         return self._half_heard
+
+    @property
+    def quiet_at(self) -> int:
+        """When what is half heard is over if nothing more comes; -1 while nothing is half heard."""
+        return self._quiet_timer.at if self._half_heard else -1
+
+    # -- what comes from outside of the simulation ---------------------------------------------------
+
+    def overhear(self, chars: Sequence[tuple[RxChar, int, int]], now: int, silence: int) -> None:
+        """Characters with their two ends come from outside, all of them over by ``now``.
+
+        What they leave half heard is over after ``silence`` ticks from now.
+        """
+        self.open(now)
+        self._last_end = now
+        for rx, start, end in chars:
+            if self._port.engine is None:
+                return
+            self.feed(rx, start, end, now)
+        if not self.is_open:
+            return
+        if self._half_heard:
+            self._quiet_timer.set(now + silence)
+        else:
+            self._quiet_timer.cancel()
+        self.settle()
+
+    def hush(self, now: int) -> None:
+        """The line has been quiet for long enough, as somebody knows who hears more than this ear."""
+        self._half_heard = False
+        self._quiet_timer.cancel()
+        self._tell_quiet(now)
 
     # -- what is on the line -----------------------------------------------------------------------
 
@@ -146,24 +179,24 @@ class Ear:
         for rx in self._received(char):
             if self._port.engine is None:
                 return
-            self.feed(rx, char.start, char.end)
+            self.feed(rx, char.start, char.end, char.end)
         if not self.is_open:
             return
         if self._half_heard:
             self._quiet_timer.set(max(char.end + self._quiet, self._port.now))
         self._plan()
 
-    def feed(self, rx: RxChar, start: int, end: int) -> None:
-        """The node's engine hears a character, and what comes of it is done."""
+    def feed(self, rx: RxChar, start: int, end: int, now: int) -> None:
+        """The node's engine hears a character, and what comes of it is done at ``now``."""
         port = self._port
         engine = port.engine
         engine.heard = None
         hints = engine.receive(rx, start, end)
         heard = engine.heard
         if heard is not None:
-            self._accepted(heard, engine.heard_start, end, stored=bool(hints & STORED))
+            self._accepted(heard, engine.heard_start, now, stored=bool(hints & STORED))
         self._half_heard = bool(hints & OPEN)
-        port.handle(hints & ~(OPEN | STORED), end)
+        port.handle(hints & ~(OPEN | STORED), now)
 
     def _received(self, char: Sampled) -> list[RxChar]:
         """The character as the port's software gets it: a receiver fault may lose or add one."""
@@ -200,6 +233,9 @@ class Ear:
         if now - self._last_end < self._quiet:
             return
         self._half_heard = False
+        self._tell_quiet(now)
+
+    def _tell_quiet(self, now: int) -> None:
         engine = self._port.engine
         if engine is not None:
             engine.heard = None

@@ -250,6 +250,15 @@ class Node:
             if self.pending:
                 self._start_timer.set(max(self.pending[0][0], now))
 
+    def finish_early(self, now: int) -> None:
+        """What it is sending has left already, whatever its rate says: something else was heard since."""
+        tx = self.sending
+        if tx is None or tx.cut or self.jabbering:
+            return
+        self._end_timer.cancel()
+        tx.end = now
+        self._on_end(now)
+
     def _on_release(self, now: int) -> None:
         self.tail = False
         self.line.driver_off(self, now)

@@ -1,0 +1,186 @@
+"""``bussim serve``: nodes of a scenario on real ports, while the rest is simulated in real time."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bussim.commands.port_options import options_of, port_options, time_of
+
+if TYPE_CHECKING:
+    from bussim.results.files import RunFolder
+    from bussim.results.record import RunRecord
+    from bussim.scenario.model import Scenario
+    from bussim.serve.session import Session
+
+
+@click.command()
+@click.argument("scenario", metavar="SCENARIO")
+@click.argument("nodes", metavar="[NODE]...", nargs=-1)
+@click.option("--port", "ports", metavar="NODE=URL", multiple=True, help="Serve a node on this port.")
+@click.option("--for", "limit", metavar="T", help="Serve so long (default: until Ctrl-C).")
+@click.option("--seed", metavar="N", help="Seed of all random numbers.")
+@click.option(
+    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
+)
+@click.option("--paced", is_flag=True, help="Space bytes at the line's rate, as a virtual port does not.")
+@click.option("--out", metavar="DIR", help="Folder to write, as of a run.")
+@click.option("--trace", is_flag=True, help="Also write every frame (to --out, else runs/NAME).")
+@click.option(
+    "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of tables."
+)
+@click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON at the end.")
+@click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Load the Python functions that the scenario names; they can do anything.",
+)
+@port_options
+def command(
+    scenario: str,
+    nodes: tuple[str, ...],
+    *,
+    ports: tuple[str, ...],
+    limit: str | None,
+    seed: str | None,
+    overrides: tuple[str, ...],
+    paced: bool,
+    out: str | None,
+    trace: bool,
+    fmt: str,
+    force: bool,
+    as_json: bool,
+    allow_code: bool,
+    tolerance: str,
+    echo: bool,
+    rs485: str,
+) -> None:
+    """Serve nodes of a scenario on real ports; the rest of it is simulated in real time.
+
+    NODE is a PLC's link port (press1), another port (press1.COM3) or a device; without --port it is
+    served on a new pseudo-terminal, whose name is printed. URLs: COM7, /dev/ttyUSB0, socket://HOST:PORT,
+    rfc2217://HOST:PORT, pty, pty:LINK. Nodes of one bus with the same URL share that wire. Nothing
+    named: what can be served. Faults: those of the scenario, and `bussim inject`.
+    """
+    from bussim.live.stopping import Stopping
+    from bussim.scenario import loader
+    from bussim.scenario.overrides import Override
+    from bussim.serve.places import places
+    from bussim.serve.session import FOREVER, Session
+
+    values: list[str | Override] = list(overrides)
+    if seed is not None:
+        values.append(Override("seed", seed, f"--seed {seed}"))
+    loaded = loader.load(scenario, values, allow_code=allow_code)
+    duration = FOREVER if limit is None else time_of("--for", limit)
+    lines = places(loaded, nodes, ports)
+    options = options_of(tolerance=tolerance, echo=echo, rs485=rs485, paced=paced)
+    with ExitStack() as stack:
+        stop = stack.enter_context(Stopping())
+        folder = _folder(stack, scenario, loaded, lines, out, fmt, trace=trace, force=force)
+        session = Session(
+            loaded,
+            lines,
+            options=options,
+            rows=folder.rows if folder is not None else None,
+            traced=folder is not None and trace,
+            duration=duration,
+            report=lambda text: click.echo(text, err=True),
+        )
+        with session:
+            _serve(session, stop, Path(scenario).parent, allow_code=allow_code)
+        record = session.record()
+        place = folder.finish(record, _as_served(loaded, record)) if folder is not None else None
+    _show(session, record, place, as_json=as_json)
+
+
+def _folder(
+    stack: ExitStack,
+    source: str,
+    scenario: Scenario,
+    lines: tuple[Any, ...],
+    out: str | None,
+    fmt: str,
+    *,
+    trace: bool,
+    force: bool,
+) -> RunFolder | None:
+    if out is None and not trace:
+        return None
+    from bussim.results.files import RunFolder
+    from bussim.results.names import file_name
+    from bussim.serve.session import session_header
+
+    target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
+    folder = RunFolder(
+        target,
+        rows=True,
+        traced=trace,
+        fmt=fmt,
+        force=force,
+        numbered=out is None and not force,
+        header=session_header(scenario, lines),
+    )
+    return stack.enter_context(folder)
+
+
+def _serve(session: Session, stop: Any, folder: Path, *, allow_code: bool) -> None:
+    from bussim.serve.answers import Answers
+    from bussim.serve.control import ControlServer
+
+    _tell(session)
+    answers = Answers(session, allow_code=allow_code, folder=folder)
+    control = ControlServer(session.scenario.name, answers)
+    interval = sys.getswitchinterval()
+    # What is injected is judged in another thread, which must not keep this one waiting.
+    sys.setswitchinterval(0.0005)
+    try:
+        session.run(stop)
+    finally:
+        sys.setswitchinterval(interval)
+        control.close()
+
+
+def _tell(session: Session) -> None:
+    """Say what is where, for people and, by its last word, for programs."""
+    for text in session.described():
+        click.echo(text, err=True)
+    click.echo("Ctrl-C ends it.", err=True)
+
+
+def _as_served(scenario: Scenario, record: RunRecord) -> str:
+    from dataclasses import replace
+
+    from bussim.scenario.dump import dumps
+    from bussim.version import __version__
+
+    # A scenario lasts a microsecond at least.
+    lasted = replace(scenario, duration=max(record.duration, 72))
+    return f"# As served by bussim {__version__}, with every default filled in.\n{dumps(lasted)}"
+
+
+def _show(session: Session, record: RunRecord, place: Path | None, *, as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(record.summary, ensure_ascii=False, allow_nan=False, indent=2))
+        return
+    from rich.console import Console
+
+    from bussim.results.text import show_result
+
+    names = {link.bus: link.station_names for link in session.totals().links}
+    show_result(Console(highlight=False), record, names)
+    for line, counts in record.summary["served"]["lines"].items():
+        click.echo(
+            f"{line}: {counts['received']} bytes in, {counts['sent']} out, {counts['dropped']} dropped, "
+            f"lost {counts['losses']} times"
+        )
+    late = record.summary["served"]["late_ms"]
+    click.echo(f"late: {late['mean']:.3f} ms on average, {late['max']:.3f} ms at most")
+    if place is not None:
+        click.echo(f"results: {place}")

@@ -1,0 +1,1 @@
+"""Modbus poll lists without simulating: cycle times, worst cases, ages of data."""

@@ -1,0 +1,161 @@
+"""How long a poll list goes round: bounds for any outcome of its polls, and the mean without errors.
+
+A list deals its turns out one at a time, of the polls that are due the one after the latest in the list's
+order (:class:`~bussim.engines.modbus.polls.PollList`). A poll that is due therefore waits for at most one
+turn of each other poll. A cycle is over when every poll without ``times`` had a turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bussim.exact.polls.model import PollListModel, PollModel
+from bussim.exact.polls.pace import Pace, Span, exactly
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a turn of one poll takes: up to so many attempts (at least ``fewest``), each with this need."""
+
+    poll: PollModel
+    attempts: int
+    need: Span
+    fewest: int = 1
+
+    def turn(self, pace: Pace) -> Span:
+        """From the poll's request to the next one's, attempt by attempt."""
+        turn = pace.turn(self.need)
+        return Span(turn.least * self.fewest, turn.most * self.attempts)
+
+    def alone(self, pace: Pace) -> Span:
+        """The same as a bound for any neighbours: what was the next one's gap may be its own."""
+        return (pace.taken(self.need) + pace.gap()).times(self.attempts)
+
+    def own(self, pace: Pace) -> int:
+        """The least time from the beginning of its turn to the end."""
+        return (
+            pace.entry.least
+            + self.fewest * pace.taken(self.need).least
+            + (self.fewest - 1) * pace.gap().least
+        )
+
+
+def without_errors(model: PollListModel) -> list[Cost]:
+    """Every cyclic poll answered at the first attempt."""
+    return [Cost(poll, 1, poll.need) for poll in model.cyclic]
+
+
+def failing(model: PollListModel, poll: PollModel) -> Cost:
+    """A poll to which nobody answers. A broadcast cannot fail."""
+    if not poll.device:
+        return Cost(poll, 1, poll.need)
+    return Cost(poll, poll.attempts, exactly(poll.request + model.timeout), poll.attempts)
+
+
+def at_worst(model: PollListModel, poll: PollModel) -> Cost:
+    """All of a poll's attempts spent, each for as long as anything on the line can make it last."""
+    if not poll.device:
+        return Cost(poll, 1, poll.need)
+    longest = max(poll.need.most, poll.request + model.timeout + model.tail)
+    return Cost(poll, poll.attempts, Span(poll.request, longest))
+
+
+class Round:
+    """One master's cycle with a cost for each of its cyclic polls, of which there must be some.
+
+    ``ordered``: no commands come between.
+    """
+
+    def __init__(self, pace: Pace, costs: Sequence[Cost], *, ordered: bool) -> None:
+        self._pace = pace
+        self._ordered = ordered
+        self._costs = costs
+        self._late = pace.interval if pace.begins_late else 0
+        self._alone = [cost.alone(pace) for cost in costs]
+        #: The longest time that all turns take, one each, in any order.
+        self.all = sum(span.most for span in self._alone)
+        periods = {cost.poll.every for cost in costs}
+        begin_together = len({cost.poll.at for cost in costs}) == 1
+        #: Whether the list goes round and round: every poll is due again when its turn comes, since it has
+        #: no period, or since one turn of each poll takes longer than its period.
+        self.continuous = periods == {0} or (
+            begin_together and max(periods) <= sum(cost.own(pace) + self._late for cost in costs)
+        )
+        #: Whether every turn is over before the poll comes due again.
+        self.fits = 0 not in periods and self.all + pace.idle <= min(periods)
+        # All come due together and have their turns in the list's order.
+        self._together = self.fits and len(periods) == 1 and begin_together
+
+    def time(self) -> Span:
+        """From the beginning of the first turn to the end of the last."""
+        costs, pace = self._costs, self._pace
+        if self.continuous:
+            # What is before the first request is the gap of the turn before, not the one that goes with
+            # the last poll's own transaction.
+            *others, last = costs
+            gap = pace.gap(last.need if self._ordered else None)
+            total = sum((cost.turn(pace) for cost in others), gap)
+            taken, again = pace.taken(last.need), pace.turn(last.need)
+            return Span(
+                total.least + taken.least + (last.fewest - 1) * again.least - self._late,
+                total.most + taken.most + (last.attempts - 1) * again.most - self._late,
+            )
+        least = sum(cost.own(pace) for cost in costs) + (len(costs) - 1) * self._late
+        if self._together:
+            return Span(least, self.all - self._late)
+        # Each poll had its latest turn before this cycle, so that it is due a period after that turn began.
+        wait = max(cost.poll.every - cost.own(pace) for cost in costs)
+        return Span(least, max(0, wait) + pace.idle + self.all)
+
+    def period(self) -> Span | None:
+        """From cycle to cycle where the list goes round and round; None where periods pace it."""
+        return sum((cost.turn(self._pace) for cost in self._costs), exactly(0)) if self.continuous else None
+
+    def age(self, place: int) -> int:
+        """How old what a poll read can become before the next values replace it."""
+        cost, pace = self._costs[place], self._pace
+        served, taken = cost.poll.served.least, pace.taken(cost.need).most
+        if self.continuous:
+            others = sum(other.turn(pace).most for other in self._costs if other is not cost)
+            return others + cost.turn(pace).most - served + taken
+        begun = pace.entry.least + served
+        if not cost.poll.every:
+            return self.all + taken - served
+        if self._together and self._ordered:
+            until = sum(span.most for span in self._alone[: place + 1])
+            before = sum(other.own(pace) + self._late for other in self._costs[:place])
+            return cost.poll.every + pace.idle + until - before - begun
+        return cost.poll.every + pace.idle + self.all - begun
+
+    def share(self) -> tuple[float, float]:
+        """Bounds of the long-run share of time for which its frames are on the wire, all answered."""
+        costs, pace = self._costs, self._pace
+        frames = sum(cost.poll.frames for cost in costs)
+        period = self.period()
+        if period is not None:
+            return frames / period.most, frames / period.least
+        paced = sum(cost.poll.frames / cost.poll.every for cost in costs if cost.poll.every)
+        if self.fits:
+            return paced, paced
+        rest = [cost.poll.frames / (cost.own(pace) + self._late) for cost in costs if not cost.poll.every]
+        least = sum(cost.poll.frames / (self.all + pace.idle + cost.poll.every) for cost in costs)
+        densest = max(cost.poll.frames / (cost.own(pace) + self._late) for cost in costs)
+        return least, min(paced + max(rest, default=0.0), densest)
+
+    def mean(self) -> float | None:
+        """Mean of :meth:`time`, all answered at once; None where no closed form is known."""
+        pace = self._pace
+        if any(cost.poll.waits for cost in self._costs):
+            time = self.time()
+            return float(time.least) if time.fixed else None
+        means = [pace.mean(cost.need) for cost in self._costs]
+        known = [mean for mean in means if mean is not None]
+        if len(known) < len(means):
+            return None
+        taken = sum(mean[0] for mean in known)
+        if self.continuous:
+            return taken + sum(mean[1] for mean in known) - self._late
+        if self._together and self._ordered:
+            return pace.mean_entry() + taken + sum(mean[1] for mean in known[:-1])
+        return None

@@ -1,0 +1,90 @@
+"""A master and its polls as the closed form sees them. All times are ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bussim.exact.polls.pace import Pace, Span
+
+
+@dataclass(frozen=True, slots=True)
+class PollModel:
+    """One poll and how it is answered if nothing goes wrong.
+
+    ``device`` is who answers, "" for a broadcast. ``served``, ``answer`` and ``need`` are from the
+    request's first edge: to the moment when the slave takes its values, to the last stop bit of the answer
+    (of a broadcast: to the end of the turnaround), and to the master's decision; ``after`` is the longest
+    time from the first of them to the last. ``waits`` says that the slave answers at its END, so that
+    nothing is uniform about them. ``request`` and ``response`` are how long the two frames last. For
+    ``every``, ``at``, ``times`` and ``retries`` see :class:`~bussim.plc.ports.spec.PollSpec`.
+    """
+
+    name: str
+    station: int
+    device: str
+    function: int
+    count: int
+    reads: bool
+    request: int
+    response: int
+    served: Span
+    answer: Span
+    need: Span
+    after: int
+    waits: bool = False
+    every: int = 0
+    at: int = 0
+    times: int | None = None
+    retries: int = 0
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether it recurs for ever: others are commands, and no part of the cycle."""
+        return self.times is None
+
+    @property
+    def attempts(self) -> int:
+        """The most attempts of one turn."""
+        return self.retries + 1
+
+    @property
+    def frames(self) -> int:
+        """Ticks on the wire of one good transaction."""
+        return self.request + self.response
+
+
+@dataclass(frozen=True, slots=True)
+class PollListModel:
+    """The polls of one master. ``obstacles`` say why there are no figures; ``polls`` is empty then.
+
+    ``tail`` is how long after the timeout a failing attempt is decided at the latest: what has begun to
+    arrive must be over. ``off`` are the slaves that are switched off for the whole run; the figures without
+    errors are those with them.
+    """
+
+    node: str
+    bus: str
+    protocol: str
+    line: str
+    timeout: int
+    pace: Pace
+    tail: int = 0
+    polls: tuple[PollModel, ...] = ()
+    off: tuple[str, ...] = ()
+    obstacles: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def valid(self) -> bool:
+        """Whether there are figures."""
+        return not self.obstacles
+
+    @property
+    def cyclic(self) -> tuple[PollModel, ...]:
+        """The polls that recur for ever."""
+        return tuple(poll for poll in self.polls if poll.cyclic)
+
+    @property
+    def commands(self) -> tuple[PollModel, ...]:
+        """The polls that have a number of turns."""
+        return tuple(poll for poll in self.polls if not poll.cyclic)

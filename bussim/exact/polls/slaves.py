@@ -1,0 +1,114 @@
+"""The Modbus slaves of a scenario as the closed form of a poll list needs them. Times in ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bussim.devices.areas import AreaMap
+from bussim.devices.lx import LxMap
+from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.stepper.device import Stepper
+from bussim.devices.user import UserMap
+from bussim.devices.v80 import V80
+from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.framing import Framing
+from bussim.engines.modbus.pdu import READS, ExceptionResponse, Request
+from bussim.engines.modbus.server import SPACES, serve
+from bussim.exact.polls.pace import Span, exactly
+from bussim.line.characters import LineTiming
+from bussim.plc.memory import Memory
+from bussim.scenario.model import BusDevice, LxSettings, MapSettings, StepperSettings, V80Settings
+
+_NOTHING = exactly(0)
+
+
+@dataclass(frozen=True, slots=True)
+class SlaveModel:
+    """One slave.
+
+    ``owner`` is the PLC or device that it belongs to. ``end`` is how long it may wait for its END (0: it
+    answers by itself); ``delay`` counts from the request's end, ``spread`` and ``extra`` (of a fault that
+    makes it slow) are added to the reply's begin. ``programmed``: a program makes its scans longer.
+    """
+
+    name: str
+    owner: str
+    bus: str
+    station: int
+    framing: Framing
+    timing: LineTiming
+    map: AreaMap
+    delay: int = 0
+    spread: int = 0
+    end: int = 0
+    extra: Span = _NOTHING
+    off: bool = False
+    programmed: bool = False
+
+    def understands(self, mode: Mode, timing: LineTiming) -> bool:
+        """Whether a master of this mode, rate and format is understood."""
+        own = (self.timing.baud, self.timing.format)
+        return self.framing.mode is mode and own == (timing.baud, timing.format)
+
+    def refuses(self, request: Request, *, valued: bool) -> str:
+        """Why a request is answered with an exception every time, in words; "" if it is not.
+
+        ``valued``: a write's values are those that will be written (registers only: what becomes of a
+        command depends on what the device does at that time).
+        """
+        found, function = self.map, request.function
+        if function not in found.functions:
+            return "it does not have that function (exception 01)"
+        if request.quantity > found.limits.of(function):
+            return f"it takes at most {found.limits.of(function)} at once (exception 03)"
+        parts = found.parts(SPACES[function], request.address, request.quantity)
+        if parts is None:
+            return "it does not have all of these addresses (exception 02)"
+        if function in READS:
+            return ""
+        if not all(part.area.writable for part in parts):
+            return "it lets nobody write there (exception 02)"
+        answer = serve(found, request, 0) if valued else None
+        if isinstance(answer, ExceptionResponse):
+            return f"it refuses these values (exception {answer.code:02})"
+        return ""
+
+
+def device_model(device: BusDevice, *, extra: Span, off: bool) -> SlaveModel | None:
+    """A device as slave; None for one that is none, or whose mode is impossible on its line."""
+    found = _map(device)
+    if found is None or device.station is None:
+        return None
+    try:
+        framing = DEVICE_PROFILES[device.model].framing(device.mode, device.timing)
+    except ValueError:
+        return None
+    end = 0
+    if isinstance(device.settings, LxSettings):
+        end = device.settings.scan.mean + device.settings.scan.jitter - 1
+    return SlaveModel(
+        name=device.name,
+        owner=device.name,
+        bus=device.bus,
+        station=device.station,
+        framing=framing,
+        timing=device.timing,
+        map=found,
+        delay=device.delay,
+        spread=device.jitter,
+        end=end,
+        extra=extra,
+        off=off,
+    )
+
+
+def _map(device: BusDevice) -> AreaMap | None:
+    """A map with a device's addresses, functions and limits; its values do not matter."""
+    settings = device.settings
+    if isinstance(settings, MapSettings):
+        return UserMap(settings.entries, settings.functions)
+    if isinstance(settings, StepperSettings):
+        return Stepper(profile=settings.profile)
+    if isinstance(settings, V80Settings):
+        return V80()
+    return LxMap(Memory()) if isinstance(settings, LxSettings) else None

@@ -1,0 +1,217 @@
+"""How a process that serves is spoken to while it runs: one line of JSON there, one back.
+
+It listens on a Unix socket in a folder that only its user may enter, or, where there are no such
+sockets (Windows), on a port of the loopback interface that wants a token from a file there. Nothing
+is ever reachable from another computer.
+
+===========  ==================================================  ==================================
+``do``       more of the request                                 answer
+===========  ==================================================  ==================================
+``list``     —                                                   ``scenario``, ``nodes``, ``now_s``
+``inject``   ``node``, ``kind``, ``values`` (texts by option)    ``text``, ``odd`` (list)
+===========  ==================================================  ==================================
+
+Every answer has ``ok``; where it is false, ``error`` says why in words.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import json
+import os
+import secrets
+import socket
+import stat
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from bussim.errors import BussimError, UsageError
+
+#: Bytes of a request or an answer at most.
+_LONGEST = 256 * 1024
+#: Seconds that a peer may take for its line, and between two looks whether to end.
+_PATIENCE, _LOOK = 2.0, 0.2
+_UNIX = sys.platform != "win32" and hasattr(socket, "AF_UNIX")
+
+Answer = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+def control_folder() -> Path:
+    """The folder of the user's control sockets, made if it is not there.
+
+    Raises UsageError where somebody else could get at it.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime:
+        folder = Path(runtime) / "bussim"
+    elif sys.platform == "win32":
+        folder = Path(tempfile.gettempdir()) / "bussim"
+    else:
+        folder = Path(tempfile.gettempdir()) / f"bussim-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be used for control sockets: {error.strerror or error}") from error
+    if not stat.S_ISDIR(found.st_mode):
+        raise UsageError(f"{folder} is no folder: control sockets have no place")
+    if sys.platform != "win32" and (found.st_uid != os.getuid() or found.st_mode & 0o077):
+        raise UsageError(f"{folder} is not this user's alone: control sockets would not be safe there")
+    return folder
+
+
+class ControlServer:
+    """Answers requests in a thread of its own until :meth:`close`. ``answer`` may raise BussimError."""
+
+    def __init__(self, scenario: str, answer: Answer) -> None:
+        self._answer = answer
+        self._token = secrets.token_hex(16)
+        folder = control_folder()
+        self._note = folder / f"{os.getpid()}.json"
+        self._path: Path | None = None
+        self._note.unlink(missing_ok=True)  # of a process of the same number that was killed
+        self._listener, where = self._listen(folder / f"{os.getpid()}.sock")
+        self._listener.settimeout(_LOOK)
+        self._write_note({"scenario": scenario, "token": self._token, **where})
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="bussim control", daemon=True)
+        self._thread.start()
+
+    def _listen(self, path: Path) -> tuple[socket.socket, dict[str, Any]]:
+        if _UNIX:
+            listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            try:
+                path.unlink(missing_ok=True)
+                listener.bind(str(path))
+                path.chmod(0o600)
+            except OSError:  # a path that is too long, or a file system without sockets
+                listener.close()
+            else:
+                self._path = path
+                listener.listen(4)
+                return listener, {"socket": str(path)}
+        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        listener.bind(("127.0.0.1", 0))
+        listener.listen(4)
+        return listener, {"port": listener.getsockname()[1]}
+
+    def _write_note(self, note: dict[str, Any]) -> None:
+        handle = os.open(self._note, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump(note, file)
+
+    def close(self) -> None:
+        """No more requests."""
+        self._closing.set()
+        self._thread.join()
+        self._listener.close()
+        for path in (self._note, self._path):
+            if path is not None:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+
+    def _serve(self) -> None:
+        while not self._closing.is_set():
+            try:
+                peer, _ = self._listener.accept()
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            with peer, contextlib.suppress(OSError):
+                peer.settimeout(_PATIENCE)
+                peer.sendall(_line(self._answered(_read(peer))))
+
+    def _answered(self, text: bytes) -> dict[str, Any]:
+        try:
+            request = json.loads(text)
+        except ValueError:
+            return {"ok": False, "error": "this is no line of JSON"}
+        token = request.get("token") if isinstance(request, dict) else None
+        if not isinstance(token, str) or not hmac.compare_digest(token.encode(), self._token.encode()):
+            return {"ok": False, "error": "this has not the token of this process"}
+        try:
+            return {"ok": True, **self._answer(request)}
+        except BussimError as error:
+            return {"ok": False, "error": str(error)}
+
+
+def _line(data: dict[str, Any]) -> bytes:
+    return json.dumps(data, ensure_ascii=False).encode() + b"\n"
+
+
+def _read(peer: socket.socket) -> bytes:
+    """A line, or what came of it."""
+    data = b""
+    while not data.endswith(b"\n") and len(data) < _LONGEST:
+        more = peer.recv(4096)
+        if not more:
+            break
+        data += more
+    return data
+
+
+# -- the other side ----------------------------------------------------------------------------
+
+
+class Running:
+    """A process that serves, as its note describes it."""
+
+    def __init__(self, process: int, note: dict[str, Any]) -> None:
+        self.process = process
+        self.scenario = str(note.get("scenario", ""))
+        self._token = str(note.get("token", ""))
+        self._socket, self._port = note.get("socket"), note.get("port")
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        """Its answer. Raises UsageError where it refuses, OSError where it is not there any more."""
+        with self._connected() as peer:
+            peer.sendall(_line({"token": self._token, **request}))
+            text = _read(peer)
+        try:
+            answer: dict[str, Any] = json.loads(text)
+        except ValueError as error:
+            raise UsageError(f"process {self.process} did not answer") from error
+        if not answer.get("ok"):
+            raise UsageError(str(answer.get("error")))
+        return answer
+
+    def _connected(self) -> socket.socket:
+        if _UNIX and isinstance(self._socket, str):
+            peer = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            target: Any = self._socket
+        else:
+            peer = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+            target = ("127.0.0.1", int(self._port or 0))
+        peer.settimeout(10.0)
+        try:
+            peer.connect(target)
+        except OSError:
+            peer.close()
+            raise
+        return peer
+
+
+def running() -> list[Running]:
+    """The user's processes that serve, by their numbers. Notes of processes that are gone are removed."""
+    return sorted(_running(), key=lambda one: one.process)
+
+
+def _running() -> Iterator[Running]:
+    for path in control_folder().glob("*.json"):
+        try:
+            found = Running(int(path.stem), json.loads(path.read_text(encoding="utf-8")))
+            found.ask(do="list")
+        except (ConnectionRefusedError, FileNotFoundError):
+            with contextlib.suppress(OSError):
+                path.unlink()
+                path.with_suffix(".sock").unlink()
+        except (OSError, ValueError, UsageError):
+            continue  # somebody else's by now, or not ready
+        else:
+            yield found

@@ -1,0 +1,105 @@
+"""Frames that come from outside, for the trace."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from bussim.engines.modbus.adu import Adu, decode_rtu
+from bussim.engines.nn.frames import DATA, Frame
+from bussim.line.characters import LineTiming
+from bussim.live.arrival import Timed
+from bussim.live.sniff.heard import Protocol as Spoken
+from bussim.live.sniff.splitters import MOST_DAMAGE, Splitter, splitter
+from bussim.sim.serial.node import SerialNode
+from bussim.trace import FrameRecord
+
+if TYPE_CHECKING:
+    from bussim.serve.lines import LeadsOut
+
+
+class Journal:
+    """Cuts what comes into frames and tells the line's sink. Memory is bounded whatever comes."""
+
+    def __init__(self, line: LeadsOut, timing: LineTiming, tolerance: int) -> None:
+        self._line = line
+        self._timing = timing
+        self._tolerance = tolerance
+        self._splitters: dict[str, Splitter] = {}
+        self._spoken = ""
+        self._chars: list[Timed] = []
+
+    def heard(self, chars: list[Timed]) -> None:
+        """Take in characters."""
+        spoken = self._tongue()
+        if spoken != self._spoken:
+            self.cut()
+            self._spoken = spoken
+        if spoken in (Spoken.NN, Spoken.ASCII):
+            cutter = self._splitters.get(spoken)
+            if cutter is None:
+                cutter = self._splitters[spoken] = splitter(Spoken(spoken), self._timing, self._tolerance)
+            for char in chars:
+                for heard in cutter.character(char):
+                    self._tell(heard.start, heard.end, heard.chars, heard.frame)
+            return
+        # RTU, and free protocol: what comes between two silences, or two frames of this line.
+        kept = self._chars
+        if kept and chars[0][1] - kept[-1][2] > self._timing.characters(2) + self._tolerance:
+            self.cut()
+        for char in chars:
+            kept.append(char)
+            if len(kept) >= MOST_DAMAGE:
+                self.cut()
+
+    def cut(self) -> None:
+        """What has come so far is over."""
+        chars = self._chars
+        if not chars:
+            return
+        data = bytes(char.value for char, _, _ in chars)
+        found = decode_rtu(data) if self._spoken == Spoken.RTU else None
+        self._tell(chars[0][1], chars[-1][2], data, found if isinstance(found, Adu) else None)
+        chars.clear()
+
+    def close(self) -> None:
+        """Nothing more will come."""
+        self.cut()
+        for cutter in self._splitters.values():
+            for heard in cutter.idle(1 << 62):
+                self._tell(heard.start, heard.end, heard.chars, heard.frame)
+
+    def _tongue(self) -> str:
+        return next((self._line.protocol_of(port) for port in self._line.ports), self._line.protocol)
+
+    def _tell(self, start: int, end: int, chars: bytes, frame: Frame | Adu | None) -> None:
+        line, station, counter = self._line, None, None
+        sender, kind = "outside", "damaged"
+        if isinstance(frame, Frame):
+            station, counter, kind = frame.station, frame.counter, frame.kind_name
+            sender = line.outsider(frame.station if frame.kind == DATA else 0)
+        elif isinstance(frame, Adu):
+            station = frame.station
+            asked = any(isinstance(port, SerialNode) and port.kind == "response" for port in line.ports)
+            kind = "request" if asked else "response"
+        elif self._spoken == "free":
+            kind = "data"
+        line.frames += 1
+        line.sink.frame(
+            FrameRecord(
+                bus=line.name,
+                start=start,
+                end=end,
+                sender=sender,
+                kind=kind,
+                station=station,
+                counter=counter,
+                chars=chars,
+                damaged_bits=(),
+                damaged_at={},
+                collided=False,
+                cut=False,
+                protocol=self._spoken,
+                baud=self._timing.baud,
+                format=str(self._timing.format),
+            )
+        )

@@ -1,0 +1,116 @@
+"""Simulated time that keeps step with real time."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from bussim.live.clock import Clock
+from bussim.live.runner import PATIENCE
+from bussim.live.waiting import wait
+from bussim.serve.way import Way
+from bussim.sim.kernel import Kernel
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_ms
+
+#: Simulated ticks that are done in one go before the wires are looked at again.
+_SLICE = 5 * TICKS_PER_MS
+#: Lumps of a wire that are taken before what is due has its turn.
+_MORE_LUMPS = 4
+#: Lateness from which on it is told, at most so often.
+_VERY_LATE = TICKS_PER_SECOND // 10
+_TOLD_EVERY = 10 * TICKS_PER_SECOND
+
+
+@dataclass(slots=True)
+class Lateness:
+    """How much later than they were due things were done, in ticks."""
+
+    worst: int = 0
+    worst_at: int = 0
+    total: int = 0
+    count: int = 0
+
+    def add(self, late: int, now: int) -> None:
+        """Something was due ``late`` ticks before ``now``."""
+        self.total += late
+        self.count += 1
+        if late > self.worst:
+            self.worst, self.worst_at = late, now
+
+    @property
+    def mean(self) -> float:
+        """The mean, 0 where nothing was due."""
+        return self.total / self.count if self.count else 0.0
+
+
+class RealTime:
+    """Runs a kernel in real time, and hands on what comes on the wires.
+
+    ``also`` is called between two slices: whatever others want done in this thread. ``report`` is told
+    in words if the machine cannot keep up.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        clock: Clock,
+        ways: Sequence[Way],
+        *,
+        also: Callable[[], None] = lambda: None,
+        report: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._kernel = kernel
+        self._clock = clock
+        self._ways = tuple(ways)
+        self._wires = tuple(way.wire for way in ways)
+        self._also = also
+        self._report = report
+        self._told_at = -_TOLD_EVERY
+        self.lateness = Lateness()
+
+    def run(self, until: int, stopped: Callable[[], bool]) -> None:
+        """Run until a tick, or until ``stopped`` says so, which is asked at least twenty times a second."""
+        kernel, clock = self._kernel, self._clock
+        gc.collect()
+        gc.freeze()  # what was built for the run need not be looked through again and again
+        try:
+            clock.restart()
+            kernel.run(kernel.now + 1)  # whatever has its supply from the start hears what has come before
+            while not stopped() and kernel.now < until:
+                # An event at a tick is done when the tick is over.
+                wait(self._wires, clock, min(kernel.next() + 1, until, clock.now() + PATIENCE))
+                self._listen()
+                self._go_on(until)
+                self._also()
+        finally:
+            gc.unfreeze()
+
+    def _listen(self) -> None:
+        """What has come by now was heard before whatever is due by now."""
+        kernel, clock = self._kernel, self._clock
+        for _ in range(_MORE_LUMPS):
+            now = clock.now()
+            lumps = [(way, data) for way in self._ways if (data := way.wire.read(now))]
+            if not lumps:
+                return
+            now = clock.now()
+            kernel.run(min(now, kernel.next()))
+            for way, data in lumps:
+                way.take(data, kernel.now, max(0, now - kernel.now))
+
+    def _go_on(self, until: int) -> None:
+        """Do what is due, a slice of it if there is much."""
+        kernel = self._kernel
+        now = min(self._clock.now(), until)
+        due = kernel.next()
+        if due < now:
+            self._was_due(due, now)
+        kernel.run(min(now, max(kernel.now, due) + _SLICE))
+
+    def _was_due(self, due: int, now: int) -> None:
+        late = now - due
+        self.lateness.add(late, now)
+        if late > _VERY_LATE and now >= self._told_at + _TOLD_EVERY:
+            self._told_at = now
+            self._report(f"this computer cannot keep up: the simulation is {format_ms(late)} late")

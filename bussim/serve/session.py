@@ -1,0 +1,281 @@
+"""A scenario of which some nodes are served on real ports, from its start to its results."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, replace
+from typing import Any
+
+from bussim.line.characters import LineTiming
+from bussim.live.clock import Clock
+from bussim.live.options import PortOptions
+from bussim.live.wire import Wire
+from bussim.results.collector import Collector, Rows
+from bussim.results.record import LinkRecord, RunRecord
+from bussim.scenario import model
+from bussim.scenario.header import trace_header
+from bussim.serve.lines import OutsideLinkBus, OutsideSerialBus
+from bussim.serve.loop import RealTime
+from bussim.serve.places import Place
+from bussim.serve.way import Way
+from bussim.sim.kernel import Kernel
+from bussim.sim.nn.reporter import Reporter
+from bussim.sim.runner import Simulation
+from bussim.sim.wire.line import Witness
+from bussim.trace import RunTotals, Sink, TraceBus, TraceHeader
+from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
+
+#: A run without an end: nobody waits so long (100 years).
+FOREVER = 100 * 365 * 86_400 * 72_000_000
+#: Lateness that is worth a warning in the results.
+_LATE = 10 * TICKS_PER_MS
+
+
+class _WaysOut:
+    """The lines of a simulation that lead outside; see :class:`bussim.sim.runner.Outside`."""
+
+    def __init__(self, places: Sequence[Place], wires: Sequence[Wire]) -> None:
+        self._line_of = {node.node: place.name for place in places for node in place.nodes}
+        self._wires = {place.name: wire for place, wire in zip(places, wires, strict=True)}
+        self.lateness = max((wire.options.tolerance for wire in wires), default=0)
+        self.ways: list[Way] = []
+
+    def place(self, node: str) -> str | None:
+        """The line that a node sits on."""
+        return self._line_of.get(node)
+
+    def _way(self, name: str, kernel: Kernel) -> Way:
+        way = Way(self._wires[name], kernel)
+        self.ways.append(way)
+        return way
+
+    def serial_bus(
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness
+    ) -> OutsideSerialBus:
+        """A line beside the link, at the rate and format of its wire."""
+        del timing
+        way = self._way(name, kernel)
+        return OutsideSerialBus(name, way.wire.timing, kernel, sink, witness, way)
+
+    def link_bus(
+        self,
+        name: str,
+        timing: LineTiming,
+        kernel: Kernel,
+        sink: Sink,
+        reporter: Reporter,
+        strangers: dict[int, str],
+    ) -> OutsideLinkBus:
+        """A line of a link."""
+        way = self._way(name, kernel)
+        return OutsideLinkBus(name, timing, kernel, sink, reporter, way, strangers)
+
+
+class _HereOnly(Collector):
+    """Without what nobody here can know: when those outside received a block.
+
+    ``here`` are the names of the nodes that are inside.
+    """
+
+    here: frozenset[str] = frozenset()
+
+    def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
+        """See the base class."""
+        return {
+            name: replace(
+                link, refresh={pair: gaps for pair, gaps in link.refresh.items() if pair[1] in self.here}
+            )
+            for name, link in super().links(totals).items()
+        }
+
+
+def _unheard(text: str) -> None:
+    """Nobody wants to know."""
+
+
+class Session:
+    """A scenario in real time.
+
+    ::
+
+        session = Session(scenario, places(scenario, ["press1.COM3"], []))
+        with session:
+            print(session.devices)
+            session.run(lambda: False, until=60 * TICKS_PER_SECOND)
+        record = session.record()
+
+    Entering it opens the ports (UsageError where one cannot be opened). ``rows`` takes single records,
+    ``traced`` also frames; ``report`` is told in words what a person should know. ``duration`` is
+    how long it is meant to last (ticks): what a scenario does after it does not happen.
+    """
+
+    def __init__(
+        self,
+        scenario: model.Scenario,
+        places: Sequence[Place],
+        *,
+        options: PortOptions | None = None,
+        rows: Rows | None = None,
+        traced: bool = False,
+        duration: int = FOREVER,
+        report: Callable[[str], None] = _unheard,
+    ) -> None:
+        self.scenario = replace(scenario, duration=duration)
+        self.places = tuple(places)
+        self.report = report
+        self.clock = Clock()
+        options = options or PortOptions()
+        self.wires = tuple(
+            Wire(place.url, _nominal(place.timing), options, clock=self.clock, report=report)
+            for place in places
+        )
+        header = session_header(self.scenario, places)
+        bus_of = {node: bus.name for bus in header.buses if bus.nn for node in bus.nodes}
+        self.collector = _HereOnly(traced=traced, rows=rows, bus_of=bus_of)
+        outside = _WaysOut(places, self.wires)
+        self.simulation = Simulation(self.scenario, self.collector, outside)
+        self.collector.here = frozenset(self.simulation.nodes)
+        self.ways = tuple(outside.ways)
+        self.loop = RealTime(
+            self.simulation.kernel, self.clock, self.ways, also=self._carry_out, report=report
+        )
+        self._wishes: deque[Callable[[], None]] = deque()  # of other threads
+        self._stack = ExitStack()
+        self._totals: RunTotals | None = None
+
+    def __enter__(self) -> Session:
+        with ExitStack() as stack:
+            for wire in self.wires:
+                stack.callback(wire.close)
+                wire.open()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    @property
+    def devices(self) -> dict[str, str]:
+        """What the other side opens, by the names of lines; of a port its URL."""
+        return {place.name: wire.name for place, wire in zip(self.places, self.wires, strict=True)}
+
+    def described(self) -> tuple[str, ...]:
+        """What is served where, a line each node: ``drive: Modbus RTU slave … on /dev/pts/3``."""
+        lines = []
+        for place, wire in zip(self.places, self.wires, strict=True):
+            for node in place.nodes:
+                number = f", station {node.station}" if node.station is not None and not node.nn else ""
+                line = f"{place.timing.baud} {place.timing.format}"
+                lines.append(f"{node.node}: {node.what}{number}, {line}, on {wire.name}")
+        return tuple(lines)
+
+    @property
+    def now(self) -> int:
+        """The present tick of the simulation."""
+        return self.simulation.now
+
+    def run(self, stopped: Callable[[], bool], until: int | None = None) -> None:
+        """Run until ``stopped`` says so, or up to a tick (default: the duration)."""
+        self.loop.run(self.scenario.duration if until is None else until, stopped)
+
+    def inject(self, fault: model.Fault) -> threading.Event:
+        """Let a fault begin as soon as possible, for as long as its window lasts. Any thread may call.
+
+        The event that is returned is set when it has begun.
+        """
+        begun = threading.Event()
+
+        def begin() -> None:
+            self.simulation.faults.inject(fault)
+            begun.set()
+
+        self._wishes.append(begin)
+        return begun
+
+    def _carry_out(self) -> None:
+        while self._wishes:
+            self._wishes.popleft()()
+
+    # -- results -----------------------------------------------------------------------------------
+
+    def totals(self) -> RunTotals:
+        """Counts at the end, and warnings."""
+        if self._totals is None:
+            for way in self.ways:
+                if way.journal is not None:
+                    way.journal.close()
+            totals = self.simulation.totals()
+            self._totals = replace(totals, warnings=(*totals.warnings, *self._warnings()))
+        return self._totals
+
+    def _warnings(self) -> list[str]:
+        warnings = []
+        for place, wire in zip(self.places, self.wires, strict=True):
+            warnings.append(f"{place.name} leads to {place.url}: its times are the operating system's")
+            counts = wire.counts
+            if counts.losses:
+                warnings.append(f"{place.url} was lost {counts.losses} times")
+            if counts.dropped:
+                warnings.append(f"{place.url} did not take {counts.dropped} bytes: nobody read them")
+        late = self.loop.lateness
+        if late.worst > _LATE:
+            warnings.append(
+                f"this computer was up to {format_ms(late.worst)} late, at {seconds(late.worst_at):.3f} s"
+            )
+        return warnings
+
+    def record(self) -> RunRecord:
+        """The results, as of a run."""
+        totals, collector, scenario = self.totals(), self.collector, self.scenario
+        record = collector.run(totals, scenario=scenario.name, seed=scenario.seed)
+        record.summary["served"] = self._served()
+        return record
+
+    def _served(self) -> dict[str, Any]:
+        late = self.loop.lateness
+        return {
+            "lines": {
+                place.name: {
+                    "bus": place.bus,
+                    "url": place.url,
+                    "nodes": [node.node for node in place.nodes],
+                    **asdict(wire.counts),
+                }
+                for place, wire in zip(self.places, self.wires, strict=True)
+            },
+            "late_ms": {
+                "mean": round(milliseconds(late.mean), 6),
+                "max": round(milliseconds(late.worst), 6),
+                "max_at_s": round(seconds(late.worst_at), 6),
+            },
+        }
+
+
+def session_header(scenario: model.Scenario, places: Sequence[Place]) -> TraceHeader:
+    """The first line of a session's trace: its lines, and that their times are not exact."""
+    header = trace_header(scenario)
+    buses: list[TraceBus] = []
+    for bus in header.buses:
+        own = [place for place in places if place.bus == bus.name]
+        away = {node.node for place in own for node in place.nodes}
+        left = tuple(node for node in bus.nodes if node not in away)
+        if (left and not bus.nn) or not own:
+            buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
+        for place in own:
+            nodes = bus.nodes if bus.nn else tuple(node.node for node in place.nodes)
+            stations = dict(bus.stations) if bus.nn else _only(bus.stations, nodes)
+            timing = place.timing
+            buses.append(TraceBus(place.name, bus.nn, timing.baud, str(timing.format), nodes, stations))
+    return header._replace(buses=tuple(buses), duration=None, exact=False)
+
+
+def _only(stations: dict[str, int], nodes: Sequence[str]) -> dict[str, int]:
+    return {node: number for node, number in stations.items() if node in nodes}
+
+
+def _nominal(timing: LineTiming) -> LineTiming:
+    """Rate and format of a wire: its clock is its own."""
+    return LineTiming(timing.baud, timing.format)

@@ -1,0 +1,41 @@
+"""Whoever sends on the other side of a wire, as far as faults and noise of a line need to know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bussim.line.characters import LineTiming
+from bussim.sim.kernel import Kernel
+from bussim.sim.wire.line import Line
+from bussim.sim.wire.node import Node
+
+#: No seat of any line.
+NOWHERE = -1
+
+
+class Stranger(Node):
+    """The sender of what comes from outside. It has no engine: it hears nothing and does nothing."""
+
+    def __init__(self, line: Line, kernel: Kernel) -> None:
+        super().__init__("outside", line, NOWHERE, kernel)
+
+    def quiet(self, timing: LineTiming) -> int:
+        """Nothing is half heard here."""
+        return timing.characters(2)
+
+    def understands(self, sender: Node) -> bool:
+        """Nobody."""
+        del sender
+        return False
+
+    def report(self, item: Any, now: int) -> None:
+        """Nothing is reported."""
+        del item, now
+
+    @property
+    def powered(self) -> bool:
+        """Nobody here knows better."""
+        return True
+
+    def _on_start(self, now: int) -> None:
+        del now

@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from bussim.cli import main
+from bussim.results.trace_file import read_trace
+from bussim.trace import FrameRecord
+
+FILES = {
+    "pcapng": "trace.pcapng",
+    "vcd": "trace.vcd",
+    "sr": "trace.sr",
+    "perfetto": "perfetto.json",
+    "csv": "frames.csv",
+    "parquet": "frames.parquet",
+}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("export")
+    arguments = ["run", "nn_with_modbus", "--duration", "2s", "--out"]
+    assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
+    assert main([*arguments, str(folder / "plain")]) == 0
+    return folder
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    capsys.readouterr()
+    code = main(["export", *map(str, arguments)])
+    found = capsys.readouterr()
+    return code, found.out, found.err
+
+
+@pytest.mark.parametrize(("fmt", "name"), FILES.items())
+def test_a_file_is_written_to_the_run_and_said(
+    runs: Path, capsys: pytest.CaptureFixture[str], fmt: str, name: str
+) -> None:
+    place = runs / "traced" / name
+    code, out, err = said(capsys, runs / "traced", "--to", fmt)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0] == str(place)
+    assert place.stat().st_size > 1000
+    code, out, err = said(capsys, runs / "traced", "--to", fmt)
+    assert (code, out) == (2, "")
+    assert f"{place} exists; choose another name with -o, or replace it with --force" in err
+    before = place.read_bytes()
+    assert said(capsys, runs / "traced", "--to", fmt, "--force")[0] == 0
+    assert place.read_bytes() == before
+    assert not list((runs / "traced").glob("*.part"))
+
+
+def test_json_tells_what_was_written(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "a.pcapng"
+    code, out, _ = said(capsys, runs / "traced", "--to", "pcapng", "--json", "-o", place, "--encap", "udp")
+    found = json.loads(out)
+    frames = list(read_trace(runs / "traced").of(FrameRecord))
+    (hint,) = found.pop("open_with")
+    assert code == 0
+    assert "mbrtu.udp.port:5020" in hint
+    assert "nn.lua" in hint
+    assert found == {
+        "schema": 1,
+        "file": str(place),
+        "format": "pcapng",
+        "frames": len(frames),
+        "buses": ["link", "feeder", "oven"],
+    }
+
+
+def test_one_bus_and_a_window_are_chosen(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    choice = ["--bus", "oven", "--from", "500ms", "--to-time", "1.5s"]
+    code, out, _ = said(capsys, runs / "traced", "--to", "csv", "--json", *choice)
+    found = json.loads(out)
+    start, stop = 36_000_000, 108_000_000
+    expected = list(read_trace(runs / "traced").of(FrameRecord, bus="oven", start=start, stop=stop))
+    assert code == 0
+    assert found["file"] == str(runs / "traced" / "frames_oven.csv")
+    assert (found["frames"], found["buses"]) == (len(expected), ["oven"])
+    rows = Path(found["file"]).read_text("utf-8").splitlines()
+    assert len(rows) == 1 + len(expected)
+    assert all(row.startswith("oven,") for row in rows[1:])
+
+
+def test_a_trace_file_is_taken_for_its_folder(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "a.vcd"
+    assert said(capsys, runs / "traced" / "trace.jsonl", "--to", "vcd", "-o", place)[0] == 0
+    assert place.is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--to", "csv", "--bus", "ovn"], "the trace has no bus 'ovn'; did you mean oven?"),
+        (
+            ["--to", "vcd", "--from", "5s"],
+            "the trace has no frame from 5 s to the end; its frames are between ",
+        ),
+        (
+            ["--to", "perfetto", "--from", "5s"],
+            "the trace has no event from 5 s to the end; its frames are between ",
+        ),
+        (["--to", "vcd", "--from", "3"], "--from is 3, a time without a unit"),
+        (["--to", "vcd", "--from", "-1s"], "--from is -1s; a run begins at 0 s"),
+        (["--to", "vcd", "--from", "1s", "--to-time", "1s"], "--to-time is 1s, it must be after --from 1s"),
+        (["--to", "vcd", "--to-time", "0s"], "--to-time is 0s, it must be above 0"),
+        (["--to", "vcd", "--encap", "udp"], "--encap goes with --to pcapng, not with vcd"),
+        (["--to", "vcd", "-o", "a.sr"], "a.sr ends in .sr; write a name that ends in .vcd"),
+        (["--to", "vcd", "-o", "nowhere/a.vcd"], "there is no folder nowhere"),
+        (["--to", "wav"], "'wav' is not one of 'pcapng', 'vcd'"),
+        ([], "Missing option '--to'"),
+    ],
+)
+def test_mistakes_are_named_and_leave_nothing(
+    runs: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    expected: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    out = (
+        [] if "-o" in arguments or not arguments else ["-o", f"a.{arguments[1].replace('perfetto', 'json')}"]
+    )
+    code, _, err = said(capsys, runs / "traced", *arguments, *out)
+    assert code == 2
+    assert expected in err
+    assert "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_without_a_trace_says_how_to_get_one(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = said(capsys, runs / "plain", "--to", "vcd")
+    assert code == 2
+    assert f"{runs / 'plain'} has no trace to export; get one with bussim run " in err
+    code, _, err = said(capsys, tmp_path / "none", "--to", "vcd")
+    assert code == 2
+    assert f"{tmp_path / 'none'} does not exist; name the folder of a run" in err
+
+
+def test_a_damaged_trace_is_told_by_its_line(
+    tmp_path: Path, runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (runs / "traced" / "trace.jsonl").read_text("utf-8").splitlines()
+    at = next(number for number, line in enumerate(lines) if '"type":"frame"' in line)
+    lines[at] = lines[at].replace('"chars":"', '"chars":"x')
+    (tmp_path / "trace.jsonl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    code, _, err = said(capsys, tmp_path, "--to", "vcd")
+    assert code == 2
+    assert f"trace.jsonl:{at + 1}: is not a line of a trace: chars " in err
+    assert [path.name for path in tmp_path.iterdir()] == ["trace.jsonl"]

@@ -1,0 +1,148 @@
+"""A device with a protocol of its own: what it says, when, and in answer to what."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bussim.devices.talker import MOST_WAITING, Saying, Talker
+from bussim.engines.contract import TRANSMIT, RxChar, Transmit
+from bussim.engines.free.engine import FreeFrame
+from bussim.engines.free.events import Sent
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+MS, S = TICKS_PER_MS, TICKS_PER_SECOND
+LINE = LineTiming(9600, CharFormat(8, "N", 1))
+
+
+def talker(*sayings: Saying, luck: float = 0.0) -> Talker:
+    draws: Sequence[Iterator[float]] = [itertools.repeat(luck) for _ in sayings]
+    return Talker(sayings, LINE, draws)
+
+
+def said(device: Talker, until: int, now: int = 0) -> list[tuple[int, bytes]]:
+    """What it sends up to a tick, with the first edge of each, on a line of its own."""
+    found: list[tuple[int, bytes]] = []
+    busy: int | None = None  # when what is being sent will have left
+    while True:
+        item = device.poll()
+        if isinstance(item, Transmit):
+            now = max(item.at, now)
+            if now > until:
+                return found
+            chars = device.begin_transmit(now).chars
+            found.append((now, chars))
+            busy = now + LINE.characters(len(chars))
+            continue
+        if item is not None:
+            assert isinstance(item, Sent)
+            assert item.chars == found[-1][1]
+            continue
+        moments = [at for at in (busy, device.deadline()) if at is not None]
+        if not moments or min(moments) > until:
+            return found
+        now = max(now, min(moments))
+        if busy is not None and busy <= now:
+            busy = None
+            device.transmit_done(now)
+        else:
+            device.on_deadline(now)
+
+
+def hear(device: Talker, data: bytes, at: int) -> tuple[int, int]:
+    """It hears these bytes from a tick on; returns the hints and the end."""
+    hints = 0
+    for number, value in enumerate(data):
+        begin, end = (at + LINE.characters(number + k) for k in (0, 1))
+        hints |= device.receive(RxChar(value), begin, end)
+    return hints, at + LINE.characters(len(data))
+
+
+def test_by_the_clock() -> None:
+    device = talker(Saying(b"once", at=5 * MS), Saying(b"often", at=20 * MS, every=100 * MS, times=3))
+    device.start(0)
+    assert said(device, 10 * S) == [
+        (5 * MS, b"once"),
+        (20 * MS, b"often"),
+        (120 * MS, b"often"),
+        (220 * MS, b"often"),
+    ]
+
+
+def test_without_end_and_late_by_its_jitter() -> None:
+    device = talker(Saying(b"x", at=MS, every=50 * MS, jitter=10 * MS), luck=0.5)
+    device.start(0)
+    late = int(0.5 * (10 * MS + 1))
+    assert said(device, 1000 * MS) == [(MS + late + turn * 50 * MS, b"x") for turn in range(20)]
+
+
+def test_power_comes_back_in_the_middle_of_the_grid() -> None:
+    device = talker(Saying(b"a", at=MS, every=100 * MS, times=5), Saying(b"b", at=2 * MS))
+    device.start(0)
+    device.stop(3 * MS)
+    assert (device.deadline(), device.due) == (None, -1)
+    device.start(250 * MS)
+    # The next points of the grid; what was to be said once, and is over, is not said any more.
+    assert said(device, S, now=250 * MS) == [(301 * MS, b"a"), (401 * MS, b"a")]
+
+
+def test_what_falls_due_meanwhile_follows() -> None:
+    device = talker(Saying(b"0123456789", at=0), Saying(b"ab", at=MS), Saying(b"cd", at=2 * MS))
+    device.start(0)
+    first = LINE.characters(10)
+    assert said(device, S) == [(0, b"0123456789"), (first, b"ab"), (first + LINE.characters(2), b"cd")]
+
+
+def test_a_device_that_says_more_than_the_line_carries_takes_no_memory() -> None:
+    # 20 characters are 20.8 ms, and every millisecond there is another.
+    device = talker(Saying(bytes(20), every=MS))
+    device.start(0)
+    found = said(device, 10 * S)
+    assert len(device._queue) == MOST_WAITING
+    assert len(found) == 1 + 10 * S // LINE.characters(20)
+
+
+def test_it_answers_what_it_is_told_to_answer() -> None:
+    device = talker(Saying(b"7 kg\r", reply_to=b"W\r", delay=3 * MS), Saying(b"ok", reply_to=b"T\r"))
+    device.start(0)
+    assert device.deadline() is None
+    hints, end = hear(device, b"??W\r", 0)
+    assert hints & TRANSMIT
+    assert said(device, S) == [(end + 3 * MS, b"7 kg\r")]
+    hints, end = hear(device, b"W", 2 * S)
+    assert not hints
+    hints, end = hear(device, b"T\r", 3 * S)
+    assert said(device, 4 * S, now=3 * S) == [(end, b"ok")]
+    # What was answered does not count a second time.
+    assert hear(device, b"\r", 5 * S)[0] == 0
+
+
+@given(st.lists(st.sampled_from([b"W\r", b"W", b"\r", b"xx", b"WW\r\r"]), max_size=8))
+def test_whole_or_one_by_one_is_all_the_same(pieces: list[bytes]) -> None:
+    one, other = (talker(Saying(b"7", reply_to=b"W\r", delay=MS)) for _ in range(2))
+    for device in (one, other):
+        device.start(0)
+    at = 0
+    for piece in pieces:
+        hear(one, piece, at)
+        end = at + LINE.characters(len(piece))
+        other.receive_frame(FreeFrame(piece), at, end)
+        at = end + 5 * MS
+    assert said(one, 10 * S) == said(other, 10 * S)
+
+
+def test_switched_off_it_hears_and_says_nothing() -> None:
+    device = talker(Saying(b"7", reply_to=b"W"), Saying(b"x", at=MS))
+    assert hear(device, b"W", 0)[0] == 0
+    device.start(0)
+    device.on_deadline(MS)
+    device.stop(2 * MS)
+    assert device.poll() is None
+    assert device.transmit_done(3 * MS) == 0
+    with pytest.raises(RuntimeError, match="nothing waits to be sent"):
+        device.begin_transmit(3 * MS)

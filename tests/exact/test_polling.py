@@ -1,0 +1,694 @@
+"""Poll lists: the closed form against independent sums, and never beaten by the simulation."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bussim.devices.talker import Saying
+from bussim.devices.user import Entry
+from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.pdu import FUNCTIONS
+from bussim.engines.modbus.server import Space
+from bussim.exact.polls.figures import PollFigures, poll_figures
+from bussim.exact.polls.pace import Direct, Scans, Span, exactly
+from bussim.exact.polls.passage import mean_passage
+from bussim.exact.polls.reading import poll_lists
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.plc.memory import parse_device
+from bussim.plc.ports.spec import FreeSpec, PollSpec
+from bussim.plc.profiles import PROFILES
+from bussim.plc.program.program import Program
+from bussim.scenario import model
+from tests.sim.build import MS, SECOND, Done, fault, run
+from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, serial_bus, talker
+
+#: Standard deviations that a mean of a fixed seed may be off.
+SIGMAS = 4.5
+#: Random buses.
+SEEDS = 40
+EXTRA = PROFILES["pw10"].transaction_time
+WORDS = model.MapSettings((Entry(Space.HOLDING, 0, count=200, writable=True),), FUNCTIONS)
+
+
+def station(name: str = "feeder", number: int = 1, **given: object) -> model.BusDevice:
+    return device(name, "map", number, settings=WORDS, **given)
+
+
+def ask(name: str = "a", number: int = 1, *, to: str | None = "D400", **given: object) -> PollSpec:
+    values: dict[str, object] = {"function": 3, "address": 0, "count": 2, **given}
+    place = parse_device(to) if to else None
+    return PollSpec(name, "COM3", number, device=place, **values)  # type: ignore[arg-type]
+
+
+def figures(scenario: model.Scenario) -> dict[str, PollFigures]:
+    return {node: poll_figures(found) for node, found in poll_lists(scenario).items()}
+
+
+def only(scenario: model.Scenario) -> PollFigures:
+    (found,) = figures(scenario).values()
+    return found
+
+
+# -- whole scans, against scans drawn one by one ------------------------------------------------------
+
+
+def walk(
+    rng: random.Random, need: int, interval: int, scan: Span, execution: int, others: int
+) -> tuple[int, int]:
+    """What one transaction takes, END by END: from sending to taking over, and on to sending again."""
+    at = 0
+    while at < need:
+        at += rng.randint(scan.least, scan.most) + execution + rng.randint(0, others)
+    taken = at
+    while at == taken or at < need + interval:
+        at += rng.randint(scan.least, scan.most) + rng.randint(0, others)
+    return taken, at
+
+
+SCANS = st.tuples(st.integers(1, 30), st.integers(0, 12)).map(lambda pair: Span(pair[0], pair[0] + pair[1]))
+
+
+@given(
+    scan=SCANS,
+    execution=st.integers(0, 5),
+    others=st.integers(0, 5),
+    interval=st.integers(0, 90),
+    need=st.tuples(st.integers(1, 200), st.integers(0, 40)),
+    seed=st.integers(0, 1 << 30),
+)
+def test_no_walk_leaves_the_bounds(
+    scan: Span, execution: int, others: int, interval: int, need: tuple[int, int], seed: int
+) -> None:
+    rng = random.Random(seed)
+    pace = Scans(scan, execution, others, interval)
+    span = Span(need[0], need[0] + need[1])
+    taken, gap, turn, after = pace.taken(span), pace.gap(), pace.turn(span), pace.gap(span)
+    assert gap.least <= after.least <= after.most <= gap.most
+    assert turn.least >= taken.least + gap.least or span.fixed
+    assert turn.most <= taken.most + gap.most
+    for _ in range(SEEDS):
+        over, again = walk(rng, rng.randint(span.least, span.most), interval, scan, execution, others)
+        assert taken.least <= over <= taken.most
+        assert after.least <= again - over <= after.most
+        assert turn.least <= again <= turn.most
+        assert over - span.most <= pace.late
+
+
+@given(
+    scan=st.integers(1, 50),
+    execution=st.integers(0, 9),
+    interval=st.integers(0, 200),
+    need=st.integers(1, 500),
+)
+def test_without_jitter_there_is_one_time_and_it_is_that(
+    scan: int, execution: int, interval: int, need: int
+) -> None:
+    pace = Scans(exactly(scan), execution, 0, interval)
+    taken, again = walk(random.Random(0), need, interval, exactly(scan), execution, 0)
+    assert pace.taken(exactly(need)) == exactly(taken)
+    assert pace.turn(exactly(need)) == exactly(again)
+    assert pace.gap(exactly(need)) == exactly(again - taken)
+    assert pace.mean(exactly(need)) == (taken, again - taken)
+
+
+@pytest.mark.parametrize(
+    ("need", "scan", "width"), [(25_000, 8_000, 2_000), (5_000, 8_000, 4_000), (90_000, 900, 500)]
+)
+def test_bounds_are_reached(need: int, scan: int, width: int) -> None:
+    # Of all sequences of shortest and longest scans, and of one that hits the need exactly, some reach them.
+    pace = Scans(Span(scan, scan + width), 0, 0, 0)
+    found = pace.taken(exactly(need))
+    fewest = -(-need // (scan + width))
+    assert found.least == max(fewest * scan, need)
+    before = (need - 1) // scan
+    assert found.most == min(before * (scan + width), need - 1) + scan + width
+
+
+# -- the mean -----------------------------------------------------------------------------------------
+
+
+def uniform_sum_below(count: int, x: Fraction) -> Fraction:
+    """P(U1 + … + Ucount < x), by the alternating sum, in fractions."""
+    if count == 0:
+        return Fraction(int(x > 0))
+    if x >= count:
+        return Fraction(1)
+    terms = ((-1) ** k * math.comb(count, k) * (x - k) ** count for k in range(max(0, math.ceil(x))))
+    return sum(terms, Fraction(0)) / math.factorial(count)
+
+
+@pytest.mark.parametrize(
+    ("need", "active", "width"),
+    [(25 * MS, 7 * MS, 2 * MS), (90 * MS, 8 * MS, MS), (40 * MS, 5 * MS, 9 * MS), (3 * MS, 8 * MS, 2 * MS)],
+)
+def test_mean_scans_against_the_exact_sum(need: int, active: int, width: int) -> None:
+    # E[K] is the sum over k of P(the first k scans are not enough).
+    scans, k = Fraction(0), 0
+    while k * active < need:
+        scans += uniform_sum_below(k, Fraction(need - k * active, width)) if k else 1
+        k += 1
+    taken, gap = mean_passage(need, 0, active, active, width, 0)
+    assert taken == pytest.approx(float(scans * (active + Fraction(width, 2))), abs=width * 2e-4)
+    assert gap == active + width / 2
+
+
+@pytest.mark.parametrize(
+    ("need", "spread", "active", "idle", "width", "interval"),
+    [
+        (25, 0, 7.2, 7, 2, 5),
+        (25, 0, 7.2, 7, 2, 30),
+        (44, 6, 5.2, 5, 4, 12),
+        (44, 6, 5.2, 5, 0, 12),
+        (10, 20, 2.2, 2, 0.1, 5),
+        (60, 0.05, 1, 1, 3, 5),
+        (60, 30, 9, 8, 1, 9),
+    ],
+)
+def test_means_against_draws(
+    need: float, spread: float, active: float, idle: float, width: float, interval: float
+) -> None:
+    rng, draws = np.random.default_rng(5), 200_000
+    needed = need + spread * rng.random(draws)
+    at = np.zeros(draws)
+    taken = np.zeros(draws)
+    while (open_ := at < needed).any():
+        at = at + np.where(open_, active + width * rng.random(draws), 0)
+    taken[:] = at
+    at = at + idle + width * rng.random(draws)
+    while (open_ := at < needed + interval).any():
+        at = at + np.where(open_, idle + width * rng.random(draws), 0)
+    ticks = [round(value * MS) for value in (need, spread, active, idle, width, interval)]
+    means = mean_passage(*ticks)
+    for sample, mean in zip((taken, at - taken), means, strict=True):
+        error = float(sample.std()) / math.sqrt(draws)
+        assert abs(float(sample.mean()) - mean / MS) < SIGMAS * error + 2e-4
+
+
+# -- against the simulation ---------------------------------------------------------------------------
+
+LINES = [
+    (LineTiming(baud, CharFormat.parse(text)), Mode.RTU)
+    for baud in (4800, 9600, 19200, 38400, 115200)
+    for text in ("8N1", "8E1", "8N2")
+]
+LINES += [(LineTiming(9600, CharFormat.parse("7E1")), Mode.ASCII)]
+
+
+def random_bus(seed: int) -> model.Scenario:
+    """A master (a PLC or an HMI) with random polls of random slaves."""
+    rng = random.Random(seed)
+    timing, mode = rng.choice(LINES)
+    slaves: list[model.BusDevice] = []
+    plcs: list[model.Plc] = []
+    given = {"timing": timing, "mode": mode}
+    for number in range(1, rng.randint(2, 4)):
+        kind = rng.choice(["map", "map", "lx", "plc", "stepper"])
+        if kind == "stepper" and mode is Mode.RTU and str(timing.format) == "8N1" and timing.baud != 57600:
+            slaves.append(device(f"s{number}", "stepper", number, **given))
+        elif kind == "lx":
+            scan = model.Scan(rng.randint(1, 9) * MS, rng.choice([0, MS // 2]))
+            slaves.append(device(f"s{number}", "lx", number, settings=model.LxSettings(scan), **given))
+        elif kind == "plc":
+            words = {"form": form(timing)}
+            slave = SLAVE if mode is Mode.RTU else "modbus-ascii-slave"
+            own = port("COM4", slave, station=number, **words)
+            plcs.append(plc(f"q{number}", own, scan=rng.randint(1, 9) * MS, jitter=rng.choice([0, MS // 2])))
+        else:
+            delay, jitter = rng.choice([(0, 0), (4 * MS, 0), (2 * MS, 6 * MS)])
+            slaves.append(station(f"s{number}", number, delay=delay, jitter=jitter, **given))
+    stations = len(slaves) + len(plcs)
+    every = rng.choice([[0], [0], [200 * MS], [700 * MS], [0, 300 * MS], [150 * MS, 400 * MS, 900 * MS]])
+    specs = []
+    for number in range(rng.randint(1, 5)):
+        function, count = rng.choice([(3, 1), (3, 10), (6, 1), (16, 4), (3, 30)])
+        specs.append(
+            ask(
+                f"p{number}",
+                rng.randint(1, stations),
+                to=None,
+                function=function,
+                address=rng.choice([0, 2]) if function == 3 else 8,
+                count=count,
+                values=(1,) * count if function != 3 else (),
+                every=rng.choice(every),
+                retries=rng.randint(0, 2),
+                times=3 if rng.random() < 0.1 else None,
+            )
+        )
+    if rng.random() < 0.3:
+        polls = tuple(replace(spec, port="") for spec in specs)
+        interval = rng.choice([0, 5, 40]) * MS
+        master = hmi("panel", *polls, timeout=600 * MS, interval=interval, **given)
+        return serial_bus([*slaves, master], plcs, seconds=20, seed=seed, timing=timing)
+    words = {"form": form(timing), "interval": rng.choice([0, 10, 300])}
+    protocol = MASTER if mode is Mode.RTU else "modbus-ascii-master"
+    own = port("COM3", protocol, timeout=60, **words)
+    mean = rng.randint(1, 12) * MS
+    plcs.append(plc("press", own, polls=specs, scan=mean, jitter=rng.choice([0, mean // 8, mean // 2])))
+    return serial_bus(slaves, plcs, seconds=20, seed=seed, timing=timing)
+
+
+def form(timing: LineTiming) -> int:
+    from bussim.plc.ports.cpavl import format_word
+
+    return format_word(timing, eight_bit=False)
+
+
+def good(done: Done, node: str, name: str) -> list[tuple[int, int, int, int]]:
+    """(asked, answered, served, taken) of a poll's good transactions, from the second on."""
+    return [
+        (r.asked, r.answer_end, r.served, r.taken)
+        for r in done.record.transactions
+        if (r.master, r.poll, r.outcome) == (node, name, "ok")
+        and None not in (r.asked, r.answer_end, r.served)
+    ][1:]  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_nothing_simulated_leaves_the_bounds(seed: int) -> None:
+    scenario = random_bus(seed)
+    found = only(scenario)
+    assert found.model.valid, found.model.obstacles
+    done = run(scenario)
+    node = found.model.node
+    assert {r.outcome for r in done.record.transactions} == {"ok"}
+    assert not any(r.mismatched for r in done.record.transactions)
+    commands = sum(poll.times or 0 for poll in found.model.commands) * (found.command or 0)
+    cycles = [cycle.duration for cycle in done.record.cycles[1:]]
+    if found.cycle is not None:
+        assert len(cycles) > 5
+        assert found.cycle.least <= min(cycles)
+        assert max(cycles) <= found.cycle.most + commands
+        assert found.worst is not None
+        assert found.cycle.most <= found.worst
+        if found.mean is not None:
+            assert found.cycle.least <= found.mean <= found.cycle.most
+            spread = float(np.std(cycles)) / math.sqrt(len(cycles))
+            assert abs(float(np.mean(cycles)) - found.mean) <= SIGMAS * spread + 2 + found.mean * 1e-6
+    for one in found.polls:
+        rows = good(done, node, one.poll.name)
+        for asked, answered, served, taken in rows:
+            assert one.response.least <= answered - asked <= one.response.most
+            sent = asked - one.poll.request
+            assert one.transaction.least <= taken - sent <= one.transaction.most
+            if one.on_arrival is not None:
+                assert taken - served <= one.on_arrival
+        if one.before_refresh is not None:
+            ages = [after[3] - before[2] for before, after in pairwise(rows)]
+            assert max(ages) <= one.before_refresh + commands
+
+
+def test_random_buses_are_of_every_kind() -> None:
+    kinds = {
+        (found.cycle is not None, found.mean is not None, bool(found.model.commands), type(found.model.pace))
+        for found in (only(random_bus(seed)) for seed in range(SEEDS))
+    }
+    assert len(kinds) > 6
+    assert {kind[3] for kind in kinds} == {Direct, Scans}
+
+
+def test_bounds_are_not_wide_where_they_need_not_be() -> None:
+    # 8 + 3.5 + 9 + 3.5 characters at 9600 bps are 25 ms: four scans of 8.2 ms, and one of 8 ms between.
+    press = plc("press", port("COM3", MASTER), polls=[ask()])
+    found = only(serial_bus([station()], [press]))
+    assert found.cycle == exactly(4 * (8 * MS + EXTRA) + 8 * MS)
+    assert found.mean == found.cycle.least
+    assert found.load == pytest.approx(2 * (17 * PLAIN.character / found.cycle.least,))
+    done = run(serial_bus([station()], [press], seconds=3))
+    assert {cycle.duration for cycle in done.record.cycles[1:]} == {found.cycle.least}
+
+
+def test_the_bus_load_is_that_of_the_wire() -> None:
+    for every in (0, 100 * MS):
+        polls = [ask(every=every), ask("b", every=every, count=9, to="D420")]
+        press = plc("press", port("COM3", MASTER), polls=polls, jitter=MS)
+        scenario = serial_bus([station(jitter=3 * MS)], [press], seconds=200)
+        found = only(scenario)
+        assert found.load is not None
+        done = run(scenario, traced=False)
+        load = done.totals.buses[0].busy / scenario.duration
+        assert found.load[0] * 0.995 <= load <= found.load[1] * 1.005
+
+
+# -- with errors --------------------------------------------------------------------------------------
+
+
+def four_polls(**given: object) -> model.Scenario:
+    polls = [ask(name, retries=3, to=None, every=given.get("every", 0)) for name in "abcd"]
+    press = plc("press", port("COM3", MASTER, timeout=10), polls=polls, jitter=MS)
+    return serial_bus([station()], [press], seconds=60)
+
+
+@pytest.mark.parametrize("every", [0, 2 * SECOND])
+def test_a_dead_slave(every: int) -> None:
+    scenario = four_polls(every=every)
+    found = only(scenario)
+    (dead,) = found.dead
+    assert (dead.device, [poll.name for poll in dead.polls]) == ("feeder", list("abcd"))
+    assert dead.lost == 1600 * MS  # (1 + 3 retries) × 100 ms on 4 polls
+    assert found.in_words()[0].startswith(
+        "3 retries = 4 attempts × 100 ms on 4 polls (a, b, c, d): 1.6 s when feeder is off; "
+    )
+    off = replace(scenario, faults=(fault(model.PowerOff("feeder")),))
+    done = run(off)
+    cycles = [cycle.duration for cycle in done.record.cycles[1:]]
+    assert len(cycles) > 10
+    assert dead.cycle.least <= min(cycles)
+    assert max(cycles) <= dead.cycle.most
+    assert dead.lost < dead.cycle.least
+    assert dead.cycle.most <= found.worst  # type: ignore[operator]
+    # A slave that is off all the time is named, and what it costs is the same.
+    named = only(off)
+    assert named.dead == found.dead
+    assert "feeder" in named.model.off
+    assert named.cycle == found.cycle
+
+
+def test_one_of_two_slaves_dead() -> None:
+    polls = [ask("a", retries=1), ask("b", 2, to="D410"), ask("c", 2, to="D420", retries=2)]
+    press = plc("press", port("COM3", MASTER, timeout=20), polls=polls)
+    scenario = serial_bus([station(), station("oven", 2, delay=3 * MS)], [press], seconds=40)
+    found = only(scenario)
+    assert [(dead.device, dead.lost) for dead in found.dead] == [("feeder", 400 * MS), ("oven", 800 * MS)]
+    assert found.all_dead is not None
+    assert found.all_dead.lost == 1200 * MS
+    for names, dead in (
+        (["feeder"], found.dead[0]),
+        (["oven"], found.dead[1]),
+        (["feeder", "oven"], found.all_dead),
+    ):
+        done = run(replace(scenario, faults=tuple(fault(model.PowerOff(name)) for name in names)))
+        # Neither scans nor slaves have any jitter: the closed form is the time itself.
+        assert {cycle.duration for cycle in done.record.cycles[1:]} == {dead.cycle.least}
+        assert dead.cycle.fixed
+    words = found.in_words()
+    assert words[1].startswith(
+        "no retries = 1 attempt × 200 ms on 1 poll (b) + 2 retries = 3 attempts × 200 ms on"
+    )
+    assert "1.2 s when every slave is off" in words[2]
+
+
+def disturbances(seed: int, scenario: model.Scenario) -> model.Scenario:
+    rng = random.Random(-seed)
+    node = only(scenario).model.node
+    slave = [*(d.name for d in scenario.devices if d.model != "hmi"), *(p.name for p in scenario.plcs)][0]
+    noise = [model.Noise("n", model.Target("bus"), model.BitErrors(rng.choice([1e-4, 3e-3])))]
+    noise += [model.Noise("l", model.Target("bus"), model.ReplyLoss(0.3))] if rng.random() < 0.3 else []
+    faults = [
+        fault(model.PowerOff(slave), 5, 4),
+        fault(model.InsertChar(node, model.Direction.RX, 50), 10, 3),
+        fault(model.LoseChar(node, model.Direction.RX, 50), 13, 3),
+    ]
+    if any(d.name == slave for d in scenario.devices):
+        faults.append(fault(model.Jabber(slave), 17, 2))
+    return replace(scenario, noise=tuple(noise), faults=tuple(faults))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_disturbance_makes_a_cycle_longer_than_the_worst_case(seed: int) -> None:
+    scenario = random_bus(seed)
+    found = only(scenario)
+    if found.cycle is None:
+        pytest.skip("only commands")
+    done = run(disturbances(seed, scenario))
+    assert len({r.outcome for r in done.record.transactions}) > 1
+    commands = sum(poll.times or 0 for poll in found.model.commands) * (found.worst_command or 0)
+    cycles = [cycle.duration for cycle in done.record.cycles[1:]]
+    assert max(cycles) <= found.worst + commands  # type: ignore[operator]
+
+
+def test_rubbish_on_the_line_makes_an_attempt_longer_than_its_timeout() -> None:
+    # At the end of the timeout something is arriving, and must be over: only then it is decided.
+    polls = (poll("a", retries=2), poll("b", retries=1))
+    scenario = serial_bus([station(), hmi("panel", *polls, interval=MS)], seconds=20)
+    found = only(scenario)
+    done = run(replace(scenario, faults=(fault(model.Jabber("feeder"), 1),)))
+    cycles = [cycle.duration for cycle in done.record.cycles if cycle.start > 2 * SECOND]
+    silent = found.dead[0].cycle.most
+    assert min(cycles) > silent
+    assert max(cycles) <= found.worst  # type: ignore[operator]
+    assert found.worst == silent + 5 * PLAIN.characters(Fraction(9, 2))
+
+
+def test_the_gap_after_a_command_may_be_another() -> None:
+    # After 25 ms in 4 scans of 8.2 ms the interval of 30 ms takes 3 scans more; after 31.25 ms, 4.
+    command = ask("go", times=20, to=None)
+    words = {"interval": 300}
+    alone = only(with_polls(ask(count=5), **words))
+    scenario = with_polls(ask(count=5), command, **words)
+    found = only(scenario)
+    assert alone.cycle == exactly(4 * (8 * MS + EXTRA) + 4 * 8 * MS)
+    cycles = [cycle.duration for cycle in run(scenario).record.cycles]
+    assert min(cycles[1:]) == alone.cycle.least - 8 * MS
+    assert found.cycle is not None
+    assert found.cycle.least <= min(cycles[1:])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_master_that_awaits_what_has_begun(seed: int) -> None:
+    profile = replace(PROFILES["pw10"], begun_holds=True)
+    press = plc("press", port("COM3", MASTER, timeout=3), polls=[ask(retries=1), ask("b")], profile=profile)
+    # The answer begins within the timeout of 30 ms and ends after it.
+    scenario = serial_bus([station(delay=25 * MS)], [press], seconds=20, seed=seed)
+    found = only(scenario)
+    assert found.model.valid
+    assert {record.outcome for record in run(scenario).record.transactions} == {"ok"}
+    done = run(disturbances(seed, scenario))
+    assert max(cycle.duration for cycle in done.record.cycles[1:]) <= found.worst  # type: ignore[operator]
+    hasty = replace(scenario, plcs=(replace(press, profile=PROFILES["pw10"]),))
+    assert "it never comes in time" in reasons(hasty)
+
+
+# -- other ports, the link, slow slaves ---------------------------------------------------------------
+
+
+def test_other_ports_and_the_link_lengthen_scans() -> None:
+    polls = [ask(), replace(ask("b", to="D500"), port="COM5")]
+    seat = model.Seat("link", "COM4")
+    press = plc(
+        "press",
+        port("COM3", MASTER),
+        port("COM5", MASTER, "other"),
+        polls=polls,
+        seat=seat,
+        registers={"D8176": 0, "D8177": 1, "D8180": 5, "M8179": 1},
+    )
+    scenario = serial_bus([station(), station("oven", bus="other")], [press], seconds=20)
+    from bussim.line.characters import NN_LINE
+
+    buses = (model.Bus("link", True, NN_LINE), *scenario.buses, model.Bus("other", False, PLAIN))
+    scenario = replace(scenario, buses=buses)
+    found = figures(scenario)
+    assert list(found) == ["press.COM3", "press.COM5"]
+    scan = 8 * MS * 11 // 10
+    first = found["press.COM3"]
+    assert first.mean is None
+    assert "other ports" in first.model.notes[0]
+    assert first.cycle is not None
+    assert first.cycle.least == 3 * (scan + EXTRA) + scan
+    assert first.cycle.most == 3 * (scan + 2 * EXTRA) + scan + EXTRA
+    done = run(scenario)
+    for node, one in found.items():
+        cycles = [c.duration for c in done.record.cycles if c.master == node][1:]
+        assert one.cycle is not None
+        assert one.cycle.least <= min(cycles) <= max(cycles) <= one.cycle.most
+
+
+def test_a_slow_slave_is_as_slow_as_its_fault() -> None:
+    press = plc("press", port("COM3", MASTER), polls=[ask()])
+    scenario = serial_bus([station()], [press], seconds=5)
+    plain = only(scenario)
+    always = only(replace(scenario, faults=(fault(model.Slow("feeder", 20 * MS)),)))
+    for_a_time = only(replace(scenario, faults=(fault(model.Slow("feeder", 20 * MS), 1, 2),)))
+    assert always.polls[0].response.least == plain.polls[0].response.least + 20 * MS
+    assert for_a_time.polls[0].response == Span(plain.polls[0].response.least, always.polls[0].response.most)
+
+
+def test_a_broadcast_waits_its_turnaround_and_cannot_fail() -> None:
+    write = ask("all", 0, function=6, count=1, values=(7,), to=None, retries=2)
+    press = plc("press", port("COM3", MASTER), polls=[write, ask()])
+    scenario = serial_bus([station()], [press], seconds=10)
+    found = only(scenario)
+    first = found.polls[0]
+    assert first.response == exactly(100 * MS)
+    assert first.poll.device == ""
+    assert [poll.name for poll in found.dead[0].polls] == ["a"]
+    done = run(scenario)
+    assert {cycle.duration for cycle in done.record.cycles[1:]} == {found.cycle.least}  # type: ignore[union-attr]
+
+
+# -- where there are no figures -----------------------------------------------------------------------
+
+
+def reasons(scenario: model.Scenario, node: str = "press.COM3") -> str:
+    found = figures(scenario)[node]
+    assert not found.model.valid
+    form = found.to_json()
+    assert form["valid"] is False
+    assert form["cycle_ms"] == {"min": None, "max": None, "mean": None}
+    assert (form["worst_case_ms"], form["polls"], form["dead"]) == (None, {}, {})
+    assert all(sentence.startswith("no figures: ") for sentence in found.in_words())
+    return "; ".join(found.model.obstacles)
+
+
+def with_polls(
+    *polls: PollSpec, devices: tuple[model.BusDevice, ...] = (station(),), **words: int
+) -> model.Scenario:
+    return serial_bus(devices, [plc("press", port("COM3", MASTER, **words), polls=polls)], seconds=5)
+
+
+def test_two_masters() -> None:
+    scenario = serial_bus(
+        [station(), hmi("panel", poll())], [plc("press", port("COM3", MASTER), polls=[ask()])]
+    )
+    assert "panel also asks on bus: requests and answers collide" in reasons(scenario)
+    assert "press.COM3 also asks" in reasons(scenario, "panel")
+    # One without polls is silent.
+    quiet = replace(scenario, plcs=(replace(scenario.plcs[0], polls=()),))
+    assert list(figures(quiet)) == ["panel"]
+    assert only(quiet).model.valid
+
+
+def test_a_protocol_of_its_own() -> None:
+    spec = FreeSpec("say", "COM3", parse_device("D200"), 5, every=SECOND)
+    scenario = serial_bus([], [plc("press", port("COM3", FREE), polls=[spec])])
+    assert "free protocol" in reasons(scenario)
+    reader = talker("reader", Saying(b"123\r", at=0, every=SECOND))
+    assert "reader sends on bus in a protocol of its own" in reasons(
+        with_polls(ask(), devices=(station(), reader))
+    )
+
+
+def test_a_program() -> None:
+    scenario = with_polls(ask())
+    program = Program.parse("LD M8000\nOUT Y0\nEND\n", "a.il")
+    press = replace(scenario.plcs[0], program=program)
+    assert "its program makes scans longer" in reasons(replace(scenario, plcs=(press,)))
+    rs2 = Program.parse("LD M8000\nRS2 D100 H0 D101 D200 K3\nEND\n", "b.il")
+    press = replace(scenario.plcs[0], program=rs2, polls=())
+    scenario = replace(scenario, plcs=(press,), devices=(*scenario.devices, hmi("panel", poll())))
+    assert "its program drives RS2" in reasons(scenario)
+    assert "press.COM3 also asks" in reasons(scenario, "panel")
+    slave = plc("other", port("COM4", SLAVE, station=2), program=program)
+    scenario = with_polls(ask(number=2))
+    assert "its program makes its scans longer" in reasons(replace(scenario, plcs=(*scenario.plcs, slave)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"number": 9}, "nobody on bus answers as station 9"),
+        ({"count": 126}, "it cannot be sent (data)"),
+        ({"function": 7}, "it cannot be sent (unsupported function)"),
+        (
+            {"address": 199},
+            "feeder refuses it every time: it does not have all of these addresses (exception 02)",
+        ),
+        ({"to": "D8255"}, "2 items do not lie in memory from D8255 on"),
+        ({"function": 16, "to": None, "values": (1,)}, "it has 1 values for 2 addresses"),
+        ({"function": 1, "count": 8, "to": "M0"}, "it does not have all of these addresses"),
+    ],
+)
+def test_polls_that_fail_every_time(changes: dict[str, object], why: str) -> None:
+    scenario = with_polls(ask(**changes))  # type: ignore[arg-type]
+    assert why in reasons(scenario)
+    done = run(scenario)
+    assert "ok" not in {record.outcome for record in done.record.transactions}
+
+
+def test_slaves_that_cannot_serve_it() -> None:
+    stepper = device("drive", "stepper")
+    assert "it does not have that function (exception 01)" in reasons(
+        with_polls(ask(function=4), devices=(stepper,))
+    )
+    assert "lets nobody write there" in reasons(
+        with_polls(ask(function=6, address=0x16, count=1, to=None, values=(1,)), devices=(stepper,))
+    )
+    assert "refuses these values (exception 03)" in reasons(
+        with_polls(ask(function=6, address=0x10, count=1, to=None, values=(999,)), devices=(stepper,))
+    )
+    # What becomes of a command depends on the motor: that is no reason.
+    go = ask(function=5, address=7, count=1, to=None, values=(1,))
+    assert only(with_polls(go, devices=(stepper,))).model.valid
+    twice = (station(), station("twin"))
+    assert "feeder, twin both answer as station 1" in reasons(with_polls(ask(), devices=twice))
+    fast = station(timing=LineTiming(19200, CharFormat(8, "N", 1)))
+    assert "nobody on bus answers as station 1, feeder speaks otherwise" in reasons(
+        with_polls(ask(), devices=(fast,))
+    )
+
+
+def test_a_timeout_too_short() -> None:
+    stepper = device("drive", "stepper")
+    assert "the answer of drive takes 44.375 ms from the request's end on: it never comes in time" in reasons(
+        with_polls(ask(), devices=(stepper,), timeout=4)
+    )
+    some = station(delay=30 * MS, jitter=20 * MS)
+    assert "it may come too late" in reasons(with_polls(ask(), devices=(some,), timeout=5))
+    assert only(with_polls(ask(), devices=(some,), timeout=6)).model.valid
+
+
+def test_a_slave_that_needs_a_longer_silence() -> None:
+    # 4.5 characters for the V80 (at every rate), 3.5 for the master: it misses what follows at once.
+    devices = (station(), device("pump", "v80", 2))
+    polls = (poll("a"), poll("b", 2))
+    hasty = serial_bus([*devices, hmi("panel", *polls, interval=0)], seconds=3)
+    assert "pump needs 4.688 ms of silence before a request, and gets 3.646 ms" in reasons(hasty, "panel")
+    assert "no response in time" in {r.outcome for r in run(hasty).record.transactions}
+    patient = serial_bus([*devices, hmi("panel", *polls, interval=2 * MS)], seconds=3)
+    assert only(patient).model.valid
+    assert {r.outcome for r in run(patient).record.transactions} == {"ok"}
+
+
+def test_bad_words_of_a_port() -> None:
+    scenario = with_polls(ask(), form=form(LineTiming(9600, CharFormat(7, "E", 1))))
+    assert "7 data bits, RTU needs 8" in reasons(scenario)
+
+
+def test_periods_and_commands_in_words() -> None:
+    def remarks(*polls: PollSpec) -> tuple[str, ...]:
+        return only(with_polls(*polls)).remarks
+
+    assert remarks(ask(every=SECOND)) == ()
+    assert remarks(ask()) == ()
+    assert "turns of go come on top of the cycle" in remarks(ask(), ask("go", times=1, to=None))[0]
+    assert "goes round without a pause" in remarks(ask(every=30 * MS), ask("b", every=30 * MS))[0]
+    assert "then a turn is left out" in remarks(ask(every=40 * MS), ask("b", every=900 * MS))[0]
+    assert "b has no period and so fill" in remarks(ask(every=SECOND), ask("b"))[0]
+
+
+def documents() -> Iterator[dict[str, object]]:
+    for seed in range(6):
+        for found in figures(random_bus(seed)).values():
+            yield found.to_json()
+
+
+def test_the_json_form() -> None:
+    import json
+
+    for form_ in documents():
+        assert json.loads(json.dumps(form_)) == form_
+    found = only(four_polls())
+    form_ = found.to_json()
+    assert form_["dead"] == {
+        "feeder": {
+            "polls": ["a", "b", "c", "d"],
+            "attempts": 16,
+            "lost_ms": 1600.0,
+            "cycle_ms": {"min": found.dead[0].cycle.least / MS, "max": found.dead[0].cycle.most / MS},
+        }
+    }
+    assert form_["timeout_ms"] == 100
+    assert form_["cycle_ms"]["mean"] == found.mean / MS  # type: ignore[index,operator]
+    first = form_["polls"]["a"]  # type: ignore[index]
+    assert first["response_ms"] == {"min": (9 + 3.5) * 10 / 9.6, "max": (9 + 3.5) * 10 / 9.6}

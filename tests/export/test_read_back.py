@@ -1,0 +1,40 @@
+"""What export writes, read by the readers of recordings: the same characters at the same times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bussim.engines.modbus.adu import Mode
+from bussim.live.recordings.sources import Kind, characters, kind_of
+from bussim.trace import FrameRecord, TraceBus
+from tests.export.samples import FEEDER, LINK, PUMPS, exchanges, exported, link_frames, timing, trace
+
+CASES = [
+    (LINK, link_frames(60)),
+    (FEEDER, [each for one in exchanges(20, bus=FEEDER) for each in one.frames]),
+    (PUMPS, [each for one in exchanges(20, bus=PUMPS, mode=Mode.ASCII) for each in one.frames]),
+]
+
+
+@pytest.mark.parametrize("to", ["pcapng", "sr"])
+@pytest.mark.parametrize(("bus", "frames"), CASES, ids=["nn", "rtu", "ascii"])
+def test_a_recording_of_the_export_has_its_characters(
+    tmp_path: Path, to: str, bus: TraceBus, frames: list[FrameRecord]
+) -> None:
+    path = exported(trace(*frames, buses=(bus,)), tmp_path / f"a.{to}", to)
+    kind = kind_of(path)
+    assert kind is (Kind.SIGROK if to == "sr" else Kind.PCAPNG)
+    own = timing(bus.baud, bus.format)
+    read = [char for lump in characters(path, kind, own, channel=bus.name) for char in lump]
+    sent = [
+        (value, each.start + own.characters(place))
+        for each in frames
+        for place, value in enumerate(each.chars)
+    ]
+    assert [char.value for char, _, _ in read] == [value for value, _ in sent]
+    assert all(char.parity_ok and char.stop_ok for char, _, _ in read)
+    # pcapng has nanoseconds, a session microseconds, both from the run's start.
+    allowed = 1 if to == "pcapng" else 36
+    assert all(abs(start - at) <= allowed for (_, start, _), (_, at) in zip(read, sent, strict=True))

@@ -1,0 +1,115 @@
+"""Whatever comes on a wire: memory stays bounded, and the next good request is answered."""
+
+from __future__ import annotations
+
+import os
+import random
+import select
+import sys
+import time
+import tracemalloc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from bussim.engines.modbus.adu import Mode, encode_adu
+from bussim.engines.modbus.codes import Rejection
+from tests.serve.serving import PATIENCE, SLAVES, Serving
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+if sys.platform != "win32":
+    import tty
+
+NODES = {Mode.RTU: "v80", Mode.ASCII: "ascii"}
+both_modes = pytest.mark.parametrize("mode", list(Mode))
+
+
+@contextmanager
+def opened(device: str) -> Iterator[int]:
+    handle = os.open(device, os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(handle)
+    try:
+        yield handle
+    finally:
+        os.close(handle)
+
+
+def pour(serving: Serving, handle: int, data: bytes) -> None:
+    """Write all, and wait until it was read."""
+    counts = serving.session.wires[0].counts
+    before = counts.received
+    for at in range(0, len(data), 1024):
+        os.write(handle, data[at : at + 1024])
+    serving.wait_for(lambda: counts.received >= before + len(data))
+
+
+def ask(handle: int, mode: Mode) -> bytes:
+    os.write(handle, encode_adu(mode, 1, bytes((3, 0, 0, 0, 1))).chars)
+    answer, until = b"", time.monotonic() + PATIENCE
+    wanted = encode_adu(mode, 1, bytes((3, 2, 0, 0))).chars
+    while len(answer) < len(wanted) and time.monotonic() < until:
+        if select.select((handle,), (), (), 1.0)[0]:
+            answer += os.read(handle, 512)
+    return answer
+
+
+def answered(handle: int, mode: Mode) -> bool:
+    """The line is quiet for longer than any tolerance, then the request is answered."""
+    time.sleep(0.5)
+    while select.select((handle,), (), (), 0)[0]:
+        os.read(handle, 4096)  # answers to what random bytes happened to say
+    return ask(handle, mode) == encode_adu(mode, 1, bytes((3, 2, 0, 0))).chars
+
+
+@both_modes
+@pytest.mark.parametrize("traced", [False, True])
+def test_random_bytes_without_end(mode: Mode, traced: bool) -> None:
+    rng = random.Random(1)
+    with Serving(SLAVES, NODES[mode], traced=traced) as serving, opened(serving.device) as handle:
+        for _ in range(2 if traced else 10):  # a million, in the end
+            pour(serving, handle, rng.randbytes(100_000))
+        tracemalloc.start()
+        try:
+            pour(serving, handle, rng.randbytes(100_000))
+            _, peak = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert answered(handle, mode)
+    assert peak < 4_000_000
+
+
+@both_modes
+def test_half_frames_long_frames_and_a_good_one(mode: Mode) -> None:
+    request = encode_adu(mode, 1, bytes((3, 0, 0, 0, 1))).chars
+    with Serving(SLAVES, NODES[mode]) as serving, opened(serving.device) as handle:
+        for bad in (request[:1], request[:5], request[:-1], request[:1] * 300, b"\x00" * 257, request[2:]):
+            pour(serving, handle, bad)
+            assert answered(handle, mode)
+    (device,) = [one for one in serving.totals().devices if one.name == NODES[mode]]
+    assert device.answered == 6
+    if mode is Mode.RTU:
+        assert device.rejected[Rejection.OVERFLOW.value] == 2
+
+
+def test_a_master_that_closes_in_the_middle() -> None:
+    request = encode_adu(Mode.RTU, 1, bytes((3, 0, 0, 0, 1))).chars
+    with Serving(SLAVES, "v80") as serving:
+        for cut in (3, len(request), 5):
+            with opened(serving.device) as handle:
+                pour(serving, handle, request[:cut])
+            with opened(serving.device) as handle:
+                assert answered(handle, Mode.RTU)
+    assert serving.session.wires[0].counts.losses == 0
+
+
+def test_a_request_in_pieces_is_one_request_as_long_as_its_pieces_are_late_by_the_system() -> None:
+    request = encode_adu(Mode.RTU, 1, bytes((3, 0, 0, 0, 1))).chars
+    with Serving(SLAVES, "v80") as serving, opened(serving.device) as handle:
+        for at in range(len(request) - 1):
+            pour(serving, handle, request[at : at + 1])
+            time.sleep(0.004)  # ten times the silence that would end it
+        os.write(handle, request[-1:])
+        assert select.select((handle,), (), (), PATIENCE)[0]
+    (device,) = [one for one in serving.totals().devices if one.name == "v80"]
+    assert (device.answered, device.rejected) == (1, {})

@@ -1,0 +1,209 @@
+"""Faults of the scenario and injected ones, as a master outside meets them."""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bussim.cli import main
+from bussim.engines.modbus.adu import Mode
+from bussim.errors import UsageError
+from bussim.serve import control
+from bussim.serve.answers import Answers
+from bussim.serve.control import ControlServer, control_folder, running
+from tests.serve.serving import SLAVES, Serving
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+if sys.platform != "win32":
+    from tests.live.peers import pymodbus_master
+
+
+@pytest.fixture(autouse=True)
+def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of the test's own, with a path short enough for a socket."""
+    with tempfile.TemporaryDirectory(prefix="bs") as folder:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+        yield Path(folder)
+
+
+def read(client: Any, station: int = 1) -> bool:
+    """Whether a station answers."""
+    from tests.live.peers import peer
+
+    try:
+        return not client.read_holding_registers(0, count=2, device_id=station).isError()
+    except peer("pymodbus").exceptions.ModbusIOException:
+        return False
+
+
+@pytest.fixture
+def serving() -> Iterator[Serving]:
+    with Serving(SLAVES, "v80", "oven") as session:
+        yield session
+
+
+@pytest.fixture
+def controlled(serving: Serving) -> Iterator[Serving]:
+    server = ControlServer("test", Answers(serving.session))
+    yield serving
+    server.close()
+
+
+@pytest.fixture
+def client(controlled: Serving) -> Iterator[Any]:
+    master = pymodbus_master(controlled.device, Mode.RTU)
+    master.comm_params.timeout_connect = 0.4
+    yield master
+    master.close()
+
+
+def test_dropped_replies_are_as_many_as_asked_for(controlled: Serving, client: Any) -> None:
+    assert read(client)
+    assert main(["inject", "v80", "drop_reply", "--count", "2"]) == 0
+    assert [read(client) for _ in range(4)] == [False, False, True, True]
+    assert read(client, 2)
+    (device,) = [one for one in controlled.totals().devices if one.name == "v80"]
+    assert device.requests - device.answered == 2
+
+
+def test_bits_are_flipped_on_the_way_out_and_on_the_way_in(client: Any) -> None:
+    assert read(client)
+    # 8N1: bit 25 is a data bit of the third character.
+    assert main(["inject", "v80", "flip_bits", "--bits", "[25]", "--count", "1"]) == 0
+    assert [read(client) for _ in range(2)] == [False, True]
+    assert main(["inject", "v80", "flip_bits", "--bits", "[25]", "--count", "1", "--direction", "rx"]) == 0
+    assert [read(client) for _ in range(2)] == [False, True]
+    assert main(["inject", "v80", "lose_char", "--index", "1", "--count", "1"]) == 0
+    assert [read(client) for _ in range(2)] == [False, True]
+    assert main(["inject", "v80", "insert_char", "--value", "0", "--count", "1", "--direction", "rx"]) == 0
+    assert [read(client) for _ in range(2)] == [False, True]
+
+
+def test_a_device_without_power_forgets_and_another_goes_on(controlled: Serving, client: Any) -> None:
+    assert not client.write_register(0, 5, device_id=1).isError()
+    assert main(["inject", "v80", "power_off", "--for", "700 ms"]) == 0
+    assert not read(client)
+    assert read(client, 2)
+    controlled.wait_for(lambda: read(client))
+    assert client.read_holding_registers(0, count=1, device_id=1).registers == [0]
+
+
+def test_a_wrong_format_is_heard_and_spoken(controlled: Serving, client: Any) -> None:
+    """At half the rate neither understands the other."""
+    assert main(["inject", "v80", "wrong_format", "--baud", "57600", "--for", "600 ms"]) == 0
+    assert not read(client)
+    controlled.wait_for(lambda: read(client))
+
+
+def test_slow_is_slow(client: Any) -> None:
+    import time
+
+    assert main(["inject", "v80", "slow", "--extra", "200 ms"]) == 0
+    begun = time.monotonic()
+    assert read(client)
+    assert time.monotonic() - begun >= 0.2  # a lower bound: no machine is too fast for it
+
+
+def test_faults_of_the_scenario_happen_at_their_time() -> None:
+    faults = "\nfaults: [{at: 0 s, for: 1 s, power_off: v80}, {at: 0 s, drop_reply: oven, count: 1}]\n"
+    with Serving(SLAVES + faults, "v80", "oven") as serving:
+        master = pymodbus_master(serving.device, Mode.RTU)
+        master.comm_params.timeout_connect = 0.3
+        try:
+            assert not read(master)
+            assert [read(master, 2) for _ in range(2)] == [False, True]
+            serving.wait_for(lambda: read(master))
+        finally:
+            master.close()
+
+
+def test_noise_of_the_bus_is_on_the_wire_too() -> None:
+    noise = "\nnoise: [{bus: line, ber: 0.05}]\n"
+    with Serving(SLAVES + noise, "v80", "oven") as serving:
+        master = pymodbus_master(serving.device, Mode.RTU)
+        master.comm_params.timeout_connect = 0.1
+        try:
+            # Some 130 bits: one in a thousand exchanges would pass.
+            assert not any(read(master) for _ in range(5))
+        finally:
+            master.close()
+    (device,) = [one for one in serving.totals().devices if one.name == "v80"]
+    assert sum(device.rejected.values()) > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["v80", "drop_replies"], "did you mean drop_reply"),
+        (["v81", "drop_reply"], "did you mean v80"),
+        (["v80", "slow"], "slow.extra is missing"),
+        (["v80", "slow", "--extra", "5"], "without a unit"),
+        (["v80", "slow", "--extra", "5 ms", "--count", "2"], "has no meaning for slow"),
+        (["v80", "flip_bits", "--bits", "[1"], "--bits"),
+        (["v80", "stop"], "PLCs only"),
+        (["v80"], "name a fault, too"),
+        (["v80", "jabber", "--process", "1"], "process 1 serves nothing"),
+    ],
+)
+def test_mistakes_are_told_and_nothing_happens(
+    controlled: Serving, words: list[str], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["inject", *words]) == 2
+    assert text in capsys.readouterr().err
+    assert controlled.session.collector.notes == []
+
+
+def test_what_is_served_is_listed_and_gone_afterwards(
+    serving: Serving, capsys: pytest.CaptureFixture[str]
+) -> None:
+    server = ControlServer("test", Answers(serving.session))
+    assert main(["inject", "--json"]) == 0
+    (listed,) = json.loads(capsys.readouterr().out)
+    assert listed["scenario"] == "test"
+    assert [text.partition(":")[0] for text in listed["nodes"]] == ["v80", "oven"]
+    server.close()
+    assert running() == []
+    assert list(control_folder().iterdir()) == []
+    assert main(["inject", "v80", "drop_reply"]) == 2
+    assert "nothing is being served" in capsys.readouterr().err
+
+
+def test_without_unix_sockets_a_token_is_wanted_on_the_loopback(
+    serving: Serving, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(control, "_UNIX", False)
+    server = ControlServer("test", Answers(serving.session))
+    try:
+        (note,) = control_folder().glob("*.json")
+        assert note.stat().st_mode & 0o077 == 0
+        port = json.loads(note.read_text())["port"]
+        assert server._listener.getsockname()[0] == "127.0.0.1"
+        for line in (b'{"do": "list"}\n', b'{"do": "list", "token": "00"}\n', b"rubbish\n", b"[]\n"):
+            with socket.create_connection(("127.0.0.1", port), 10) as peer:
+                peer.sendall(line)
+                assert json.loads(peer.makefile().readline())["ok"] is False
+        (found,) = running()
+        assert found.ask(do="list")["scenario"] == "test"
+        with pytest.raises(UsageError, match="nobody here can do"):
+            found.ask(do="stop")
+    finally:
+        server.close()
+
+
+def test_the_folder_of_control_sockets_is_the_user_s_alone(runtime: Path) -> None:
+    folder = runtime / "bussim"
+    folder.mkdir(mode=0o755)
+    folder.chmod(0o755)
+    with pytest.raises(UsageError, match="not this user's alone"):
+        control_folder()
+    folder.rmdir()
+    folder.symlink_to(runtime)
+    with pytest.raises(UsageError, match="no folder"):
+        control_folder()

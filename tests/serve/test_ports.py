@@ -1,0 +1,136 @@
+"""Which lines are served where, and with what rate and format their ports are opened."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+import serial.rfc2217
+
+from bussim.errors import UsageError
+from bussim.scenario.loader import load, loads
+from bussim.serve.places import places, servables
+from tests.live.test_wire import PATIENCE, FakePort
+from tests.serve.serving import HEAD, SLAVES, Serving
+
+
+@contextmanager
+def remote() -> Iterator[tuple[str, FakePort]]:
+    """pyserial's PortManager, which nobody here wrote, over a port that notes what it is told."""
+    fake = FakePort()
+    server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(PATIENCE)
+    done = threading.Event()
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        connection.settimeout(0.05)
+
+        class Network:
+            def write(self, data: bytes) -> None:
+                connection.sendall(data)
+
+        manager = serial.rfc2217.PortManager(fake, Network())
+        while not done.is_set():
+            try:
+                data = connection.recv(1024)
+            except TimeoutError:
+                continue
+            except OSError:
+                break
+            if not data:
+                break
+            fake.write(b"".join(manager.filter(data)))
+        connection.close()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield f"rfc2217://127.0.0.1:{server.getsockname()[1]}", fake
+    finally:
+        done.set()
+        thread.join()
+        server.close()
+
+
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
+@pytest.mark.parametrize(("baud", "fmt"), [(9600, "8N1"), (19200, "8E1"), (38400, "8O2"), (115200, "7E1")])
+def test_a_remote_port_gets_exactly_the_line_of_the_scenario(baud: int, fmt: str) -> None:
+    mode = "ascii" if fmt[0] == "7" else "rtu"
+    text = f"""{HEAD}
+buses: [{{name: line, baud: {baud}, format: {fmt}}}]
+plcs: [{{name: plc, scan: 5 ms}}]
+devices:
+  - name: screen
+    model: hmi
+    bus: line
+    mode: {mode}
+    timeout: 100 ms
+    polls: [{{name: p, station: 1, function: 3, address: 0, count: 1}}]
+"""
+    with remote() as (url, fake), Serving(text, ports=(f"screen={url}",)) as serving:
+        serving.wait_for(lambda: len(fake.written) >= 8)
+    wanted = {"baudrate": baud, "bytesize": int(fmt[0]), "parity": fmt[1], "stopbits": int(fmt[2])}
+    assert fake.asked == wanted
+    assert bytes(fake.written).startswith(b":0103" if mode == "ascii" else b"\x01\x03\x00\x00\x00\x01")
+
+
+def test_the_link_is_opened_as_the_protocol_wants_it() -> None:
+    (place,) = places(load("two_stations"), ["press"], [])
+    assert (place.timing.baud, str(place.timing.format)) == (38400, "7E1")
+
+
+def test_nodes_of_one_bus_share_a_wire_and_others_do_not() -> None:
+    scenario = loads(SLAVES)
+    lines = places(scenario, ["v80", "plc.COM3"], ["oven=pty"])
+    assert [(line.name, line.bus, [node.node for node in line.nodes]) for line in lines] == [
+        ("line", "line", ["v80", "oven"]),
+        ("text outside", "text", ["plc.COM3"]),
+    ]
+    apart = places(scenario, [], ["v80=pty:a", "oven=pty:b"])
+    assert [(line.name, line.url) for line in apart] == [
+        ("line outside", "pty:a"),
+        ("line outside 2", "pty:b"),
+    ]
+
+
+def test_a_link_s_port_is_named_by_the_plc_or_by_its_port() -> None:
+    scenario = load("nn_with_modbus")
+    assert places(scenario, ["press1.COM4"], []) == places(scenario, ["press1"], [])
+    (line,) = places(scenario, ["press2", "press3"], [])
+    assert line.name == "link"
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("hmi_on_com2", {"mixer.COM2": "Modbus RTU slave", "screen": "Modbus RTU master"}),
+        ("barcode_reader", None),
+        ("stepper_positioning", None),
+        ("two_stations", {"press": "N:N master", "feeder": "N:N slave 1"}),
+    ],
+)
+def test_what_can_be_served_of_built_in_scenarios(name: str, wanted: dict[str, str] | None) -> None:
+    found = servables(load(name))
+    assert {one.bus for one in found} == {bus.name for bus in load(name).buses}
+    assert all(one.what and (one.what != "silent" or one.why_not) for one in found)
+    if wanted is not None:
+        assert {one.node: one.what for one in found} == wanted
+
+
+def test_a_port_that_is_silent_says_why_it_cannot_be_served() -> None:
+    text = SLAVES.replace(
+        "COM3: {bus: text, protocol: modbus-ascii-slave, station: 5}", "COM2: {bus: text, protocol: hmi}"
+    )
+    scenario = loads(text)
+    with pytest.raises(
+        UsageError, match=r"plc.COM2 cannot be served: what COM2 speaks \(hmi\) is not simulated"
+    ):
+        places(scenario, ["plc.COM2"], [])
+    with pytest.raises(UsageError) as nobody:
+        places(scenario, [], [])
+    assert "plc.COM2" not in str(nobody.value)
+    assert "v80" in str(nobody.value)

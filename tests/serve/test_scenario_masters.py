@@ -1,0 +1,93 @@
+"""Masters of a scenario, a PLC's polls and an HMI, against pymodbus servers."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from bussim.engines.modbus.adu import Mode
+from bussim.results.trace_file import Record
+from bussim.trace import TransactionRecord
+from tests.serve.serving import HEAD, Serving
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+if sys.platform != "win32":
+    from tests.live.peers import PymodbusServer
+
+REGISTERS = [100 + number for number in range(50)]
+COILS = [number % 3 == 0 for number in range(48)]
+both_modes = pytest.mark.parametrize("mode", list(Mode))
+
+
+def scenario(mode: Mode) -> str:
+    return f"""{HEAD}
+buses: [{{name: line, baud: 115200, format: 8N1}}, {{name: panel, baud: 115200, format: 8N1}}]
+plcs:
+  - name: plc
+    scan: 3 ms
+    registers: {{D600: 321}}
+    ports:
+      COM3: {{bus: line, protocol: modbus-{mode.value}-master, timeout: 2 s}}
+    polls:
+      - {{name: read, port: COM3, station: 1, function: 3, address: 2, count: 4, to: D400, retries: 2}}
+      - {{name: coils, port: COM3, station: 1, function: 1, address: 0, count: 8, to: M100, retries: 2}}
+      - {{name: write, port: COM3, station: 1, function: 6, address: 20, count: 1, from: D600, times: 1,
+          retries: 2}}
+      - {{name: refused, port: COM3, station: 1, function: 3, address: 1000, count: 1, to: D500}}
+devices:
+  - name: screen
+    model: hmi
+    bus: panel
+    mode: {mode.value}
+    timeout: 2 s
+    polls:
+      - {{name: values, station: 1, function: 3, address: 0, count: 10, retries: 2}}
+      - {{name: set, station: 1, function: 0x10, address: 30, values: [5, 6], times: 1, retries: 2}}
+"""
+
+
+class Outcomes:
+    """Counts outcomes by poll."""
+
+    def __init__(self) -> None:
+        self.outcomes: dict[str, set[str]] = {}
+        self.count = 0
+
+    def take(self, record: Record) -> None:
+        if not isinstance(record, TransactionRecord):
+            return
+        self.outcomes.setdefault(record.poll, set()).add(record.outcome)
+        self.count += 1
+
+
+@both_modes
+def test_a_plc_polls_a_pymodbus_server(mode: Mode) -> None:
+    rows = Outcomes()
+    with (
+        PymodbusServer(mode, REGISTERS, COILS) as server,
+        Serving(scenario(mode), ports=(f"plc.COM3={server.device}",), rows=rows) as serving,
+    ):
+        serving.wait_for(lambda: rows.count >= 60)
+    plc = serving.session.simulation.plcs["plc"]
+    assert [plc.read(f"D{400 + n}") for n in range(4)] == REGISTERS[2:6]
+    assert [plc.read(f"M{100 + n}") for n in range(8)] == [int(coil) for coil in COILS[:8]]
+    assert rows.outcomes["refused"] == {"exception"}
+    assert "ok" in rows.outcomes["write"]
+    assert "ok" in rows.outcomes["read"]
+    (port,) = serving.totals().ports
+    assert port.errors.keys() >= {10 + 2} or port.errors  # exceptions raise a port error
+
+
+@both_modes
+def test_an_hmi_polls_a_pymodbus_server_and_writes_once(mode: Mode) -> None:
+    rows = Outcomes()
+    with (
+        PymodbusServer(mode, REGISTERS, COILS) as server,
+        Serving(scenario(mode), ports=(f"screen={server.device}",), rows=rows) as serving,
+    ):
+        serving.wait_for(lambda: rows.count >= 100)
+        carried = bytes(server._pair.carried[0])
+    assert rows.outcomes["values"] == {"ok"}
+    assert rows.outcomes["set"] == {"ok"}
+    assert carried.count(b":01100") if mode is Mode.ASCII else carried.count(b"\x01\x10\x00\x1e") == 1
