@@ -19,6 +19,7 @@ COMMANDS = {
     "check": "Name every mistake of a scenario with its line and column.",
     "exact": "Work out link scan and poll cycle times.",
     "size": "Recommend retries and timeout.",
+    "watch": "Show chosen devices over time.",
     "sweep": "Run a scenario at every point of a grid.",
     "scenarios": "List, show or copy the built-in scenarios.",
     "plot": "Draw the link scan times of one run or several.",

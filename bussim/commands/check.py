@@ -7,6 +7,7 @@ import json
 import click
 
 from bussim.errors import Problem, ScenarioError
+from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
 from bussim.scenario.model import HmiSettings, Scenario
 from bussim.units import format_time
@@ -37,6 +38,9 @@ def command(scenario: str, *, as_json: bool, allow_code: bool) -> None:
     if examined.scenario is None:
         raise ScenarioError(examined.errors)
     click.echo(f"{scenario}: ok: {describe(examined.scenario)}")
+    for plc in examined.scenario.plcs:
+        if plc.program is not None:
+            click.echo(f"  {plc.name}: {_program(plc.program)}")
 
 
 def describe(scenario: Scenario) -> str:
@@ -50,11 +54,19 @@ def describe(scenario: Scenario) -> str:
         ),
         _count(len(scenario.devices), "device"),
         _count(_polls(scenario), "poll"),
+        _count(sum(plc.program is not None for plc in scenario.plcs), "program"),
+        _count(len(scenario.latency), "latency", "latencies"),
         _count(len(scenario.noise), "noise entry", "noise entries"),
         _count(len(scenario.faults), "fault"),
         f"{format_time(scenario.duration)}, seed {scenario.seed}",
     ]
     return f"{scenario.name}: {', '.join(part for part in parts if part)}"
+
+
+def _program(program: Program) -> str:
+    """A program's size."""
+    number = _count(len(program.instructions), "instruction")
+    return f"program of {_count(program.steps, 'step')} ({number})"
 
 
 def _polls(scenario: Scenario) -> int:
@@ -74,6 +86,11 @@ def _as_json(examined: Examined) -> dict[str, object]:
         "schema": 1,
         "ok": found is not None,
         "scenario": found.name if found is not None else None,
+        "programs": {
+            plc.name: {"steps": plc.program.steps, "instructions": len(plc.program.instructions)}
+            for plc in (found.plcs if found is not None else ())
+            if plc.program is not None
+        },
         "errors": [_problem(problem) for problem in examined.errors],
         "warnings": [_problem(problem) for problem in examined.warnings],
     }

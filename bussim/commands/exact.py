@@ -1,4 +1,4 @@
-"""``bussim exact``: the exact law of the link scan time, and the closed form of Modbus poll lists."""
+"""``bussim exact``: the exact law of the link scan time, closed forms of Modbus polls and of latencies."""
 
 from __future__ import annotations
 
@@ -60,10 +60,11 @@ def command(
 
     SCENARIO is a file or the name of a built-in scenario. Where a closed form does not hold, the answer
     says why instead. Of a poll list: cycle time without errors, what dead slaves and spent retries make of
-    it, response times, bus load, age of the data.
+    it, response times, bus load, age of the data. Of the scenario's latencies: what they are at worst.
     """
     from bussim import api
     from bussim.exact.figures import Request, figures_of
+    from bussim.exact.latency import bounds_of
     from bussim.exact.reading import from_scenario
 
     request = Request(
@@ -79,10 +80,13 @@ def command(
     if plot and not models:
         raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
     found = {bus: figures_of(model, request) for bus, model in models.items()}
+    bounds = bounds_of(loaded) if loaded.latency else {}
     if as_json:
         links = {bus: figures.to_json() for bus, figures in found.items()}
         lists = {node: figures.to_json() for node, figures in polls.items()}
-        answer = {"schema": 1, "links": links, "polls": lists}
+        answer: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
+        if bounds:
+            answer["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
         click.echo(json.dumps(answer, indent=2, ensure_ascii=False))
     else:
         from bussim.commands.console import wide_console
@@ -95,6 +99,10 @@ def command(
 
             for figures_of_list in polls.values():
                 show(console, figures_of_list)
+        if bounds:
+            from bussim.commands.latency_bounds import show_bounds
+
+            show_bounds(console, bounds)
     if plot:
         for path in _draw(loaded, found, request, Path(out or ".")):
             click.echo(path, err=as_json)

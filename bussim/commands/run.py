@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +10,6 @@ import click
 
 if TYPE_CHECKING:
     from bussim.api import Result
-
-#: Shorter runs need no progress bar (seconds).
-_PATIENCE = 2.0
 
 
 @click.command()
@@ -60,6 +53,7 @@ def command(
     SCENARIO is a file or the name of a built-in scenario; without it the built-in press_line runs.
     """
     from bussim import api
+    from bussim.commands.progress import simulating_bar
     from bussim.results.names import file_name
     from bussim.scenario import loader
     from bussim.scenario.builtin import DEFAULT
@@ -73,7 +67,7 @@ def command(
     loaded = loader.load(source, values, allow_code=allow_code)
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
     try:
-        with _progress_bar() as progress:
+        with simulating_bar() as progress:
             result = api.run(
                 loaded,
                 out=target,
@@ -107,28 +101,3 @@ def _show(result: Result) -> None:
         click.echo(f"\nresults: {result.folder}")
         for picture in pictures:
             click.echo(f"picture: {picture}")
-
-
-@contextmanager
-def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on stderr, only on a terminal and only for a run that takes its time."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    begun = time.monotonic()
-    bar = Progress(console=Console(stderr=True), transient=True)
-    task = bar.add_task("simulating", total=None)
-
-    def progress(done: int, total: int) -> None:
-        if not bar.live.is_started and time.monotonic() - begun > _PATIENCE:
-            bar.start()
-        bar.update(task, completed=done, total=total)
-
-    try:
-        yield progress
-    finally:
-        if bar.live.is_started:
-            bar.stop()

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from bussim.engines.nn.frames import MODES
 from bussim.exact.link import MASTER, LinkModel
 from bussim.exact.outages import clean_scan
 from bussim.exact.reading import from_scenario
@@ -175,6 +176,9 @@ def _obstacles(way: Way, model: LinkModel) -> list[str]:
     found = [*model.obstacles, *(model.timeout_reasons() if not model.obstacles else ())]
     if found:
         return found
+    block, kind = MODES[model.mode], "words" if way.word else "bits"
+    if not getattr(block, kind):
+        return [f"refresh mode {model.mode} shares no {kind}"]
     for plc in (way.source, way.target):
         number = _number(plc)
         if number == MASTER:

@@ -18,8 +18,6 @@ from bussim.units import milliseconds
 
 #: The colours of the parts; none of them is the bound's.
 _COLOURS = dict(zip(PARTS, (PALETTE[0], PALETTE[3], PALETTE[5], PALETTE[4], PALETTE[1]), strict=True))
-#: A bound is on the axis up to so many times the longest latency.
-_BEYOND = 3
 
 
 def measured(run: RunRecord) -> list[str]:
@@ -30,8 +28,8 @@ def measured(run: RunRecord) -> list[str]:
 def latency_picture(run: RunRecord, name: str) -> Picture:
     """One entry's histogram, and below it, on the same axis, shortest, mean and longest in their parts.
 
-    Bounds are marked as far as they lie near. Raises UsageError if there is no such entry or nothing
-    was measured.
+    Bounds are marked up to the first that lies above the longest. Raises UsageError if there is no such
+    entry or nothing was measured.
     """
     record = run.latency.get(name)
     if record is None:
@@ -41,10 +39,9 @@ def latency_picture(run: RunRecord, name: str) -> Picture:
         raise UsageError(f"{run.scenario}: nothing was measured of {name}, there is nothing to plot")
     bounds: dict[str, float] = run.summary["latency"][name].get("bound_ms", {})
     longest = milliseconds(record.histogram.maximum or 0)
-    near = {case: bound for case, bound in bounds.items() if bound <= _BEYOND * longest}
-    first = next(iter(bounds), None)
-    if first is not None:
-        near.setdefault(first, bounds[first])
+    # Up to the first that nothing went beyond.
+    over = next((bound for bound in sorted(bounds.values()) if bound >= longest), longest)
+    near = {case: bound for case, bound in bounds.items() if bound <= over}
     with style():
         picture = new_picture(8, 5.6, caption(run))
         axes, stack = picture.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))

@@ -118,6 +118,7 @@ class Directory:
             for entry in owners
             if entry.lost("nn", "registers", "ports", "profile", "model", "bus", "station", "mode")
         }
+        self._unsure |= {member.name for member in members if member.unread}
         self.whole = not self._unsure
 
     def on(self, bus: str) -> list[Node]:

@@ -186,6 +186,8 @@ def _check_latency(
     if end.device.letter == "X":
         report.error((*path, "to"), f"is {end}, an input: no program can set it")
         return
+    if source.unread or target.unread:
+        return
     if source is not target and (source.bus is None or source.bus != target.bus):
         report.error((*path, "to"), f"is {end}, but {start.plc} and {end.plc} share no N:N link")
         return

@@ -104,6 +104,11 @@ class Member:
         return self.plc.name
 
     @property
+    def unread(self) -> bool:
+        """Whether it has a program with mistakes, so that nothing follows from what it seems not to do."""
+        return self.plc.program is not None and self.logic.program is None
+
+    @property
     def drives_ports(self) -> bool:
         """Whether its program has an RS2 or a CPAVL."""
         return self.logic.program is not None and self.logic.program.uses_ports

@@ -1,0 +1,205 @@
+"""``bussim watch``: chosen devices over time, like the monitor of a programming tool."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.errors import UsageError
+
+if TYPE_CHECKING:
+    from bussim.results.watch import Watch, Watched
+    from bussim.scenario.model import Scenario
+
+#: Rows that a terminal gets; a file gets them all.
+_MOST_ROWS = 200
+_MOST_DEVICES = 100
+
+
+@click.command()
+@click.argument("scenario", metavar="SCENARIO")
+@click.option("--devices", metavar="PLC.DEVICE,...", required=True, help="Such as press1.D8201,press2.M1064.")
+@click.option("--from", "since", metavar="T", help="Show from so long after the run's start on, such as 10s.")
+@click.option("--to-time", "until", metavar="T", help="Show up to then; no longer is simulated.")
+@click.option("--csv", "csv_file", metavar="FILE", help="Write a table: a row for every instant of a change.")
+@click.option(
+    "--plot", "plot_file", metavar="FILE", help="Draw bits as lanes and words as steps (.png, .svg)."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print every change as JSON.")
+@click.option("--signed", is_flag=True, help="Words from -32768 to 32767 instead of 0 to 65535.")
+@click.option("--seed", metavar="N", help="Seed of all random numbers.")
+@click.option(
+    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
+)
+@click.option("--force", is_flag=True, help="Replace a file that exists.")
+@click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Load the Python functions that the scenario names; they can do anything.",
+)
+def command(
+    scenario: str,
+    *,
+    devices: str,
+    since: str | None,
+    until: str | None,
+    csv_file: str | None,
+    plot_file: str | None,
+    as_json: bool,
+    signed: bool,
+    seed: str | None,
+    overrides: tuple[str, ...],
+    force: bool,
+    allow_code: bool,
+) -> None:
+    """Simulate, and show chosen devices of PLCs over time: at every END at which one has changed.
+
+    SCENARIO is a file or the name of a built-in scenario. X and Y are numbered in octal; T and C mean
+    their contacts.
+    """
+    from bussim.commands.output import checked_target, write_text
+    from bussim.scenario import loader
+    from bussim.scenario.overrides import Override
+    from bussim.units import seconds
+    from bussim.version import __version__
+
+    given: list[str | Override] = list(overrides)
+    if seed is not None:
+        given.append(Override("seed", seed, f"--seed {seed}"))
+    loaded = loader.load(scenario, given, allow_code=allow_code)
+    watched = _watched(loaded, devices)
+    begin, end = _window(loaded, since, until)
+    targets = [
+        checked_target(Path(name), endings, force=force) if name is not None else None
+        for name, endings in ((csv_file, (".csv",)), (plot_file, (".png", ".svg")))
+    ]
+    watch = _simulated(replace(loaded, duration=end), watched)
+    if signed:
+        for each in watched:
+            if not each.bit:
+                each.values[:] = [(value ^ 0x8000) - 0x8000 for value in each.values]
+    table, picture = targets
+    if table is not None:
+        write_text(table, _csv(watch, begin, end))
+    if picture is not None:
+        from bussim.results.watch_plots import watch_picture
+
+        about = f"{loaded.name}, seed {loaded.seed}, bussim {__version__}"
+        watch_picture(watch, begin, end, f"{loaded.name}: devices over time", about).save(picture)
+    if as_json:
+        answer = {
+            "schema": 1,
+            "scenario": loaded.name,
+            "seed": loaded.seed,
+            "from_s": round(seconds(begin), 9),
+            "to_s": round(seconds(end), 9),
+            "devices": watch.to_json(begin, end),
+        }
+        click.echo(json.dumps(answer, indent=1, ensure_ascii=False))
+        return
+    for path in (table, picture):
+        if path is not None:
+            click.echo(path)
+    if table is None and picture is None:
+        _show(watch, begin, end)
+
+
+def _watched(scenario: Scenario, devices: str) -> list[Watched]:
+    from bussim.plc.memory import parse_device
+    from bussim.results.watch import Watched
+    from bussim.scenario.wording import shorten, suggest
+
+    known = [plc.name for plc in scenario.plcs]
+    found: dict[str, Watched] = {}
+    for part in devices.split(","):
+        text = part.strip()
+        plc, dot, name = text.partition(".")
+        if not dot:
+            raise UsageError(f"--devices has {shorten(repr(text))}; write such as {known[0]}.D8201")
+        if plc not in known:
+            raise UsageError(f"--devices has {shorten(text)}, but {plc} is no PLC; {suggest(plc, known)}")
+        try:
+            device = parse_device(name)
+        except ValueError as error:
+            raise UsageError(f"--devices: the device of {plc} {error}") from None
+        each = Watched(plc, str(device), not device.is_word)
+        found.setdefault(each.name, each)
+    if len(found) > _MOST_DEVICES:
+        raise UsageError(f"--devices has {len(found)} devices, allowed {_MOST_DEVICES}")
+    return list(found.values())
+
+
+def _window(scenario: Scenario, since: str | None, until: str | None) -> tuple[int, int]:
+    from bussim.units import format_time, parse_time
+
+    ticks = {"--from": 0, "--to-time": scenario.duration}
+    for option, text in (("--from", since), ("--to-time", until)):
+        if text is None:
+            continue
+        try:
+            ticks[option] = parse_time(text)
+        except ValueError as error:
+            raise UsageError(f"{option} {error}") from None
+    begin, end = ticks.values()
+    if not 0 <= begin < end <= scenario.duration:
+        raise UsageError(
+            f"from {format_time(begin)} to {format_time(end)} is no stretch of the run, which lasts "
+            f"{format_time(scenario.duration)}"
+        )
+    return begin, end
+
+
+def _simulated(scenario: Scenario, watched: list[Watched]) -> Watch:
+    from bussim.commands.progress import simulating_bar
+    from bussim.results.collector import Collector
+    from bussim.results.watch import Watch
+    from bussim.sim.runner import simulate
+
+    wanted: dict[str, list[str]] = {}
+    for each in watched:
+        wanted.setdefault(each.plc, []).append(each.device)
+    plcs = tuple(
+        replace(plc, observed=tuple(dict.fromkeys((*plc.observed, *wanted.get(plc.name, ())))))
+        for plc in scenario.plcs
+    )
+    watch = Watch(watched)
+    with simulating_bar() as progress:
+        simulate(replace(scenario, plcs=plcs), Collector(rows=watch), progress=progress)
+    return watch
+
+
+def _csv(watch: Watch, begin: int, end: int) -> str:
+    from bussim.results.names import cell
+    from bussim.units import seconds
+
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["time_s", *(cell(each.name) for each in watch.watched)])
+    for tick, values in watch.rows(begin, end):
+        table.writerow([f"{seconds(tick):.9f}", *values])
+    return text.getvalue()
+
+
+def _show(watch: Watch, begin: int, end: int) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from bussim.commands.console import wide_console
+    from bussim.units import seconds
+
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0))
+    table.add_column("time (s)", justify="right", no_wrap=True)
+    for each in watch.watched:
+        table.add_column(Text(each.name), justify="right", no_wrap=True)
+    rows = list(watch.rows(begin, end))
+    for tick, values in rows[:_MOST_ROWS]:
+        table.add_row(f"{seconds(tick):.6f}", *map(str, values))
+    wide_console().print(table)
+    if len(rows) > _MOST_ROWS:
+        click.echo(f"{len(rows) - _MOST_ROWS:,} more rows: write them all with --csv FILE")

@@ -1,0 +1,298 @@
+"""The latency meter on records made by hand: what overtakes what, and what every change is counted as."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bussim
+from bussim.errors import UsageError
+from bussim.results.latency import LatencyMeter, LatencyRecord, LatencySpec, Route
+from bussim.results.latency_plots import latency_picture, measured
+from bussim.results.record import RunRecord
+from bussim.trace import DeviceValueRecord, InputRecord
+
+FRAME = 10
+
+
+class Rig:
+    """One entry from a.X0 to b.Y0 over a link on which a has seat 0 and b seat 1."""
+
+    def __init__(
+        self, *, edge: str = "both", inverted: bool = False, direct: bool = False, word: bool = False
+    ) -> None:
+        source, target = ("D0", "D0") if word else ("X0", "M9" if direct else "Y0")
+        route = Route("link", 0, 1, FRAME)
+        self.target = target
+        self.meter = LatencyMeter(
+            [LatencySpec("e", "a", source, "b", target, edge, inverted, word, direct, route)]
+        )
+
+    def change(self, tick: int, level: int, sampled: int, end: int, *, seen: bool = True) -> None:
+        self.meter.input(InputRecord(tick, "a", "X0", level, sampled, seen, end))
+
+    def frame(self, start: int, heard: tuple[int, ...] | None = None) -> None:
+        self.meter.refreshed("link", 0, start + FRAME, heard)
+
+    def end(self, tick: int, value: int | None = None) -> None:
+        """An END of b, at which its target takes a value."""
+        if value is not None:
+            self.meter.value(DeviceValueRecord(tick, "b", self.target, value))
+        self.meter.ends("b", [tick])
+
+    @property
+    def record(self) -> LatencyRecord:
+        return self.meter.records()["e"]
+
+    def counts(self) -> tuple[int, int, int, int, int]:
+        """Changes, delivered, lost, unseen, open."""
+        found = self.record
+        assert found.changes == found.delivered + found.lost + found.unseen + found.open
+        return found.changes, found.delivered, found.lost, found.unseen, found.open
+
+
+def test_one_change_and_its_parts() -> None:
+    rig = Rig()
+    rig.change(100, 1, 104, 112)
+    rig.frame(111)  # began before the END that let it out
+    rig.frame(130)
+    rig.end(141)
+    rig.end(150, 1)
+    assert rig.counts() == (1, 1, 0, 0, 0)
+    sample = rig.record.longest
+    assert sample is not None
+    assert sample.parts == (12, 18, 10, 1, 9)
+    assert sample.total == 50 == rig.record.histogram.maximum
+    assert rig.record.shortest == sample
+
+
+def test_an_end_and_a_frame_at_the_same_tick_as_what_they_wait_for() -> None:
+    rig = Rig()
+    rig.change(100, 1, 100, 112)
+    rig.frame(112)
+    rig.end(122)
+    rig.end(130, 1)
+    sample = rig.record.longest
+    assert sample is not None
+    assert sample.parts == (12, 0, 10, 0, 8)
+
+
+def test_a_frame_that_the_target_does_not_hear_carries_nothing() -> None:
+    rig = Rig()
+    rig.change(100, 1, 104, 112)
+    rig.frame(120, heard=(2,))
+    rig.end(131)
+    assert rig.counts() == (1, 0, 0, 0, 1)
+    rig.frame(140, heard=(1, 2))
+    rig.end(155)
+    rig.end(160, 1)
+    sample = rig.record.longest
+    assert sample is not None
+    assert sample.parts == (12, 28, 10, 5, 5)
+
+
+def test_a_pulse_shorter_than_a_scan_is_not_seen() -> None:
+    rig = Rig()
+    rig.change(100, 1, 110, 120, seen=False)
+    rig.change(102, 0, 110, 120)
+    assert rig.counts() == (2, 0, 0, 2, 0)
+    # Of three changes the last one is what the PLC sees.
+    rig.change(111, 1, 120, 130, seen=False)
+    rig.change(112, 0, 120, 130, seen=False)
+    rig.change(113, 1, 120, 130)
+    assert rig.counts() == (5, 0, 0, 4, 1)
+
+
+def test_a_pulse_between_two_frames_is_lost_with_both_edges() -> None:
+    rig = Rig()
+    rig.change(1, 1, 2, 3)
+    rig.frame(5)
+    rig.end(16)
+    rig.end(20, 1)
+    rig.change(30, 0, 32, 34)
+    rig.change(40, 1, 42, 44)
+    rig.frame(50)
+    rig.end(61)
+    assert rig.counts() == (3, 1, 2, 0, 0)
+
+
+def test_a_pulse_between_two_ends_of_the_target_is_lost() -> None:
+    rig = Rig()
+    rig.change(1, 1, 2, 3)
+    rig.frame(5)
+    rig.end(16)
+    rig.end(20, 1)
+    rig.change(30, 0, 32, 34)
+    rig.frame(36)
+    rig.change(40, 1, 42, 44)
+    rig.frame(47)
+    rig.end(61)
+    assert rig.counts() == (3, 1, 2, 0, 0)
+
+
+def test_the_latest_of_several_changes_goes_on() -> None:
+    rig = Rig()
+    for number in range(5):
+        rig.change(10 * number, (number & 1) ^ 1, 10 * number + 2, 10 * number + 4)
+    rig.frame(60)
+    rig.end(71)
+    rig.end(75, 1)
+    assert rig.counts() == (5, 1, 4, 0, 0)
+    assert rig.record.longest is not None
+    assert rig.record.longest.at == 40
+
+
+def test_only_one_edge() -> None:
+    rig = Rig(edge="falling")
+    for number, level in enumerate((1, 0, 1, 0)):
+        at = 100 * number
+        rig.change(at, level, at + 2, at + 4)
+        rig.frame(at + 10)
+        rig.end(at + 21)
+        rig.end(at + 30, level)
+    assert rig.counts() == (2, 2, 0, 0, 0)
+
+
+def test_an_inverted_target() -> None:
+    rig = Rig(inverted=True)
+    rig.end(5, 1)  # as the program sets it at first: no change explains it
+    rig.change(10, 1, 12, 14)
+    rig.frame(15)
+    rig.end(26)
+    rig.end(30, 0)
+    assert rig.counts() == (1, 1, 0, 0, 0)
+
+
+def test_a_target_that_does_not_follow() -> None:
+    """An interlock keeps the output off: the change never arrives, and a later one does."""
+    rig = Rig()
+    for at, level in ((0, 1), (100, 0), (200, 1)):
+        rig.change(at, level, at + 2, at + 4)
+        rig.frame(at + 10)
+        rig.end(at + 21)
+        rig.end(at + 30, 1 if at == 200 else None)
+    assert rig.counts() == (3, 1, 2, 0, 0)
+    assert rig.record.longest is not None
+    assert rig.record.longest.at == 200
+
+
+def test_a_shared_device_follows_at_once_and_an_output_one_scan_later() -> None:
+    rig = Rig(direct=True)
+    rig.change(0, 1, 2, 4)
+    rig.frame(10)
+    rig.end(21, 1)
+    sample = rig.record.longest
+    assert sample is not None
+    assert sample.parts == (4, 6, 10, 1, 0)
+    # An output that takes the level at that very END cannot have it from there.
+    rig = Rig()
+    rig.change(0, 1, 2, 4)
+    rig.frame(10)
+    rig.end(21, 1)
+    assert rig.counts() == (1, 0, 0, 0, 1)
+
+
+def test_within_one_plc_the_link_has_no_part() -> None:
+    meter = LatencyMeter([LatencySpec("e", "a", "X0", "a", "Y0", "both", False, False, True, None)])
+    meter.input(InputRecord(100, "a", "X0", 1, 104, True, 112))
+    meter.ends("a", [104])
+    meter.value(DeviceValueRecord(112, "a", "Y0", 1))
+    meter.ends("a", [112])
+    sample = meter.records()["e"].longest
+    assert sample is not None
+    assert sample.parts == (12, 0, 0, 0, 0)
+
+
+def test_the_age_of_a_word() -> None:
+    rig = Rig(word=True)
+    rig.meter.ends("a", [100])
+    rig.end(105)  # nothing has come yet
+    rig.meter.ends("a", [110])
+    rig.frame(112)
+    rig.meter.ends("a", [120])
+    rig.end(125)
+    rig.end(135)
+    rig.frame(130)
+    rig.end(145)
+    assert rig.record.delivered == 3
+    assert (rig.record.histogram.minimum, rig.record.histogram.maximum) == (15, 25)
+    assert rig.record.longest is not None
+    assert rig.record.longest.parts == (0, 2, 10, 13, 0)
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(["change", "frame", "end", "follow"]), st.integers(1, 30)), max_size=80
+    )
+)
+def test_whatever_happens_every_change_is_counted_once(events: list[tuple[str, int]]) -> None:
+    rig, now, level, output = Rig(), 0, 0, 0
+    for kind, later in events:
+        now += later
+        if kind == "change":
+            level ^= 1
+            rig.change(now, level, now + 1, now + 1 + later, seen=later % 3 > 0)
+        elif kind == "frame":
+            rig.frame(now)
+            now += FRAME
+        else:
+            output ^= kind == "follow"
+            rig.end(now, output if kind == "follow" else None)
+        record = rig.record
+        rig.counts()
+        for sample in (record.shortest, record.longest):
+            assert sample is None or min(sample.parts) >= 0
+
+
+def test_a_record_survives_its_json() -> None:
+    rig = Rig(edge="rising")
+    rig.change(100, 1, 104, 112)
+    rig.frame(130)
+    rig.end(141)
+    rig.end(150, 1)
+    data = json.loads(json.dumps(rig.record.to_json()))
+    assert LatencyRecord.from_json(data) == rig.record or LatencyRecord.from_json(data).to_json() == data
+
+
+# -- what a run shows of it ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("runs") / "run"
+    bussim.run(bussim.load("counter_preset", ["duration=6 s"]), out=place)
+    return place
+
+
+def test_a_runs_folder_has_its_latencies(folder: Path) -> None:
+    again = bussim.open_run(folder)
+    full, preset = again.summary["latency"].values()
+    assert (full["from"], full["to"], full["edge"]) == ("packer.M1064", "line.Y0", "rising")
+    assert full["changes"] == full["delivered"] == 2
+    assert preset["edge"] is None
+    assert preset["delivered"] > 500
+    for entry in (full, preset):
+        mean = sum(part["mean"] for part in entry["parts_ms"].values())
+        assert mean == pytest.approx(entry["ms"]["mean"], abs=1e-4)
+        assert entry["ms"]["max"] <= entry["bound_ms"]["no error"] < entry["bound_ms"]["1 lost reply"]
+    assert measured(again.record) == ["full-box", "preset"]
+    for name in ("latency_full-box", "latency_preset"):
+        for ending in (".png", ".svg"):
+            assert (folder / f"{name}{ending}").stat().st_size > 10_000
+    # The scenario that it leaves needs no other file.
+    bussim.load(folder / "scenario.yaml")
+
+
+def test_the_picture_names_what_there_is(folder: Path) -> None:
+    record: RunRecord = bussim.open_run(folder).record
+    with pytest.raises(UsageError, match="has no latency 'no'; it has 'full-box', 'preset'"):
+        latency_picture(record, "no")
+    record.latency["empty"] = LatencyRecord("a.X0", "b.Y0", "both", inverted=False, word=False)
+    with pytest.raises(UsageError, match="nothing was measured of empty"):
+        latency_picture(record, "empty")
+    svg = latency_picture(record, "full-box")
+    assert "packer.M1064 to line.Y0" in svg.title
