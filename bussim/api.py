@@ -17,6 +17,7 @@ from pathlib import Path
 from bussim.errors import UsageError
 from bussim.results.collector import Collector, Rows
 from bussim.results.files import RunFolder
+from bussim.results.latency import LatencySpec, Route
 from bussim.results.load import FolderRows, load_run
 from bussim.results.memory import MemoryRows
 from bussim.results.record import RunRecord
@@ -112,6 +113,32 @@ def _simulate(
     from bussim.sim.runner import simulate
 
     bus_of = {plc.name: plc.seat.bus for plc in scenario.plcs if plc.seat is not None}
-    collector = Collector(traced=trace, rows=rows, bus_of=bus_of)
+    latency, bounds = _latency(scenario)
+    collector = Collector(traced=trace, rows=rows, bus_of=bus_of, latency=latency)
     totals = simulate(scenario, collector, progress=progress)
-    return totals, collector.run(totals, scenario=scenario.name, seed=scenario.seed)
+    return totals, collector.run(totals, scenario=scenario.name, seed=scenario.seed, bounds=bounds)
+
+
+def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, dict[str, int]]]:
+    """What is to be measured between devices, and what it may be at worst (in ticks, by entry and case)."""
+    if not scenario.latency:
+        return [], {}
+    from bussim.exact.latency import bounds_of
+    from bussim.scenario.ways import ways
+
+    specs = [
+        LatencySpec(
+            way.entry.name,
+            way.source.name,
+            way.entry.source,
+            way.target.name,
+            way.entry.target,
+            str(way.entry.edge),
+            way.entry.inverted,
+            way.word,
+            way.direct,
+            None if way.bus is None else Route(way.bus, *way.seats, way.frame),
+        )
+        for way in ways(scenario)
+    ]
+    return specs, {name: bound.cases() for name, bound in bounds_of(scenario).items()}

@@ -102,7 +102,7 @@ def _show(result: Result) -> None:
     console = Console(highlight=False)
     show_result(console, result.record, names)
     if result.folder is not None:
-        kinds = ("scan_time_*.png", "response_time_*.png")
+        kinds = ("scan_time_*.png", "response_time_*.png", "latency_*.png")
         pictures = [path for kind in kinds for path in sorted(result.folder.glob(kind))]
         click.echo(f"\nresults: {result.folder}")
         for picture in pictures:

@@ -254,7 +254,7 @@ class LinkModel:
         """Why the closed form does not hold with this setting; empty where it does."""
         kinds = count_kinds(station.turnaround for station in self.alive)
         too_many = f"{kinds} different laws of the turnaround, at most {MAX_KINDS} are worked out"
-        return (*self.obstacles, *([too_many] if kinds > MAX_KINDS else []), *self._timeout_reasons())
+        return (*self.obstacles, *([too_many] if kinds > MAX_KINDS else []), *self.timeout_reasons())
 
     @property
     def valid(self) -> bool:
@@ -270,7 +270,8 @@ class LinkModel:
         quiet = self.quiet if self.noise.sources else 0
         return max((s.slowest + s.reply + quiet for s in self.alive), default=0)
 
-    def _timeout_reasons(self) -> list[str]:
+    def timeout_reasons(self) -> list[str]:
+        """Stations whose replies may come too late for the timeout."""
         found = []
         for station in self.alive:
             reply = station.slowest + station.reply

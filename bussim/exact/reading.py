@@ -47,7 +47,7 @@ from bussim.scenario.model import (
     Window,
     WrongFormat,
 )
-from bussim.units import milliseconds, round_half_up
+from bussim.units import milliseconds
 
 #: Hidden states grow as 2 to the number of bursts.
 MAX_BURSTS = 3
@@ -93,8 +93,7 @@ class _Member:
     @property
     def scan(self) -> int:
         """Longest PLC scan under N:N, in ticks."""
-        longest = Fraction(self.plc.scan.mean + self.plc.scan.jitter) * self.plc.profile.scan_factor
-        return round_half_up(longest)
+        return self.plc.longest_scan
 
     def ticks(self, characters: int) -> int:
         """Ticks of a frame that it sends."""

@@ -82,6 +82,12 @@ class BlockPlace:
     word: int
     words: int
 
+    def holds(self, device: Device) -> bool:
+        """Whether a device lies in it."""
+        if device.is_word:
+            return self.word <= device.address < self.word + self.words
+        return device.letter == "M" and self.bit <= device.address < self.bit + self.bits
+
 
 def block_place(station: int, bits: int, words: int, spacing: int) -> BlockPlace:
     """The block of a station: M(1000 + 64s) and D(spacing × s) on (PW10, section 7.2)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from bussim.results.latency import LatencyMeter, LatencySpec
 from bussim.results.ports import PortMeter, PortRecord
 from bussim.results.record import LinkRecord, RunRecord, ScanTimes
 from bussim.results.refresh import RefreshMeter
@@ -29,6 +30,8 @@ from bussim.trace import (
 
 #: Notes that are kept besides the faults.
 MOST_NOTES = 1000
+#: ENDs that are told one by one come into a trace in blocks of so many.
+_ENDS_IN_A_BLOCK = 256
 _ALWAYS_KEPT = frozenset({"fault", "fault_over"})
 
 
@@ -92,12 +95,18 @@ class Collector:
     """A :class:`bussim.trace.Sink` that keeps statistics, and hands single records on to ``rows``.
 
     ``bus_of`` names the N:N link of each PLC, so that what a PLC reports is booked on its link.
-    After the run, :meth:`run` gives what was kept. ``notes`` are all faults and the first
-    :data:`MOST_NOTES` other notes; ``left_out`` counts the rest by kind.
+    ``latency`` is what is measured between devices. After the run, :meth:`run` gives what was kept.
+    ``notes`` are all faults and the first :data:`MOST_NOTES` other notes; ``left_out`` counts the rest by
+    kind.
     """
 
     def __init__(
-        self, *, traced: bool = False, rows: Rows | None = None, bus_of: Mapping[str, str] | None = None
+        self,
+        *,
+        traced: bool = False,
+        rows: Rows | None = None,
+        bus_of: Mapping[str, str] | None = None,
+        latency: Sequence[LatencySpec] = (),
     ) -> None:
         self.traced = traced
         self.notes: list[NoteRecord] = []
@@ -108,6 +117,8 @@ class Collector:
         self._links: dict[str, _Link] = {}
         self._meter = RefreshMeter()
         self._ports = PortMeter()
+        self._latency = LatencyMeter(latency) if latency else None
+        self._single_ends: dict[str, list[int]] = {}  # ENDs that were told one by one, for the trace
 
     def scan(self, record: ScanRecord) -> None:
         """Count a link scan."""
@@ -178,20 +189,40 @@ class Collector:
 
     def value(self, record: DeviceValueRecord) -> None:
         """Hand a device's new value on."""
+        if self._latency is not None:
+            self._latency.value(record)
         if self._rows is not None:
             self._rows.take(record)
 
     def input(self, record: InputRecord) -> None:
-        """Take an input's change."""
+        """Hand an input's change on."""
+        if self._latency is not None:
+            self._latency.input(record)
+        if self._rows is not None:
+            self._rows.take(record)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
-        """Hand ENDs on."""
-        if self._rows is not None:
+        """Hand ENDs on, in a trace in blocks."""
+        if self._latency is not None and plc in self._latency.plcs:
+            self._latency.ends(plc, ticks)
+            if self.traced:
+                gathered = self._single_ends.setdefault(plc, [])
+                gathered += ticks
+                if len(gathered) >= _ENDS_IN_A_BLOCK:
+                    self._tell_ends(plc)
+        elif self._rows is not None and self.traced:
+            self._rows.take(EndsRecord(plc, tuple(ticks)))
+
+    def _tell_ends(self, plc: str) -> None:
+        ticks = self._single_ends.pop(plc)
+        if self._rows is not None and ticks:
             self._rows.take(EndsRecord(plc, tuple(ticks)))
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """Count a refresh."""
         self._meter.refreshed(bus, source, tick, heard)
+        if self._latency is not None:
+            self._latency.refreshed(bus, source, tick, heard)
 
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """What was kept of every link, in the order of the totals."""
@@ -201,11 +232,27 @@ class Collector:
         """What was kept of every Modbus master and node of the free protocol."""
         return self._ports.nodes(totals)
 
-    def run(self, totals: RunTotals, *, scenario: str, seed: int) -> RunRecord:
-        """The whole run; ``scenario`` is the scenario's name."""
+    def run(
+        self,
+        totals: RunTotals,
+        *,
+        scenario: str,
+        seed: int,
+        bounds: Mapping[str, Mapping[str, int]] | None = None,
+    ) -> RunRecord:
+        """The whole run; ``scenario`` is the scenario's name.
+
+        ``bounds`` are what a latency may be at worst, by entry and case, in ticks.
+        """
+        for plc in list(self._single_ends):
+            self._tell_ends(plc)
         links, ports = self.links(totals), self.ports(totals)
-        summary = summarise(totals, links, ports, scenario=scenario, seed=seed)
-        return RunRecord(summary, totals.duration, links, tuple(self.notes), self.left_out, ports)
+        latency = self._latency.records() if self._latency is not None else {}
+        summary = summarise(
+            totals, links, ports, scenario=scenario, seed=seed, latency=latency, bounds=bounds or {}
+        )
+        notes = tuple(self.notes)
+        return RunRecord(summary, totals.duration, links, notes, self.left_out, ports, latency)
 
     def _link(self, bus: str) -> _Link:
         try:

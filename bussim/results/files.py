@@ -113,6 +113,7 @@ class RunFolder:
 
         ``scenario`` is the text of the scenario as run. Returns the target.
         """
+        from bussim.results.latency_plots import latency_picture, measured
         from bussim.results.plots import scan_time_histogram
         from bussim.results.response_plots import masters, response_time_histogram
 
@@ -125,6 +126,8 @@ class RunFolder:
                 scan_time_histogram([record], bus).save_both(self._part / f"scan_time_{stem}")
         for node, stem in file_names(masters(record)).items():
             response_time_histogram([record], node).save_both(self._part / f"response_time_{stem}")
+        for name, stem in file_names(measured(record)).items():
+            latency_picture(record, name).save_both(self._part / f"latency_{stem}")
         self._move()
         self._lock.close()
         self._finished = True

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.results.histogram import Histogram
+from bussim.results.latency import LatencyRecord
 from bussim.results.ports import PortRecord
 from bussim.results.refresh import Refresh
 from bussim.results.timeline import (
@@ -123,7 +124,7 @@ class RunRecord:
 
     ``ports`` are the nodes beside the links that were a Modbus master or had the free protocol. Of
     notes other than faults only the first ones are kept; ``left_out`` counts the others by kind.
-    ``duration`` is in ticks.
+    ``latency`` is by entry. ``duration`` is in ticks.
     """
 
     summary: dict[str, Any]
@@ -132,6 +133,7 @@ class RunRecord:
     notes: tuple[NoteRecord, ...] = ()
     left_out: dict[str, int] = field(default_factory=dict)
     ports: dict[str, PortRecord] = field(default_factory=dict)
+    latency: dict[str, LatencyRecord] = field(default_factory=dict)
 
     @property
     def scenario(self) -> str:
@@ -145,6 +147,7 @@ class RunRecord:
             "duration": self.duration,
             "links": {bus: link.to_json() for bus, link in self.links.items()},
             "ports": {node: port.to_json() for node, port in self.ports.items()},
+            "latency": {name: entry.to_json() for name, entry in self.latency.items()},
             "notes": [note_to_json(note) for note in self.notes],
             "notes_left_out": dict(sorted(self.left_out.items())),
         }
@@ -159,6 +162,9 @@ class RunRecord:
             notes=tuple(note_from_json(note) for note in histograms["notes"]),
             left_out={kind: int(number) for kind, number in histograms["notes_left_out"].items()},
             ports={node: PortRecord.from_json(port) for node, port in histograms["ports"].items()},
+            latency={
+                name: LatencyRecord.from_json(entry) for name, entry in histograms.get("latency", {}).items()
+            },
         )
 
 

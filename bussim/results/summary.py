@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from bussim.results.latency import LatencyRecord
+from bussim.results.latency_text import latency_summary
 from bussim.results.numbers import by_code, ms, quantiles, s, share, whole
 from bussim.results.port_summary import bus_summary, device_summary, port_summary, unlisted_ports
 from bussim.results.ports import PortRecord
@@ -22,12 +24,14 @@ def summarise(
     *,
     scenario: str,
     seed: int,
+    latency: Mapping[str, LatencyRecord] | None = None,
+    bounds: Mapping[str, Mapping[str, int]] | None = None,
 ) -> dict[str, Any]:
     """The content of ``summary.json``.
 
     ``links`` has a record for every link of the totals, ``ports`` for every node beside the links
     that was a master or had the free protocol (of a recording the totals know none of them);
-    ``scenario`` is the scenario's name.
+    ``scenario`` is the scenario's name. ``bounds`` are what each ``latency`` may be at worst, by case.
     """
     duration = totals.duration
     return {
@@ -46,8 +50,18 @@ def summarise(
         "devices": {
             device.name: device_summary(device, ports.get(device.name), duration) for device in totals.devices
         },
+        **_latencies(latency or {}, bounds or {}),
         "warnings": list(totals.warnings),
     }
+
+
+def _latencies(
+    latency: Mapping[str, LatencyRecord], bounds: Mapping[str, Mapping[str, int]]
+) -> dict[str, Any]:
+    """The key ``latency`` of a run that measures some."""
+    if not latency:
+        return {}
+    return {"latency": {name: latency_summary(entry, bounds.get(name)) for name, entry in latency.items()}}
 
 
 def _link(totals: LinkTotals, record: LinkRecord, duration: int) -> dict[str, Any]:

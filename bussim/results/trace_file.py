@@ -29,6 +29,7 @@ from bussim.trace import (
     EndsRecord,
     FrameRecord,
     FreeRecord,
+    InputRecord,
     NoteRecord,
     PollRecord,
     ScanRecord,
@@ -54,6 +55,7 @@ R = TypeVar(
     CycleRecord,
     FreeRecord,
     DeviceValueRecord,
+    InputRecord,
     EndsRecord,
     NoteRecord,
 )
@@ -154,7 +156,7 @@ def interval(record: Record) -> tuple[int, int]:
             return record.end if record.sent is None else record.sent, record.taken
         case FreeRecord():
             return record.end if record.start is None else record.start, record.end
-        case DeviceValueRecord() | NoteRecord():
+        case DeviceValueRecord() | InputRecord() | NoteRecord():
             return record.tick, record.tick
         case EndsRecord():
             return (record.ticks[0], record.ticks[-1]) if record.ticks else (0, 0)
@@ -257,7 +259,7 @@ def _is_whole(text: str) -> bool:
 
 
 def _concerns(record: Record, bus: TraceBus) -> bool:
-    if isinstance(record, EndsRecord | DeviceValueRecord):
+    if isinstance(record, EndsRecord | DeviceValueRecord | InputRecord):
         return record.plc in bus.plcs
     if isinstance(record, NoteRecord):
         places = {record.where, record.detail.get("bus"), record.detail.get("node")}

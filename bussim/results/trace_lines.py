@@ -18,6 +18,7 @@ from bussim.trace import (
     EndsRecord,
     FrameRecord,
     FreeRecord,
+    InputRecord,
     NoteRecord,
     PollRecord,
     ScanRecord,
@@ -39,6 +40,7 @@ Record = (
     | CycleRecord
     | FreeRecord
     | DeviceValueRecord
+    | InputRecord
     | EndsRecord
     | NoteRecord
 )
@@ -238,6 +240,18 @@ _FORMS: dict[str, tuple[type[Record], tuple[_Field, ...]]] = {
             _Field("plc", _text),
             _Field("device", _text),
             _Field("value", _int),
+        ),
+    ),
+    "input": (
+        InputRecord,
+        (
+            _Field("tick", _int),
+            _Field("plc", _text),
+            _Field("device", _text),
+            _Field("level", _int),
+            _Field("sampled", _int),
+            _Field("seen", _flag),
+            _Field("end", _int),
         ),
     ),
     "ends": (EndsRecord, (_Field("plc", _text), _Field("ticks", _ints, write=list))),

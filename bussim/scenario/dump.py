@@ -51,6 +51,7 @@ def dumps(scenario: Scenario) -> str:
 
 
 def _text(representer: SafeRepresenter, text: str) -> ScalarNode:
-    """A text; one of several lines (a program) as a block."""
-    style = "|" if "\n" in text else None
+    """A text; one of several lines (a program) as a block, unless it has what a block cannot hold."""
+    plain = "\n" in text and text.replace("\n", "").replace("\t", "").isprintable()
+    style = "|" if plain else None
     return representer.represent_scalar("tag:yaml.org,2002:str", text, style=style)

@@ -15,7 +15,7 @@ from bussim.plc.board import (
     refusal,
     worst_turnaround,
 )
-from bussim.plc.memory import BlockPlace, Device, block_place, parse_device
+from bussim.plc.memory import BlockPlace, block_place, parse_device
 from bussim.plc.profiles import MAX_SLAVES
 from bussim.scenario.places import Path, Report
 from bussim.scenario.schema import BusIn
@@ -184,16 +184,8 @@ def foreign_blocks(member: Member, members: Sequence[Member]) -> list[BlockPlace
 
 def station_of(place: BlockPlace) -> int:
     """Whose block lies there."""
-    return (place.bit - block_place(0, 0, 0, 0).bit) // (
-        block_place(1, 0, 0, 0).bit - block_place(0, 0, 0, 0).bit
-    )
-
-
-def holds(place: BlockPlace, device: Device) -> bool:
-    """Whether a device lies in a block."""
-    if device.is_word:
-        return place.word <= device.address < place.word + place.words
-    return device.letter == "M" and place.bit <= device.address < place.bit + place.bits
+    first, second = (block_place(station, 0, 0, 0).bit for station in (0, 1))
+    return (place.bit - first) // (second - first)
 
 
 def _check_sources(members: list[Member], report: Report) -> None:
@@ -208,9 +200,9 @@ def _check_sources(members: list[Member], report: Report) -> None:
                 device = parse_device(name)
             except ValueError:
                 continue
-            if member.ports and not any(holds(other, device) for other in foreign_blocks(member, members)):
+            if member.ports and not any(other.holds(device) for other in foreign_blocks(member, members)):
                 continue  # another port may send it
-            if not holds(place, device):
+            if not place.holds(device):
                 report.warn(
                     (*member.path, "sources", name),
                     f"{member.name} drives {name}, which is not in its own block ({own}): it is not sent, "

@@ -37,11 +37,15 @@ class Origin:
     indent: int = 0
     path: Path | None = None  # of a text whose lines have no places of their own
 
-    def problem(self, report: Report, found: Problem) -> Problem:
-        """A problem of the program, told where the user finds it."""
+    def problem(self, report: Report, found: Problem, *, warning: bool = False) -> Problem:
+        """A problem of the program, told where the user finds it.
+
+        A warning's message is the same wherever the program stands: a run tells it without its place.
+        """
         if self.path is not None:
-            return report.places.remark(self.path, f"line {found.line} of the program: {found.message}")
-        if not self.line:
+            where = "" if warning else f"line {found.line} of the program: "
+            return report.places.remark(self.path, f"{where}{found.message}")
+        if self.line == 0:
             return Problem(self.file, found.line, found.column, found.message)
         line = max(found.line, 1)
         return Problem(self.file, self.line + line - 1, self.indent + max(found.column, 1), found.message)
@@ -111,7 +115,7 @@ def _program(
     for problem in program.warnings:
         # A run's warnings have no places: the PLC's name tells whose program it is.
         named = replace(problem, message=f"{plc.name}: {problem.message}")
-        report.foreign(origin.problem(report, named), fatal=False)
+        report.foreign(origin.problem(report, named, warning=True), fatal=False)
     return program, origin
 
 

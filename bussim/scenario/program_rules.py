@@ -9,7 +9,7 @@ from bussim.plc.memory import BlockPlace, Device
 from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.check import Extent, extents
 from bussim.scenario.fields import PlcPoint
-from bussim.scenario.link_rules import foreign_blocks, holds, own_block, station_of
+from bussim.scenario.link_rules import foreign_blocks, own_block, station_of
 from bussim.scenario.places import Path, Report
 from bussim.scenario.program_schema import LatencyIn
 from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, friendly_registers, raw_registers
@@ -45,7 +45,7 @@ def _warn_at(member: Member, at: Instruction, message: str, report: Report) -> N
     origin = member.logic.origin
     if origin is not None:
         problem = Problem("", at.line, at.column, f"{member.name}: {message}")
-        report.foreign(origin.problem(report, problem), fatal=False)
+        report.foreign(origin.problem(report, problem, warning=True), fatal=False)
 
 
 def _check_settings(member: Member, report: Report) -> None:
@@ -209,7 +209,7 @@ def _check_way(
         report.warn((*path, "from"), f"nothing drives {start}: give {source.name} inputs for it")
     if source.plc.program is None and source is not target:
         block = own_block(source, list(link))
-        if block is not None and not holds(block, start.device):
+        if block is not None and not block.holds(start.device):
             report.warn(
                 (*path, "from"),
                 f"{start} is not in the shared block of {source.name}, which has no program to put it there",
@@ -217,7 +217,7 @@ def _check_way(
     if target.plc.program is None and source is not target:
         blocks = {station_of(place): place for place in foreign_blocks(target, list(link))}
         place = blocks.get(source.station)
-        if place is not None and not holds(place, end.device):
+        if place is not None and not place.holds(end.device):
             report.warn(
                 (*path, "to"),
                 f"{end} is not where {target.name} keeps the block of {source.name}, and it has no program "

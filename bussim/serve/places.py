@@ -75,7 +75,10 @@ def _port(plc: model.Plc, port: str, bus: model.Bus) -> Servable:
         return Servable(node, bus.name, bus.nn, "silent", bus.timing, None, settings.text)
     what = _WORDS.get(settings.protocol or "")
     if what is None:
-        return Servable(node, bus.name, bus.nn, "silent", bus.timing, None, f"{port} speaks nothing")
+        why = f"{port} speaks nothing"
+        if settings.protocol is not None:
+            why = f"what {port} speaks ({settings.protocol}) is not simulated"
+        return Servable(node, bus.name, bus.nn, "silent", bus.timing, None, why)
     return Servable(node, bus.name, bus.nn, what, settings.timing, _station(settings))
 
 

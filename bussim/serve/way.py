@@ -74,7 +74,9 @@ class Way:
             chars, ends = tx.chars, None
         if self._mask < 0xFF:
             chars = bytes(value & self._mask for value in chars)
-        if self.wire.options.echo:
+        if not self.wire.connected:
+            self._echo = 0  # nothing of what was sent will come back
+        elif self.wire.options.echo:
             self._echo += len(chars)
         if not self.wire.options.paced:
             if chars:

@@ -5,12 +5,15 @@
 A V80 without a delay at 115200 8N1 (RTU), served by a process of its own. The master here writes each
 request in one go and waits for the reply: what is measured is the served side and the system, not a
 client library. The silence that ends a request is 4.5 characters for a V80 (its manual) and 1.75 ms for
-a device that keeps to the standard, so both are measured. Nothing is asserted: a time is no test's
-verdict.
+a device that keeps to the standard, so both are measured.
+
+Then an N:N link between its two halves, a process each, paced: the link scan times that the master
+measures beside those that the simulation gives. Nothing is asserted: a time is no test's verdict.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import statistics
@@ -24,6 +27,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
+import bussim  # noqa: E402 (after the path)
 from bussim.engines.modbus.adu import Mode, encode_adu  # noqa: E402 (after the path)
 
 SCENARIO = """\
@@ -62,6 +66,36 @@ def measure(device: str, station: int, seconds: float) -> list[float]:
     return times
 
 
+def serve(*words: str, output: int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
+    """Start a process that serves, and wait until it does."""
+    command = [sys.executable, "-m", "bussim.cli", "serve", *words, "--json"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.PIPE)
+    assert process.stderr is not None
+    while b"Ctrl-C" not in (line := process.stderr.readline()):
+        if not line:
+            raise SystemExit("it does not serve")
+    return process
+
+
+def halves(folder: Path, seconds: float) -> None:
+    """Measure the link scan time of two halves on one wire."""
+    scenario, link = "two_stations", folder / "link"
+    slaves = serve(scenario, f"--port=feeder=pty:{link}", "--paced")
+    settings = ("--set", "plcs.press.nn.timeout=2250 ms", "--for", f"{seconds} s", "--tolerance", "1 s")
+    master = serve(scenario, f"--port=press={link}", "--paced", *settings, output=subprocess.PIPE)
+    out, _ = master.communicate(timeout=seconds + 60)
+    slaves.send_signal(2)
+    slaves.wait(30)
+    measured = json.loads(out)["links"]["link"]
+    expected = bussim.run(scenario).summary["links"]["link"]
+    for name, found in (("two halves, paced", measured), ("simulated", expected)):
+        times = found["scan_time_ms"]
+        print(
+            f"link scan, {name}: p50 {times['p50']} ms, mean {times['mean']:.3f} ms, "
+            f"{times['min']:.3f} to {times['max']:.3f} ms, {found['scans']} scans"
+        )
+
+
 def main() -> None:
     """Measure and print."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 5.0
@@ -69,13 +103,8 @@ def main() -> None:
         scenario, link = Path(folder) / "bench.yaml", Path(folder) / "line"
         scenario.write_text(SCENARIO, encoding="utf-8")
         ports = [f"--port=v80=pty:{link}", f"--port=plain=pty:{link}"]
-        command = [sys.executable, "-m", "bussim.cli", "serve", str(scenario), *ports, "--json"]
-        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        process = serve(str(scenario), *ports)
         try:
-            assert process.stderr is not None
-            while b"Ctrl-C" not in (line := process.stderr.readline()):
-                if not line:
-                    raise SystemExit("it does not serve")
             for station, silence in SILENCES.items():
                 measure(str(link), station, 0.5)
                 times = measure(str(link), station, seconds)
@@ -89,6 +118,7 @@ def main() -> None:
         finally:
             process.send_signal(2)
             process.wait(30)
+        halves(Path(folder), seconds)
 
 
 if __name__ == "__main__":

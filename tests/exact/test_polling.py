@@ -427,6 +427,48 @@ def test_no_disturbance_makes_a_cycle_longer_than_the_worst_case(seed: int) -> N
     assert max(cycles) <= found.worst + commands  # type: ignore[operator]
 
 
+def test_rubbish_on_the_line_makes_an_attempt_longer_than_its_timeout() -> None:
+    # At the end of the timeout something is arriving, and must be over: only then it is decided.
+    polls = (poll("a", retries=2), poll("b", retries=1))
+    scenario = serial_bus([station(), hmi("panel", *polls, interval=MS)], seconds=20)
+    found = only(scenario)
+    done = run(replace(scenario, faults=(fault(model.Jabber("feeder"), 1),)))
+    cycles = [cycle.duration for cycle in done.record.cycles if cycle.start > 2 * SECOND]
+    silent = found.dead[0].cycle.most
+    assert min(cycles) > silent
+    assert max(cycles) <= found.worst  # type: ignore[operator]
+    assert found.worst == silent + 5 * PLAIN.characters(Fraction(9, 2))
+
+
+def test_the_gap_after_a_command_may_be_another() -> None:
+    # After 25 ms in 4 scans of 8.2 ms the interval of 30 ms takes 3 scans more; after 31.25 ms, 4.
+    command = ask("go", times=20, to=None)
+    words = {"interval": 300}
+    alone = only(with_polls(ask(count=5), **words))
+    scenario = with_polls(ask(count=5), command, **words)
+    found = only(scenario)
+    assert alone.cycle == exactly(4 * (8 * MS + EXTRA) + 4 * 8 * MS)
+    cycles = [cycle.duration for cycle in run(scenario).record.cycles]
+    assert min(cycles[1:]) == alone.cycle.least - 8 * MS
+    assert found.cycle is not None
+    assert found.cycle.least <= min(cycles[1:])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_master_that_awaits_what_has_begun(seed: int) -> None:
+    profile = replace(PROFILES["pw10"], begun_holds=True)
+    press = plc("press", port("COM3", MASTER, timeout=3), polls=[ask(retries=1), ask("b")], profile=profile)
+    # The answer begins within the timeout of 30 ms and ends after it.
+    scenario = serial_bus([station(delay=25 * MS)], [press], seconds=20, seed=seed)
+    found = only(scenario)
+    assert found.model.valid
+    assert {record.outcome for record in run(scenario).record.transactions} == {"ok"}
+    done = run(disturbances(seed, scenario))
+    assert max(cycle.duration for cycle in done.record.cycles[1:]) <= found.worst  # type: ignore[operator]
+    hasty = replace(scenario, plcs=(replace(press, profile=PROFILES["pw10"]),))
+    assert "it never comes in time" in reasons(hasty)
+
+
 # -- other ports, the link, slow slaves ---------------------------------------------------------------
 
 

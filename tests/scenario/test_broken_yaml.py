@@ -97,7 +97,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "int key": (
         added("1: 2\n"),
         [
-            "x.yaml:12:1: 1 is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults"
+            "x.yaml:12:1: 1 is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency"
         ],
     ),
     "big number": (

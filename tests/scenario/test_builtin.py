@@ -19,6 +19,7 @@ ODD = {
     "eight_stations_mode4",
     "two_masters",
     "timeout_too_short",
+    "manual_programs",
 }
 
 

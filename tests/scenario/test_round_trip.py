@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -33,10 +34,12 @@ def test_written_and_read_again(text: str) -> None:
     first = loads(text)
     written = dumps(first)
     again = loads(written)
-    assert again == first
+    # What is odd in a program is told by its file's line, or by that of the text within the scenario.
+    first = replace(first, warnings=())
+    assert replace(again, warnings=()) == first
     assert again.source == first.source
     assert dumps(again) == written
-    assert from_data(first.source) == first
+    assert replace(from_data(first.source), warnings=()) == first
 
 
 def test_every_default_is_written() -> None:

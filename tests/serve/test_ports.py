@@ -122,12 +122,15 @@ def test_what_can_be_served_of_built_in_scenarios(name: str, wanted: dict[str, s
 
 
 def test_a_port_that_is_silent_says_why_it_cannot_be_served() -> None:
-    nothing = SLAVES.replace("{bus: text, protocol: modbus-ascii-slave, station: 5}", "{bus: text}")
-    wrong = nothing.replace("scan: 2 ms", "scan: 2 ms\n    registers: {D7926: 0x77}")
-    for text, why in ((nothing, "COM3 speaks nothing"), (wrong, "COM3 has no protocol 77H")):
-        scenario = loads(text)
-        with pytest.raises(UsageError, match=f"plc.COM3 cannot be served: {why}"):
-            places(scenario, ["plc.COM3"], [])
-        with pytest.raises(UsageError) as nobody:
-            places(scenario, [], [])
-        assert "plc.COM3" not in str(nobody.value)
+    text = SLAVES.replace(
+        "COM3: {bus: text, protocol: modbus-ascii-slave, station: 5}", "COM2: {bus: text, protocol: hmi}"
+    )
+    scenario = loads(text)
+    with pytest.raises(
+        UsageError, match=r"plc.COM2 cannot be served: what COM2 speaks \(hmi\) is not simulated"
+    ):
+        places(scenario, ["plc.COM2"], [])
+    with pytest.raises(UsageError) as nobody:
+        places(scenario, [], [])
+    assert "plc.COM2" not in str(nobody.value)
+    assert "v80" in str(nobody.value)

@@ -11,20 +11,15 @@ from dataclasses import dataclass, field
 
 from bussim.devices.lx import LxMap
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.engines.modbus.adu import BROADCAST, Mode
-from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.framing import Framing
-from bussim.engines.modbus.master import refusal
-from bussim.engines.modbus.pdu import READS, WRITES, Request, encode_request, response_size
 from bussim.exact.polls.model import PollListModel, PollModel
-from bussim.exact.polls.pace import Direct, Pace, Scans, Span, exactly
+from bussim.exact.polls.one_poll import MasterModel, poll_model, too_hasty
+from bussim.exact.polls.pace import Direct, Scans, Span, exactly
 from bussim.exact.polls.slaves import SlaveModel, device_model
 from bussim.line.characters import LineTiming
 from bussim.plc.board import bad_parameters, setting_values
 from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
-from bussim.plc.ports.places import fits, is_bits
-from bussim.plc.ports.requests import make_request
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.scenario.model import (
     BusDevice,
@@ -46,38 +41,6 @@ from bussim.wording import names
 def poll_lists(scenario: Scenario) -> dict[str, PollListModel]:
     """Every poll list of a scenario, by its node: ``press1.COM3``, or an HMI's name."""
     return _Reader(scenario).read()
-
-
-@dataclass(frozen=True, slots=True)
-class _Master:
-    """One master with its polls; ``settings`` None: an HMI."""
-
-    node: str
-    bus: str
-    framing: Framing
-    timing: LineTiming
-    timeout: int
-    turnaround: int
-    pace: Pace
-    polls: tuple[PollSpec, ...]
-    begun_holds: bool = False
-    plc: bool = True
-
-    @property
-    def tail(self) -> int:
-        """How long after the timeout an attempt may be decided: see :class:`~bussim.engines.modbus.Master`.
-
-        In RTU what had begun by then must be over: its closing silence, and a character in it. Where a
-        response that has begun is awaited, so must a whole frame of the longest, with any pauses.
-        """
-        quiet, character = self.framing.quiet, self.timing.characters(1)
-        if self.begun_holds:
-            return (self.framing.chars(_LONGEST) + 1) * (quiet + character)
-        return quiet + character if self.framing.mode is Mode.RTU else 0
-
-
-#: More than the longest PDU.
-_LONGEST = 254
 
 
 @dataclass(slots=True)
@@ -109,7 +72,7 @@ class _Reader:
     scenario: Scenario
     ports: list[_Port] = field(default_factory=list)
     slaves: list[SlaveModel] = field(default_factory=list)
-    masters: list[_Master] = field(default_factory=list)
+    masters: list[MasterModel] = field(default_factory=list)
     asking: dict[str, list[str]] = field(default_factory=dict)  # masters by bus
     talkers: dict[str, list[str]] = field(default_factory=dict)
     broken: dict[str, PollListModel] = field(default_factory=dict)
@@ -164,7 +127,7 @@ class _Reader:
             self._slave_port(port, settings, framing)
         elif asked:
             self._master(
-                _Master(
+                MasterModel(
                     node=port.node,
                     bus=port.bus,
                     framing=framing,
@@ -208,7 +171,7 @@ class _Reader:
         others = sum(other.works for other in self.ports if other.plc is plc and other is not port)
         return Scans(_scan(plc), execution, others * execution, interval)
 
-    def _master(self, master: _Master) -> None:
+    def _master(self, master: MasterModel) -> None:
         self.asking.setdefault(master.bus, []).append(master.node)
         self.masters.append(master)
 
@@ -228,7 +191,7 @@ class _Reader:
                 self.slaves.append(slave)
         elif settings.polls:
             self._master(
-                _Master(
+                MasterModel(
                     node=device.name,
                     bus=device.bus,
                     framing=DEVICE_PROFILES["map"].framing(device.mode, device.timing),
@@ -284,19 +247,19 @@ class _Reader:
 
     # -- the list ----------------------------------------------------------------------------------
 
-    def _list(self, master: _Master) -> PollListModel:
+    def _list(self, master: MasterModel) -> PollListModel:
         slaves = [slave for slave in self.slaves if slave.bus == master.bus]
         obstacles = self._crowd(master)
         polls: list[PollModel] = []
         asked: list[SlaveModel] = []
         for spec in master.polls:
-            poll = _poll(master, spec, slaves)
+            poll = poll_model(master, spec, slaves)
             if isinstance(poll, str):
                 obstacles.append(f"{spec.name}: {poll}")
             else:
                 polls.append(poll)
                 asked += [slave for slave in slaves if slave.name == poll.device]
-        obstacles += _too_hasty(master, slaves)
+        obstacles += too_hasty(master, slaves)
         protocol = f"modbus-{master.framing.mode.value}"
         if obstacles:
             return _refused(master.node, master.bus, protocol, obstacles, master)
@@ -315,7 +278,7 @@ class _Reader:
             notes=tuple(self._notes(master, polls, [*off, *owners])),
         )
 
-    def _crowd(self, master: _Master) -> list[str]:
+    def _crowd(self, master: MasterModel) -> list[str]:
         found = []
         others = [node for node in self.asking[master.bus] if node != master.node]
         if others:
@@ -328,7 +291,7 @@ class _Reader:
             found.append(f"{names(talkers)} sends on {master.bus} in a protocol of its own: frames collide")
         return found
 
-    def _notes(self, master: _Master, polls: list[PollModel], off: list[str]) -> list[str]:
+    def _notes(self, master: MasterModel, polls: list[PollModel], off: list[str]) -> list[str]:
         notes = []
         if any(poll.waits for poll in polls):
             waiting = dict.fromkeys(poll.device for poll in polls if poll.waits)
@@ -344,7 +307,7 @@ class _Reader:
 
 
 def _refused(
-    node: str, bus: str, protocol: str, why: Iterable[str], master: _Master | None = None
+    node: str, bus: str, protocol: str, why: Iterable[str], master: MasterModel | None = None
 ) -> PollListModel:
     return PollListModel(
         node=node,
@@ -384,112 +347,3 @@ def _scan(plc: Plc) -> Span:
         factor = plc.profile.scan_factor
         mean, jitter = round_half_up(mean * factor), round_half_up(jitter * factor)
     return Span(max(1, mean - jitter), mean + jitter)
-
-
-# -- one poll ----------------------------------------------------------------------------------------
-
-
-def _poll(master: _Master, spec: PollSpec, slaves: list[SlaveModel]) -> PollModel | str:
-    """A poll and its answer, or why it is not answered every time."""
-    values = spec.values or (0,) * spec.count
-    bare = Request(spec.function, spec.address, spec.count)
-    error = refusal(spec.station, bare)
-    if error is not None:
-        return f"it cannot be sent ({MEANINGS[error]})"
-    if spec.device is not None and not fits(spec.device, spec.function, spec.count):
-        return f"{spec.count} items do not lie in memory from {spec.device} on"
-    if spec.function in WRITES and len(values) != spec.count:
-        return f"it has {len(values)} values for {spec.count} addresses"
-    request = make_request(spec.function, spec.address, spec.count, values)
-    size = master.framing.chars(len(encode_request(request)))
-    sent = master.timing.characters(size)
-    if spec.station == BROADCAST:
-        over = exactly(sent + master.turnaround)
-        return _model(spec, "", sent, 0, over, over, over, 0)
-    asked = [slave for slave in slaves if slave.station == spec.station]
-    heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
-    if not heard:
-        why = f", {names(slave.name for slave in asked)} speaks otherwise" if asked else ""
-        return f"nobody on {master.bus} answers as station {spec.station}{why}"
-    if len(heard) > 1:
-        return f"{names(slave.name for slave in heard)} both answer as station {spec.station} and collide"
-    slave = heard[0]
-    if slave.programmed:
-        return f"{slave.name} answers at END, and its program makes its scans longer by no known time"
-    refused = slave.refuses(request, valued=bool(spec.values) and not is_bits(spec.function))
-    if refused:
-        return f"{slave.name} refuses it every time: {refused}"
-    answered = slave.timing.characters(slave.framing.chars(response_size(request)))
-    served, answer = _answer(slave, sent, answered)
-    awaited = answer.most - answered if master.begun_holds else answer.most
-    if awaited > sent + master.timeout:
-        always = answer.least - (answered if master.begun_holds else 0) > sent + master.timeout
-        span = _ms_span(Span(answer.least - sent, answer.most - sent))
-        late = "never comes in time" if always else "may come too late"
-        return f"the answer of {slave.name} takes {span} from the request's end on: it {late}"
-    quiet = exactly(master.framing.quiet if master.framing.mode is Mode.RTU else 0)
-    # Who takes its values early waits for its delay to be over.
-    early = max(served.least, sent + slave.delay) - served.least
-    after = early + slave.spread + slave.extra.most + answered + quiet.most
-    waits = slave.end > 0
-    return _model(spec, slave.name, sent, answered, served, answer, answer + quiet, after, waits=waits)
-
-
-def _answer(slave: SlaveModel, sent: int, answered: int) -> tuple[Span, Span]:
-    """When a slave takes its values, and when its answer ends, from the request's first edge."""
-    heard = sent + (slave.framing.quiet if slave.framing.mode is Mode.RTU else 0)
-    served = Span(heard, heard + slave.end)
-    begins = Span(max(served.least, sent + slave.delay), max(served.most, sent + slave.delay) + slave.spread)
-    return served, begins + slave.extra + exactly(answered)
-
-
-def _model(
-    spec: PollSpec,
-    device: str,
-    request: int,
-    response: int,
-    served: Span,
-    answer: Span,
-    need: Span,
-    after: int,
-    *,
-    waits: bool = False,
-) -> PollModel:
-    return PollModel(
-        name=spec.name,
-        station=spec.station,
-        device=device,
-        function=spec.function,
-        count=spec.count,
-        reads=spec.function in READS,
-        request=request,
-        response=response,
-        served=served,
-        answer=answer,
-        need=need,
-        after=after,
-        waits=waits,
-        every=spec.every,
-        at=spec.at,
-        times=spec.times,
-        retries=spec.retries,
-    )
-
-
-def _too_hasty(master: _Master, slaves: list[SlaveModel]) -> list[str]:
-    """Slaves to whom an answer and the next request are one frame, since the silence between is too short."""
-    if master.framing.mode is not Mode.RTU or len(master.polls) < 2:
-        return []
-    silence = master.framing.quiet + master.pace.gap().least
-    found = []
-    for slave in slaves:
-        if slave.understands(master.framing.mode, master.timing) and slave.framing.quiet > silence:
-            need, has = _ms_span(exactly(slave.framing.quiet)), _ms_span(exactly(silence))
-            found.append(f"{slave.name} needs {need} of silence before a request, and gets {has}")
-    return found
-
-
-def _ms_span(span: Span) -> str:
-    from bussim.units import format_ms
-
-    return format_ms(span.least) if span.fixed else f"{format_ms(span.least)} to {format_ms(span.most)}"

@@ -135,6 +135,8 @@ def test_zero_bytes_receives_nothing() -> None:
     engine = port(0)
     assert spell_to(engine, b"ABC", 0, LINE)[0] == 0
     assert engine.deadline() is None
+    # Nothing is awaited then, so that nothing times out.
+    assert port(0, awaits_first=True).deadline() is None
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,152 @@
+"""One poll of a master: its frames, who answers and when, or why not every time. Times in ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bussim.engines.modbus.adu import BROADCAST, Mode
+from bussim.engines.modbus.codes import MEANINGS
+from bussim.engines.modbus.framing import Framing
+from bussim.engines.modbus.master import refusal
+from bussim.engines.modbus.pdu import MAX_PDU, READS, WRITES, Request, encode_request, response_size
+from bussim.exact.polls.model import PollModel
+from bussim.exact.polls.pace import Pace, Span, exactly
+from bussim.exact.polls.slaves import SlaveModel
+from bussim.line.characters import LineTiming
+from bussim.plc.ports.places import fits, is_bits
+from bussim.plc.ports.requests import make_request
+from bussim.plc.ports.spec import PollSpec
+from bussim.units import format_ms
+from bussim.wording import names
+
+
+@dataclass(frozen=True, slots=True)
+class MasterModel:
+    """One master with its polls. ``plc``: a PLC, which works in scans."""
+
+    node: str
+    bus: str
+    framing: Framing
+    timing: LineTiming
+    timeout: int
+    turnaround: int
+    pace: Pace
+    polls: tuple[PollSpec, ...]
+    begun_holds: bool = False
+    plc: bool = True
+
+    @property
+    def tail(self) -> int:
+        """How long after the timeout an attempt may be decided: see its engine.
+
+        In RTU what had begun by then must be over: its closing silence, and a character in it. Where a
+        response that has begun is awaited, so must a whole frame of the longest, with any pauses.
+        """
+        quiet, character = self.framing.quiet, self.timing.characters(1)
+        if self.begun_holds:
+            return (self.framing.chars(MAX_PDU + 1) + 1) * (quiet + character)
+        return quiet + character if self.framing.mode is Mode.RTU else 0
+
+
+def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) -> PollModel | str:
+    """A poll and its answer, or why it is not answered every time."""
+    values = spec.values or (0,) * spec.count
+    bare = Request(spec.function, spec.address, spec.count)
+    error = refusal(spec.station, bare)
+    if error is not None:
+        return f"it cannot be sent ({MEANINGS[error]})"
+    if spec.device is not None and not fits(spec.device, spec.function, spec.count):
+        return f"{spec.count} items do not lie in memory from {spec.device} on"
+    if spec.function in WRITES and len(values) != spec.count:
+        return f"it has {len(values)} values for {spec.count} addresses"
+    request = make_request(spec.function, spec.address, spec.count, values)
+    size = master.framing.chars(len(encode_request(request)))
+    sent = master.timing.characters(size)
+    if spec.station == BROADCAST:
+        over = exactly(sent + master.turnaround)
+        return _model(spec, "", sent, 0, over, over, over, 0)
+    asked = [slave for slave in slaves if slave.station == spec.station]
+    heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
+    if not heard:
+        why = f", {names(slave.name for slave in asked)} speaks otherwise" if asked else ""
+        return f"nobody on {master.bus} answers as station {spec.station}{why}"
+    if len(heard) > 1:
+        return f"{names(slave.name for slave in heard)} both answer as station {spec.station} and collide"
+    slave = heard[0]
+    if slave.programmed:
+        return f"{slave.name} answers at END, and its program makes its scans longer by no known time"
+    refused = slave.refuses(request, valued=bool(spec.values) and not is_bits(spec.function))
+    if refused:
+        return f"{slave.name} refuses it every time: {refused}"
+    answered = slave.timing.characters(slave.framing.chars(response_size(request)))
+    served, answer = _answer(slave, sent, answered)
+    awaited = answer.most - answered if master.begun_holds else answer.most
+    if awaited > sent + master.timeout:
+        always = answer.least - (answered if master.begun_holds else 0) > sent + master.timeout
+        span = _ms_span(Span(answer.least - sent, answer.most - sent))
+        late = "never comes in time" if always else "may come too late"
+        return f"the answer of {slave.name} takes {span} from the request's end on: it {late}"
+    quiet = exactly(master.framing.quiet if master.framing.mode is Mode.RTU else 0)
+    # Who takes its values early waits for its delay to be over.
+    early = max(served.least, sent + slave.delay) - served.least
+    after = early + slave.spread + slave.extra.most + answered + quiet.most
+    waits = slave.end > 0
+    return _model(spec, slave.name, sent, answered, served, answer, answer + quiet, after, waits=waits)
+
+
+def _answer(slave: SlaveModel, sent: int, answered: int) -> tuple[Span, Span]:
+    """When a slave takes its values, and when its answer ends, from the request's first edge."""
+    heard = sent + (slave.framing.quiet if slave.framing.mode is Mode.RTU else 0)
+    served = Span(heard, heard + slave.end)
+    begins = Span(max(served.least, sent + slave.delay), max(served.most, sent + slave.delay) + slave.spread)
+    return served, begins + slave.extra + exactly(answered)
+
+
+def _model(
+    spec: PollSpec,
+    device: str,
+    request: int,
+    response: int,
+    served: Span,
+    answer: Span,
+    need: Span,
+    after: int,
+    *,
+    waits: bool = False,
+) -> PollModel:
+    return PollModel(
+        name=spec.name,
+        station=spec.station,
+        device=device,
+        function=spec.function,
+        count=spec.count,
+        reads=spec.function in READS,
+        request=request,
+        response=response,
+        served=served,
+        answer=answer,
+        need=need,
+        after=after,
+        waits=waits,
+        every=spec.every,
+        at=spec.at,
+        times=spec.times,
+        retries=spec.retries,
+    )
+
+
+def too_hasty(master: MasterModel, slaves: list[SlaveModel]) -> list[str]:
+    """Slaves to whom an answer and the next request are one frame, since the silence between is too short."""
+    if master.framing.mode is not Mode.RTU or len(master.polls) < 2:
+        return []
+    silence = master.framing.quiet + master.pace.gap().least
+    found = []
+    for slave in slaves:
+        if slave.understands(master.framing.mode, master.timing) and slave.framing.quiet > silence:
+            need, has = _ms_span(exactly(slave.framing.quiet)), _ms_span(exactly(silence))
+            found.append(f"{slave.name} needs {need} of silence before a request, and gets {has}")
+    return found
+
+
+def _ms_span(span: Span) -> str:
+    return format_ms(span.least) if span.fixed else f"{format_ms(span.least)} to {format_ms(span.most)}"

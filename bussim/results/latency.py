@@ -1,0 +1,412 @@
+"""How long changes take from one device to another, from a run's records alone. All times are ticks.
+
+A change of the source goes through stages, and at each a later one may overtake it:
+
+- it is *sampled* at the beginning of its PLC's scan, or was over by then: then it is *unseen*;
+- it is *out* at the END of that scan, when what the program made of it can leave;
+- it is *carried* by the first data frame of its station that begins then or later and that the target's
+  PLC hears; of several changes that are out only the latest is, the others are lost;
+- it is *visible* at that PLC's first END at or after the reception, again only the latest one;
+- it is *delivered* at the END at which the target follows: takes the change's level, or the other one
+  where it is inverted.
+
+A change that leaves the level as the target's side knew it (on, off and on again between two frames)
+is lost with the one before. What a program takes longer than one scan shows in the last part.
+
+Of words the age is measured: whenever the target's PLC begins a scan, the time since the END at which
+the source's PLC left the image that the target's PLC holds.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from bussim.results.histogram import Histogram
+from bussim.trace import DeviceValueRecord, InputRecord
+
+#: What a latency is made of: waiting for the source's scan (to the END after it), for the station's turn
+#: on the link, the frame on the wire, waiting for the destination's END, and for its output.
+PARTS = ("scan", "turn", "wire", "destination", "output")
+#: Changes that wait at one stage; more than these, and the oldest is given up.
+_MOST_WAITING = 1024
+_MOST_VISIBLE = 64
+#: ENDs of the source that are remembered while its frames are on the wire.
+_MOST_ENDS = 1024
+
+
+class Route(NamedTuple):
+    """The way over a link: positions of the two PLCs in its order of seats, and a data frame's ticks."""
+
+    bus: str
+    source: int
+    target: int
+    frame: int
+
+
+@dataclass(frozen=True, slots=True)
+class LatencySpec:
+    """What is measured: an entry of a scenario's ``latency``.
+
+    ``edge`` is "rising", "falling" or "both". ``direct``: the target is a device that the link itself
+    writes (or, without a ``route``, one of the source's PLC), so that it may follow at the very END at
+    which a change becomes visible; else a scan lies between.
+    """
+
+    name: str
+    source_plc: str
+    source: str
+    target_plc: str
+    target: str
+    edge: str
+    inverted: bool
+    word: bool
+    direct: bool
+    route: Route | None  # None: both in one PLC
+
+    def counts(self, level: int) -> bool:
+        """Whether a change to this level is one of those to be measured."""
+        return self.edge == "both" or (level == 1) == (self.edge == "rising")
+
+
+class Sample(NamedTuple):
+    """One latency: when the change was, and its parts in the order of :data:`PARTS`."""
+
+    at: int
+    parts: tuple[int, ...]
+
+    @property
+    def total(self) -> int:
+        """All parts together."""
+        return sum(self.parts)
+
+
+@dataclass(slots=True)
+class LatencyRecord:
+    """What was measured of one entry.
+
+    Bits: ``changes`` = ``delivered`` + ``lost`` + ``unseen`` + ``open`` (under way at the end). Words:
+    ``changes`` counts those of the source, ``delivered`` the scans at which an age was measured.
+    ``sums`` and ``longest_parts`` are of each part; ``shortest`` and ``longest`` whole latencies.
+    """
+
+    source: str
+    target: str
+    edge: str
+    inverted: bool
+    word: bool
+    changes: int = 0
+    delivered: int = 0
+    lost: int = 0
+    unseen: int = 0
+    open: int = 0
+    histogram: Histogram = field(default_factory=Histogram)
+    sums: list[int] = field(default_factory=lambda: [0] * len(PARTS))
+    longest_parts: list[int] = field(default_factory=lambda: [0] * len(PARTS))
+    shortest: Sample | None = None
+    longest: Sample | None = None
+
+    def add(self, sample: Sample) -> None:
+        """Count a latency; of several longest ones the first is kept."""
+        self.delivered += 1
+        total = sample.total
+        if self.histogram.maximum is None or total > self.histogram.maximum:
+            self.longest = sample
+        if self.histogram.minimum is None or total < self.histogram.minimum:
+            self.shortest = sample
+        self.histogram.add(total)
+        for place, ticks in enumerate(sample.parts):
+            self.sums[place] += ticks
+            if ticks > self.longest_parts[place]:
+                self.longest_parts[place] = ticks
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, times in ticks."""
+        return {
+            "from": self.source,
+            "to": self.target,
+            "edge": self.edge,
+            "inverted": self.inverted,
+            "word": self.word,
+            "changes": self.changes,
+            "delivered": self.delivered,
+            "lost": self.lost,
+            "unseen": self.unseen,
+            "open": self.open,
+            "parts": dict(
+                zip(PARTS, map(list, zip(self.sums, self.longest_parts, strict=True)), strict=True)
+            ),
+            "shortest": _sample_to_json(self.shortest),
+            "longest": _sample_to_json(self.longest),
+            **self.histogram.to_json(),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> LatencyRecord:
+        """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
+        parts = [data["parts"][name] for name in PARTS]
+        record = cls(
+            str(data["from"]), str(data["to"]), str(data["edge"]), bool(data["inverted"]), bool(data["word"])
+        )
+        record.changes, record.delivered = int(data["changes"]), int(data["delivered"])
+        record.lost, record.unseen, record.open = int(data["lost"]), int(data["unseen"]), int(data["open"])
+        record.histogram = Histogram.from_json(data)
+        record.sums = [int(total) for total, _ in parts]
+        record.longest_parts = [int(longest) for _, longest in parts]
+        record.shortest = _sample_from_json(data["shortest"])
+        record.longest = _sample_from_json(data["longest"])
+        return record
+
+
+def _sample_to_json(sample: Sample | None) -> list[Any] | None:
+    return None if sample is None else [sample.at, list(sample.parts)]
+
+
+def _sample_from_json(data: Any) -> Sample | None:
+    return None if data is None else Sample(int(data[0]), tuple(int(part) for part in data[1]))
+
+
+class _Change:
+    """A change on its way; times that it has not come to are 0."""
+
+    __slots__ = ("at", "heard", "level", "out", "sent", "visible")
+
+    def __init__(self, at: int, out: int, level: int) -> None:
+        self.at = at
+        self.out = out
+        self.level = level
+        self.sent = self.heard = self.visible = 0
+
+
+class _Bits:
+    """The stages of one entry whose devices are bits."""
+
+    def __init__(self, spec: LatencySpec) -> None:
+        self.spec = spec
+        self.record = _record_of(spec)
+        self._batch: list[InputRecord] = []  # changes that one sampling looks at
+        self._sampled: list[_Change] = []  # not out yet, or not carried
+        self._carried: list[_Change] = []
+        self._visible: list[_Change] = []
+        self._carried_level: int | None = None
+        self._visible_level: int | None = None
+        self._new: list[int] = []  # values of the target at the END that is being told
+
+    # -- what is told ------------------------------------------------------------------------------
+
+    def input(self, record: InputRecord) -> None:
+        """The source's wire has changed."""
+        spec = self.spec
+        self.record.changes += spec.counts(record.level)
+        self._batch.append(record)
+        if not record.seen:
+            return
+        batch, self._batch = self._batch, []
+        # Levels alternate: an even number of changes leaves what the scan before has seen.
+        unseen = batch if len(batch) % 2 == 0 else batch[:-1]
+        self.record.unseen += sum(spec.counts(each.level) for each in unseen)
+        if len(batch) % 2:
+            self._sampled.append(_Change(record.tick, record.end, record.level))
+            self._give_up(self._sampled, _MOST_WAITING)
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """The source or the target has a new value at an END."""
+        spec = self.spec
+        if record.device == spec.target and record.plc == spec.target_plc:
+            self._new.append(record.value)
+        elif record.device == spec.source and record.plc == spec.source_plc and spec.source[0] != "X":
+            self.record.changes += spec.counts(record.value)
+            self._sampled.append(_Change(record.tick, record.tick, record.value))
+            self._give_up(self._sampled, _MOST_WAITING)
+
+    def heard(self, start: int, tick: int) -> None:
+        """The target's PLC has heard a data frame of the source's from ``start`` to ``tick``."""
+        waiting = self._sampled
+        if not waiting or waiting[0].out > start:
+            return
+        number = next((at for at, each in enumerate(waiting) if each.out > start), len(waiting))
+        change = self._latest(waiting[:number], self._carried_level)
+        del waiting[:number]
+        if change is not None:
+            self._carried_level = change.level
+            change.sent, change.heard = start, tick
+            self._carried.append(change)
+
+    def end(self, plc: str, tick: int) -> None:
+        """An END is over."""
+        spec = self.spec
+        if plc != spec.target_plc:
+            return
+        if spec.route is None:
+            self._arrive_at_home(tick)
+        if not spec.direct:
+            self._follow(tick)
+        if self._carried:
+            change = self._latest(self._carried, self._visible_level)
+            self._carried.clear()
+            if change is not None:
+                self._show(change, tick)
+        if spec.direct:
+            self._follow(tick)
+
+    def close(self) -> LatencyRecord:
+        """The record as it is when the run ends now; may be asked for again."""
+        counts = self.spec.counts
+        last = self._visible[-1:]
+        under_way = [*self._sampled, *self._carried, *last]
+        self.record.open = sum(counts(change.level) for change in under_way)
+        self.record.open += sum(counts(each.level) for each in self._batch)
+        left = self._visible[:-1]
+        self._visible = list(last)
+        self._lose(left)
+        return self.record
+
+    # -- stages ------------------------------------------------------------------------------------
+
+    def _arrive_at_home(self, tick: int) -> None:
+        """Source and target in one PLC: a change is visible as soon as it is out."""
+        while self._sampled and self._sampled[0].out <= tick:
+            change = self._sampled.pop(0)
+            change.sent = change.heard = change.out
+            self._show(change, change.out)
+
+    def _show(self, change: _Change, tick: int) -> None:
+        self._visible_level = change.level
+        change.visible = tick
+        self._visible.append(change)
+        self._give_up(self._visible, _MOST_VISIBLE)
+
+    def _latest(self, changes: Sequence[_Change], known: int | None) -> _Change | None:
+        """The one of these that goes on; None where nothing is new to the next stage."""
+        *others, last = changes
+        self._lose(others)
+        if last.level == known:
+            self._lose([last])
+            return None
+        return last
+
+    def _follow(self, tick: int) -> None:
+        """The target's new values at an END: each follows the latest visible change that explains it."""
+        for value in self._new:
+            wanted = value ^ self.spec.inverted
+            found = next(
+                (at for at in range(len(self._visible) - 1, -1, -1) if self._visible[at].level == wanted),
+                None,
+            )
+            if found is None:
+                continue  # something else has moved the target
+            self._lose(self._visible[:found])
+            change = self._visible[found]
+            del self._visible[: found + 1]
+            if self.spec.counts(change.level):
+                at = (change.at, change.out, change.sent, change.heard, change.visible, tick)
+                self.record.add(Sample(change.at, tuple(b - a for a, b in pairwise(at))))
+        self._new.clear()
+
+    def _lose(self, changes: Sequence[_Change]) -> None:
+        self.record.lost += sum(self.spec.counts(change.level) for change in changes)
+
+    def _give_up(self, changes: list[_Change], most: int) -> None:
+        if len(changes) > most:
+            self._lose([changes.pop(0)])
+
+
+class _Words:
+    """The age of one word."""
+
+    def __init__(self, spec: LatencySpec) -> None:
+        self.spec = spec
+        self.record = _record_of(spec)
+        self._ends: deque[int] = deque(maxlen=_MOST_ENDS)  # of the source
+        self._held: tuple[int, int, int] | None = None  # END, start and reception of the image
+
+    def input(self, record: InputRecord) -> None:
+        """Inputs are bits."""
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """The source has a new value at an END."""
+        self.record.changes += record.device == self.spec.source and record.plc == self.spec.source_plc
+
+    def heard(self, start: int, tick: int) -> None:
+        """The target's PLC has heard a data frame of the source's from ``start`` to ``tick``."""
+        ends = self._ends
+        while len(ends) > 1 and ends[1] <= start:
+            ends.popleft()
+        if ends and ends[0] <= start:
+            self._held = (ends[0], start, tick)
+
+    def end(self, plc: str, tick: int) -> None:
+        """A scan begins."""
+        if plc == self.spec.source_plc:
+            self._ends.append(tick)
+        elif plc == self.spec.target_plc and self._held is not None:
+            end, start, heard = self._held
+            self.record.add(Sample(tick, (0, start - end, heard - start, tick - heard, 0)))
+
+    def close(self) -> LatencyRecord:
+        """The record so far."""
+        return self.record
+
+
+def _record_of(spec: LatencySpec) -> LatencyRecord:
+    return LatencyRecord(
+        f"{spec.source_plc}.{spec.source}",
+        f"{spec.target_plc}.{spec.target}",
+        spec.edge,
+        spec.inverted,
+        spec.word,
+    )
+
+
+class LatencyMeter:
+    """All entries of a run. Records must come in the order in which they happen."""
+
+    def __init__(self, specs: Sequence[LatencySpec]) -> None:
+        self._entries = {spec.name: _Words(spec) if spec.word else _Bits(spec) for spec in specs}
+        entries = list(self._entries.values())
+        #: Whose ENDs are wanted.
+        self.plcs = frozenset(plc for spec in specs for plc in (spec.source_plc, spec.target_plc))
+        self._by_source: dict[tuple[str, str], list[_Bits | _Words]] = {}
+        self._by_device: dict[tuple[str, str], list[_Bits | _Words]] = {}
+        self._by_plc: dict[str, list[_Bits | _Words]] = {}
+        self._by_frame: dict[tuple[str, int], list[tuple[int, int, Callable[[int, int], None]]]] = {}
+        for entry in entries:
+            spec = entry.spec
+            source, target = (spec.source_plc, spec.source), (spec.target_plc, spec.target)
+            self._by_source.setdefault(source, []).append(entry)
+            for point in (source, target):
+                self._by_device.setdefault(point, []).append(entry)
+            for plc in dict.fromkeys((spec.source_plc, spec.target_plc)):
+                self._by_plc.setdefault(plc, []).append(entry)
+            if spec.route is not None:
+                bus, seat, hearer, frame = spec.route
+                self._by_frame.setdefault((bus, seat), []).append((hearer, frame, entry.heard))
+
+    def input(self, record: InputRecord) -> None:
+        """An input's wire has changed."""
+        for entry in self._by_source.get((record.plc, record.device), ()):
+            entry.input(record)
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """An observed device has a new value."""
+        for entry in self._by_device.get((record.plc, record.device), ()):
+            entry.value(record)
+
+    def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
+        """A block was received, its last bit at ``tick``."""
+        for seat, frame, take in self._by_frame.get((bus, source), ()):
+            if heard is None or seat in heard:
+                take(tick - frame, tick)
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        """ENDs of a PLC, each told when what it changed has been."""
+        for entry in self._by_plc.get(plc, ()):
+            for tick in ticks:
+                entry.end(plc, tick)
+
+    def records(self) -> dict[str, LatencyRecord]:
+        """What was measured so far, by entry."""
+        return {name: entry.close() for name, entry in self._entries.items()}

@@ -1,0 +1,93 @@
+"""Latencies in ``summary.json`` and in words. Times in ms, instants in s."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from bussim.results.latency import PARTS, LatencyRecord
+from bussim.results.numbers import counted, ms, s, statistics
+
+#: What the parts are called in words; "scan" of a word's age does not exist.
+PART_NAMES = {
+    "scan": "waiting for the source's scan",
+    "turn": "waiting for the station's turn",
+    "wire": "on the wire",
+    "destination": "waiting for the destination's scan",
+    "output": "its output",
+}
+#: Of the cases of a bound those that are told in words.
+_SHOWN_BOUNDS = ("no error", "1 lost reply", "every retry spent")
+
+
+def latency_summary(record: LatencyRecord, bounds: Mapping[str, int] | None) -> dict[str, Any]:
+    """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, by case, in ticks."""
+    parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
+    delivered = record.delivered
+    summary: dict[str, Any] = {
+        "from": record.source,
+        "to": record.target,
+        "kind": "age of a word" if record.word else "change of a bit",
+        "edge": None if record.word else record.edge,
+        "inverted": record.inverted,
+        "changes": record.changes,
+        "delivered": delivered,
+        "lost": record.lost,
+        "unseen": record.unseen,
+        "open": record.open,
+        "ms": statistics(record.histogram),
+        "max_at_s": s(record.longest.at if record.longest is not None else None),
+        "parts_ms": {
+            name: {
+                "mean": ms(total / delivered) if delivered else None,
+                "max": ms(longest) if delivered else None,
+            }
+            for name, total, longest in parts
+        },
+    }
+    if bounds:
+        summary["bound_ms"] = {case: ms(ticks) for case, ticks in bounds.items()}
+    return summary
+
+
+def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    """A run's latencies as lines of text, from its summary."""
+    for name, entry in summary.get("latency", {}).items():
+        way = f"{entry['from']} to {entry['to']}"
+        label = way if name == way else f"{name}: {way}"
+        yield ""
+        yield f"{label}, {_what(entry)}"
+        yield f"  {counts_in_words(entry)}"
+        times = entry["ms"]
+        if times["max"] is None:
+            continue
+        numbers = [("min", "min"), ("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
+        shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
+        yield f"  {'age' if entry['edge'] is None else 'latency':<16} {shown} ms"
+        parts = [
+            f"{PART_NAMES[part]} {found['mean']:.3f}"
+            for part, found in entry["parts_ms"].items()
+            if found["max"]
+        ]
+        yield f"  on average       {', '.join(parts)} ms"
+        bounds = entry.get("bound_ms")
+        if bounds:
+            cases = [case for case in _SHOWN_BOUNDS if case in bounds]
+            yield f"  at worst         {', '.join(f'{bounds[case]:.3f} with {case}' for case in cases)} (ms)"
+
+
+def _what(entry: Mapping[str, Any]) -> str:
+    if entry["edge"] is None:
+        return "age of the word whenever it is read"
+    edge = "either edge" if entry["edge"] == "both" else f"{entry['edge']} edge"
+    return f"{edge}, inverted" if entry["inverted"] else edge
+
+
+def counts_in_words(entry: Mapping[str, Any]) -> str:
+    """What became of the changes of an entry of the summary."""
+    if entry["edge"] is None:
+        return f"{counted(entry['changes'], 'change')} of the source, read {entry['delivered']:,} times"
+    found = [f"{counted(entry['changes'], 'change')}: {entry['delivered']:,} arrived"]
+    words = {"lost": "never arrived", "unseen": "too short to be seen", "open": "under way at the end"}
+    found += [f"{entry[key]:,} {word}" for key, word in words.items() if entry[key]]
+    return ", ".join(found)
