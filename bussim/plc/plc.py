@@ -82,6 +82,7 @@ class Plc:
             spec.name: PortBoard(spec, [poll for poll in polls if poll.port == spec.name], profile, maps)
             for spec in ports
         }
+        self._board_list = tuple(self.boards.values())
         #: Set by whoever connects the PLC to a link.
         self.received: Received | None = None
         #: Called before the link's status is published: others may have listened for its engine.
@@ -104,6 +105,8 @@ class Plc:
         #: the END of the scan that begins with it.
         self.sampled: Callable[[Device, Sequence[Change], int, int], None] | None = None
         self._observed = dict.fromkeys(observed, 0)
+        #: Whether every END is carried out.
+        self.every_end = program is not None or bool(self._inputs) or bool(self._observed)
         #: Told of every END that is carried out, when it has left the memory as it is, before the next scan.
         self.ended: Callable[[int], None] | None = None
         #: Told of a new value of an observed device: the device, its value, the END.
@@ -292,13 +295,12 @@ class Plc:
             return None
         if self.every_end:
             return self.cycle.next_end(max(self._done + 1, now), now)
-        wanted = [tick for board in self.boards.values() if (tick := board.wanted_end(now)) is not None]
-        return self.cycle.next_end(max(min(wanted), self._done + 1, now), now) if wanted else None
-
-    @property
-    def every_end(self) -> bool:
-        """Whether every END is carried out."""
-        return self.logic is not None or bool(self._observed)
+        wanted: int | None = None
+        for board in self._board_list:
+            tick = board.wanted_end(now)
+            if tick is not None and (wanted is None or tick < wanted):
+                wanted = tick
+        return None if wanted is None else self.cycle.next_end(max(wanted, self._done + 1, now), now)
 
     @property
     def has_ends(self) -> bool:
@@ -317,8 +319,12 @@ class Plc:
         self._arrive(now)
         if self.every_end or (self._linked and any(board.shows_memory for board in boards.values())):
             self._publish()
-        hints = {name: board.at_end(now) for name, board in boards.items()}
-        extra = sum(board.active for board in boards.values()) * self.profile.transaction_time
+        hints: dict[str, int] = {}
+        active = 0
+        for name, board in boards.items():
+            hints[name] = board.at_end(now)
+            active += board.active
+        extra = active * self.profile.transaction_time
         self._image_until = -1
         if self._observed:
             self._observe(now)

@@ -162,7 +162,10 @@ class PortRecord:
 
     def poll(self, name: str) -> Poll:
         """The poll of that name, a new one if there is none."""
-        return self.polls.setdefault(name, Poll())
+        found = self.polls.get(name)
+        if found is None:
+            found = self.polls[name] = Poll()
+        return found
 
     def transaction(self, record: TransactionRecord) -> None:
         """Count an attempt."""

@@ -99,14 +99,16 @@ class Directory:
 
     def __init__(self, draft: Draft, members: Sequence[Member], lines: Mapping[str, LineTiming]) -> None:
         self.nodes: list[Node] = []
+        #: The link's port of those PLCs that take part in N:N: their node has the PLC's bare name.
+        self._links: dict[str, str] = {}
         owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
         for member in members:
             own = [(seat.name, port_node(member, seat, _line(lines, seat.bus))) for seat in member.ports]
             link = link_node(member)
             if link is not None:
                 own.append((member.port, link))
+                self._links[member.name] = member.port
             self.nodes += [node for _, node in sorted(own, key=lambda pair: pair[0])]
-        self._links = {member.name: member.port for member in members}
         for entry in draft.devices:
             if entry.value is not None and entry.value.known:
                 self.nodes.append(device_node(entry.path, entry.value, _line(lines, entry.value.bus)))

@@ -116,9 +116,14 @@ class PortSeat:
         return register_of(self.name, self.words, key)
 
 
+def _is_com2_station(port: str, key: str) -> bool:
+    """COM2 has its station number in D8121, which is something from power-on."""
+    return key == "station" and port == "COM2"
+
+
 def register_of(port: str, words: Device, key: str) -> str:
     """The register that a key of a port stands for."""
-    if key == "station" and port == "COM2":
+    if _is_com2_station(port, key):
         return str(cpavl.COM2_STATION)
     offset = cpavl.FORMAT if key in _FORMAT_KEYS else _WORDS.get(key, cpavl.PROTOCOL)
     return f"D{words.address + offset}"
@@ -142,12 +147,14 @@ def seat_port(
     line: LineTiming,
     raw: Mapping[str, int],
     programmed: tuple[Device, Device] | None = None,
+    *,
+    com2_station: int,
 ) -> tuple[PortSeat, dict[str, int]]:
     """The meaning of a port's entry, and the registers that its friendly keys and their defaults add.
 
     ``raw`` are the PLC's other registers by their proper names, which win over defaults. A port
     without a protocol is as ``raw`` describes it: nothing is filled in. ``programmed`` are the places of
-    words and bits that the PLC's program gives them.
+    words and bits that the PLC's program gives them; ``com2_station`` is D8121 at power-on.
     """
     words, bits = cpavl.default_places(name)
     if given.cpavl is not None:
@@ -157,11 +164,13 @@ def seat_port(
     added = dict(explicit.values())
     if given.protocol is not None:
         for key in keys_of(given.protocol):
-            if key in _DEFAULTS:
+            if _is_com2_station(name, key):
+                added.setdefault(register_of(name, words, key), com2_station)
+            elif key in _DEFAULTS:
                 added.setdefault(register_of(name, words, key), _DEFAULTS[key] // _UNITS.get(key, 1))
         added.setdefault(register_of(name, words, "format"), cpavl.format_word(line, eight_bit=False))
     added = {register: value for register, value in added.items() if register not in raw}
-    settings = _read(name, words, {**added, **raw})
+    settings = _read(name, words, {str(cpavl.COM2_STATION): com2_station, **added, **raw})
     return PortSeat(path, plc, name, given, words, bits, settings, explicit), added
 
 
@@ -205,5 +214,7 @@ def written_keys(seat: PortSeat, registers: Mapping[str, int], raw: Mapping[str,
     return {
         key: registers[seat.register(key)] * _UNITS.get(key, 1)
         for key in keys_of(seat.given.protocol)
-        if key in _DEFAULTS and getattr(seat.given, key) is None and seat.register(key) not in raw
+        if (key in _DEFAULTS or _is_com2_station(seat.name, key))
+        and getattr(seat.given, key) is None
+        and seat.register(key) not in raw
     }

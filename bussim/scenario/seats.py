@@ -196,6 +196,7 @@ def member_of(
                 line,
                 raw,
                 (programmed.words, programmed.bits) if programmed is not None else None,
+                com2_station=profile.com2_station,
             )
             registers = {**registers, **added}
             seats.append(seat)

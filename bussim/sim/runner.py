@@ -318,7 +318,7 @@ def _accepted(spec: model.Plc) -> bool:
 
 def _visible(bus: LinkBus, seat: int) -> Callable[[int, int], Iterable[tuple[int, bytes]]]:
     ledger = bus.ledger
-    return lambda since, end: ledger.visible(seat, end, since)
+    return lambda since, end: ledger.visible(seat, end, since) if ledger.latest > since else ()
 
 
 def _plc(spec: model.Plc, streams: Streams, *, linked: bool) -> Plc:

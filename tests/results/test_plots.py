@@ -14,6 +14,8 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from bussim.errors import UsageError
+from bussim.results.bars import is_far, usual_range, whole_range
+from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.results.plot_run import scan_times_over_run
 from bussim.results.plots import run_labels, scan_time_histogram
 from bussim.results.record import RunRecord
@@ -98,6 +100,18 @@ def test_far_outliers_get_a_logarithmic_axis_beside_the_usual_scans() -> None:
     assert usual.get_xlim()[1] < 51
     assert whole.get_xlim()[1] > 349
     assert has(picture, "station 1 (press2): 6 attempts, all 01")
+
+
+def test_a_hill_of_many_scans_is_among_the_usual_ones() -> None:
+    """Three hills, a quarter of the scans in the last, far from the densest half; and some far scans."""
+    histogram = Histogram()
+    for hill, count in ((5100, 500), (5300, 240), (5800, 240), (10_000, 20)):
+        for number in range(count):
+            histogram.add((hill + number % 60) * BIN_TICKS)
+    low, high = usual_range([histogram])
+    assert 5000 < low < 5100
+    assert 5860 < high < 6000
+    assert is_far(whole_range([histogram]), (low, high))
 
 
 def test_every_scan_is_in_a_bar() -> None:

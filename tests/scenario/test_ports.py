@@ -72,6 +72,19 @@ def test_a_slave_has_its_station_in_its_words_and_com2_in_d8121() -> None:
     assert _settings(plc, "COM2").station == 9
 
 
+def test_com2_has_its_station_from_power_on() -> None:
+    port = "COM2: {bus: line, protocol: modbus-rtu-slave}"
+    plc = _plc(1, (SLAVE, port))
+    assert plc.registers["D8121"] == _settings(plc, "COM2").station == 1
+    plc = _plc(1, (SLAVE, port), ("scan: 5 ms", "scan: 5 ms\n    profile: {base: pw10, com2_station: 33}"))
+    assert plc.registers["D8121"] == _settings(plc, "COM2").station == 33
+    raw = "COM2: {bus: line, cpavl: {words: D100, bits: M100}}"
+    text = spoilt((SLAVE, raw), ("scan: 5 ms", "scan: 5 ms\n    registers: {D100: 0x81, D106: 2}"))
+    found = loads(text)
+    assert "D8121" not in found.plcs[1].registers  # the profile's, which the check knows
+    assert any("press2.COM2 and drive on line are both station 1" in text for text in found.warnings)
+
+
 def test_a_port_may_have_a_line_of_its_own() -> None:
     plc = _plc(0, (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, baud: 115200, format: 8E2}"))
     assert decode_format(plc.registers["D7920"]) == (LineTiming(115200, CharFormat(8, "E", 2)), False)

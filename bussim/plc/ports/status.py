@@ -13,7 +13,7 @@ from bussim.plc.ports.events import PortErrorRaised, PortEvent
 class PortStatus:
     """What one port shows its program, from RUN to STOP; offsets are those of CPAVL's tables."""
 
-    __slots__ = ("_bits", "_errors", "_words", "events", "memory", "port")
+    __slots__ = ("_bits", "_errors", "_shown", "_words", "events", "memory", "port")
 
     def __init__(
         self,
@@ -28,6 +28,8 @@ class PortStatus:
         #: What waits to be told to the reporter.
         self.events = events
         self._words, self._bits = places
+        self._shown = memory.bits(self._bits.letter)
+        self._shown = memory.bits(self._bits.letter)
         self._errors = errors
 
     def bit(self, offset: int) -> int:
@@ -36,7 +38,7 @@ class PortStatus:
 
     def set_bit(self, offset: int, value: int) -> None:
         """Show a bit of the port."""
-        self.memory.set(Device(self._bits.letter, self._bits.address + offset), value)
+        self._shown[self._bits.address + offset] = 1 if value else 0
 
     def set_word(self, offset: int, value: int) -> None:
         """Show a word of the port."""

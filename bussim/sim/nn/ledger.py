@@ -55,9 +55,12 @@ class Ledger:
     def __init__(self, horizon: int) -> None:
         self._horizon = horizon
         self._stations: dict[int, _Histories] = {}
+        #: When anybody received a block last.
+        self.latest = -1
 
     def heard(self, station: int, tick: int, image: bytes, missed: Collection[int] = ()) -> None:
         """Every seat but ``missed`` (and the sender, which ignores it) received a station's block."""
+        self.latest = tick
         histories = self._stations.get(station)
         if histories is None:
             histories = self._stations[station] = _Histories()
@@ -75,6 +78,7 @@ class Ledger:
 
     def heard_alone(self, station: int, tick: int, image: bytes, seat: int) -> None:
         """One seat received a block that the others did not (or not as a whole frame)."""
+        self.latest = tick
         own = self._stations.setdefault(station, _Histories()).split(seat)
         own.append((tick, image))
         if len(own) > _SLACK:
