@@ -55,6 +55,7 @@ def command(
     """
     from bussim.commands.output import checked_target, traced_again
     from bussim.export.run import ENDINGS, export_trace
+    from bussim.results.load import load_run
     from bussim.results.trace_file import TRACE, read_trace
 
     if encap is not None and fmt != "pcapng":
@@ -64,6 +65,7 @@ def command(
     if not folder.exists():
         raise UsageError(f"{folder} does not exist; name the folder of a run")
     if folder.is_dir() and not (folder / TRACE).is_file():
+        load_run(folder)  # says what is wrong with a folder that is not a run's
         raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
     trace = read_trace(folder)
     place = _default(folder, fmt, trace, bus) if out is None else Path(out)
