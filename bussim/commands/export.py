@@ -53,7 +53,7 @@ def command(
 
     Needs a run with --trace. Prints the file, and what the tool that opens it must be told.
     """
-    from bussim.commands.output import checked_target, traced_again
+    from bussim.commands.output import busy, checked_target, traced_again
     from bussim.export.run import ENDINGS, export_trace
     from bussim.results.load import load_run
     from bussim.results.trace_file import TRACE, read_trace
@@ -70,7 +70,10 @@ def command(
     trace = read_trace(folder)
     place = _default(folder, fmt, trace, bus) if out is None else Path(out)
     target = checked_target(place, [ENDINGS[fmt]], force=force)
-    done = export_trace(trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial")
+    with busy(f"writing {target}"):
+        done = export_trace(
+            trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial"
+        )
     if as_json:
         click.echo(json.dumps(_as_json(done, fmt), indent=2, ensure_ascii=False))
         return
