@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+
 from bussim.commands.port_options import format_of
 
 if TYPE_CHECKING:
@@ -22,6 +24,9 @@ def bus_of(source: str, name: str | None) -> tuple[TraceBus, bool]:
 
     trace = read_trace(source)
     if name is None and trace.header.buses:
+        if others := [repr(bus.name) for bus in trace.header.buses[1:]]:
+            first = trace.header.buses[0].name
+            click.echo(f"this is bus {first!r}; with --bus also: {', '.join(others)}", err=True)
         return trace.header.buses[0], trace.header.exact
     return trace.bus(name or "line"), trace.header.exact
 

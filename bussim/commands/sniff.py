@@ -43,7 +43,7 @@ _PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
 @click.option("--bus", metavar="NAME", help="Name of the bus (line); in a trace: which one (the first).")
 @click.option("--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file.")
 @click.option("--bridge", metavar="URL", help="Hand every byte on to this port, and back: listen in between.")
-@click.option("--duration", metavar="T", help="Listen so long (default: until Ctrl-C).")
+@click.option("--for", "--duration", "duration", metavar="T", help="Listen so long (default: until Ctrl-C).")
 @click.option("--out", metavar="DIR", help="Record: write a folder as of a run, with its trace.")
 @click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was heard as JSON.")
@@ -80,7 +80,7 @@ def command(
     known = None if protocol == "auto" else Protocol(protocol)
     timing = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
-    limit = None if duration is None else time_of("--duration", duration)
+    limit = None if duration is None else time_of("--for", duration)
     kind = kind_of(Path(source)) if is_recording(source) else None
     if kind is not None and bridge is not None:
         raise UsageError("--bridge joins two ports; a recording has none")

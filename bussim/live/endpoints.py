@@ -16,12 +16,14 @@ and everything else that pyserial's ``serial_for_url`` knows.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import select
 import sys
 import time
 from pathlib import Path
 from typing import Protocol
+from urllib.parse import urlsplit
 
 import serial
 from serial.rs485 import RS485Settings
@@ -78,7 +80,24 @@ def open_endpoint(url: str, line: LineTiming, options: PortOptions) -> Endpoint:
         from bussim.live.pseudo import PseudoTerminal
 
         return PseudoTerminal(url.partition(":")[2] or None)
+    _check_address(url)
     return SerialEndpoint(url, line, options)
+
+
+def _check_address(url: str) -> None:
+    """What pyserial would answer with an error of Python's."""
+    if not url.strip():
+        raise UsageError("a port without a name: write COM7, /dev/ttyUSB0, socket://HOST:PORT or pty")
+    scheme = url.partition("://")[0].lower()
+    if scheme not in ("socket", "rfc2217"):
+        return
+    try:
+        parts = urlsplit(url)
+        known = parts.hostname and parts.port
+    except ValueError:  # a port that is no number, or none that exists
+        known = None
+    if not known:
+        raise UsageError(f"{url} has no host and port: write {scheme}://HOST:PORT, PORT is 1…65535")
 
 
 class SerialEndpoint:
@@ -212,11 +231,26 @@ def _handle(port: serial.Serial) -> int | None:
 
 def why_not(url: str, error: Exception) -> str:
     """Why a port could not be opened, with the ports that are here."""
-    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    text = f"{url} cannot be opened: {reason}"
+    text = f"{url} cannot be opened: {_reason(url, error)}"
     if "://" in url or Path(url).exists():
         return text
     from serial.tools.list_ports import comports
 
     here = sorted(str(port.device) for port in comports())
     return f"{text}; {'ports here: ' + ', '.join(here) if here else 'no serial port was found here'}"
+
+
+def _reason(url: str, error: Exception) -> str:
+    """What the system said: pyserial repeats the name around it."""
+    inner = error.__context__ if isinstance(error, serial.SerialException) else error
+    if isinstance(inner, _SETTING_ERRORS):
+        return "it is no serial port"
+    if not isinstance(inner, OSError) or not inner.strerror:
+        return str(error)
+    if "://" in url:
+        return inner.strerror
+    if inner.errno in (errno.EAGAIN, errno.EBUSY):
+        return "another program has it open"
+    if inner.errno == errno.EACCES and sys.platform != "win32":
+        return f"{inner.strerror}; serial ports are open to the group that owns them, often dialout"
+    return inner.strerror

@@ -20,9 +20,10 @@ import tty  # noqa: E402
 class PseudoTerminal:
     """An :class:`~bussim.live.endpoints.Endpoint` at the inner end of a new pseudo-terminal.
 
-    ``link`` is the path of a symbolic link to its outer end, made anew and removed at the end; a
-    file that is no symbolic link is never replaced (UsageError). The outer end stays open here, too,
-    so that a client may come and go. A client that does not read loses what no longer fits.
+    ``link`` is the path of a symbolic link to its outer end, made anew and removed at the end. A link
+    that is left over, of a process that was killed, leads nowhere and is replaced; what leads to
+    something, or is no link, is somebody's and never replaced (UsageError). The outer end stays open
+    here, too, so that a client may come and go. A client that does not read loses what no longer fits.
     """
 
     instant = True
@@ -30,8 +31,8 @@ class PseudoTerminal:
 
     def __init__(self, link: str | None = None) -> None:
         self._link = None if link is None else Path(link)
-        if self._link is not None and self._link.exists() and not self._link.is_symlink():
-            raise UsageError(f"{link} exists and is no symbolic link; choose another name for the pty")
+        if self._link is not None and (why := _taken(self._link)):
+            raise UsageError(f"{link} {why}; choose another name for the pty")
         self._inner, self._outer = os.openpty()
         self.handle: int | None = self._inner
         try:
@@ -69,3 +70,18 @@ class PseudoTerminal:
             with contextlib.suppress(OSError):
                 if str(self._link.readlink()) == getattr(self, "device", None):
                     self._link.unlink()
+
+
+def _taken(link: Path) -> str:
+    """Why a link's name cannot be used, "" if it can."""
+    try:
+        if not link.exists():  # nothing, or a link that leads nowhere
+            return ""
+        if not link.is_symlink():
+            return "exists and is no symbolic link"
+        where = link.readlink()
+    except OSError:  # what is wrong with the name is told when the link is made
+        return ""
+    if link.is_char_device():
+        return f"leads to {where}, which is in use: another process may be serving there. Remove it if not"
+    return f"is a link to {where}"

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+#: Seconds within which signals are one wish: ``timeout`` and supervisors signal a process and its group.
+_ONE_WISH = 0.5
+
 
 class Stopping:
-    """While it is open, the first Ctrl-C (or SIGTERM) only sets :attr:`stopped`; the second one interrupts.
+    """While it is open, the first Ctrl-C (or SIGTERM) only sets :attr:`stopped`; one that follows interrupts.
 
     Outside the main thread, where signals cannot be taken, it only keeps the flag.
     """
 
     def __init__(self) -> None:
         self.stopped = False
+        self._first_at = 0.0
         self._before: dict[int, Any] = {}
 
     def __call__(self) -> bool:
@@ -39,6 +44,8 @@ class Stopping:
 
     def _asked(self, number: int, frame: FrameType | None) -> None:
         del number, frame
-        if self.stopped:
+        now = time.monotonic()
+        if not self.stopped:
+            self._first_at, self.stopped = now, True
+        elif now - self._first_at > _ONE_WISH:
             raise KeyboardInterrupt
-        self.stopped = True

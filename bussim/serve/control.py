@@ -130,10 +130,10 @@ class ControlServer:
     def _answered(self, text: bytes) -> dict[str, Any]:
         try:
             request = json.loads(text)
-        except ValueError:
+        except (ValueError, RecursionError):
             return {"ok": False, "error": "this is no line of JSON"}
         token = request.get("token") if isinstance(request, dict) else None
-        if not isinstance(token, str) or not hmac.compare_digest(token.encode(), self._token.encode()):
+        if not isinstance(token, str) or not _same(token, self._token):
             return {"ok": False, "error": "this has not the token of this process"}
         try:
             return {"ok": True, **self._answer(request)}
@@ -141,8 +141,15 @@ class ControlServer:
             return {"ok": False, "error": str(error)}
 
 
+def _same(token: str, own: str) -> bool:
+    """Whether a token is the right one; of JSON, it may be any text, even halves of characters."""
+    return hmac.compare_digest(token.encode(errors="surrogatepass"), own.encode())
+
+
 def _line(data: dict[str, Any]) -> bytes:
-    return json.dumps(data, ensure_ascii=False).encode() + b"\n"
+    return (
+        json.dumps(data).encode() + b"\n"
+    )  # pure ASCII: what was asked may stand in it, even half characters
 
 
 def _read(peer: socket.socket) -> bytes:

@@ -262,13 +262,13 @@ def session_header(scenario: model.Scenario, places: Sequence[Place]) -> TraceHe
         own = [place for place in places if place.bus == bus.name]
         away = {node.node for place in own for node in place.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
-        if (left and not bus.nn) or not own:
-            buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
         for place in own:
             nodes = bus.nodes if bus.nn else tuple(node.node for node in place.nodes)
             stations = dict(bus.stations) if bus.nn else _only(bus.stations, nodes)
             timing = place.timing
             buses.append(TraceBus(place.name, bus.nn, timing.baud, str(timing.format), nodes, stations))
+        if (left and not bus.nn) or not own:  # after what is served, which is looked at first
+            buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
     return header._replace(buses=tuple(buses), duration=None, exact=False)
 
 

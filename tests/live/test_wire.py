@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
 import sys
@@ -124,11 +125,63 @@ def test_parity_on_a_pseudo_terminal_is_warned_of_once(fmt: str) -> None:
     assert "neither parity nor 7 data bits" in told[0]
 
 
-def test_a_port_that_is_not_there_is_a_mistake_of_the_user() -> None:
-    with pytest.raises(UsageError, match="cannot be opened"):
-        Wire("/dev/ttyNOTHERE", LINE).open()
-    with pytest.raises(UsageError, match="no port that can be opened"):
-        Wire("nonsense://x", LINE).open()
+@posix
+def test_somebody_else_s_link_is_never_replaced(tmp_path: Path) -> None:
+    """Of two that want one name the second is told, and the first goes on."""
+    link, other = tmp_path / "plc", tmp_path / "mine"
+    first, second = Wire(f"pty:{link}", LINE), Wire(f"pty:{link}", LINE)
+    first.open()
+    with pytest.raises(UsageError, match="in use"):
+        second.open()
+    second.close()
+    with serial.Serial(str(link), timeout=PATIENCE) as client:
+        client.write(b"\x01\x02")
+        assert read_all(first, 2) == b"\x01\x02"
+    first.close()
+    other.write_text("mine")
+    link.symlink_to(other)
+    with pytest.raises(UsageError, match="is a link to"):
+        second.open()
+    assert link.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("/dev/ttyNOTHERE", "/dev/ttyNOTHERE cannot be opened: No such file or directory; "),
+        ("COM7", "COM7 cannot be opened"),
+        ("nonsense://x", "no port that can be opened"),
+        ("", "a port without a name"),
+        ("socket://127.0.0.1", "write socket://HOST:PORT"),
+        ("socket://:502", "write socket://HOST:PORT"),
+        ("rfc2217://box:seven", "write rfc2217://HOST:PORT"),
+        ("socket://box:65536", "PORT is 1…65535"),
+    ],
+)
+def test_a_port_that_is_not_there_is_a_mistake_of_the_user(url: str, why: str) -> None:
+    with pytest.raises(UsageError) as told:
+        Wire(url, LINE).open()
+    assert why in str(told.value) or (sys.platform == "win32" and "cannot be opened" in str(told.value))
+
+
+@posix
+def test_why_a_port_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(UsageError, match="it is no serial port"):
+        Wire("/dev/null", LINE).open()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    with pytest.raises(UsageError, match="cannot be opened: Connection refused"):
+        Wire(url, LINE).open()
+    for number, why in ((errno.EAGAIN, "another program"), (errno.EACCES, "dialout")):
+
+        def refuse(*_: object, number: int = number) -> int:
+            raise OSError(number, os.strerror(number))
+
+        wire = Wire(str(tmp_path), LINE)
+        with monkeypatch.context() as patched:
+            patched.setattr(os, "open", refuse)
+            with pytest.raises(UsageError, match=why):
+                wire.open()
 
 
 @posix

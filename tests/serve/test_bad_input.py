@@ -15,12 +15,19 @@ import pytest
 
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.modbus.codes import Rejection
-from tests.serve.serving import PATIENCE, SLAVES, Serving
+from bussim.engines.nn.frames import LinkSettings, encode_parameters, encode_poll
+from tests.serve.serving import HEAD, PATIENCE, SLAVES, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
 if sys.platform != "win32":
     import tty
 
+LINK = f"""{HEAD}
+buses: [{{name: link, nn: true}}]
+plcs:
+  - {{name: press, nn: {{bus: link, port: COM4, station: 0, slaves: 1, mode: 1, timeout: 2250 ms}}}}
+  - {{name: feeder, scan: 6 ms, nn: {{bus: link, port: COM4, station: 1}}}}
+"""
 NODES = {Mode.RTU: "v80", Mode.ASCII: "ascii"}
 both_modes = pytest.mark.parametrize("mode", list(Mode))
 
@@ -113,3 +120,24 @@ def test_a_request_in_pieces_is_one_request_as_long_as_its_pieces_are_late_by_th
         assert select.select((handle,), (), (), PATIENCE)[0]
     (device,) = [one for one in serving.totals().devices if one.name == "v80"]
     assert (device.answered, device.rejected) == (1, {})
+
+
+def test_random_bytes_on_a_link_and_its_slave_answers_the_next_poll() -> None:
+    """The engines of the link are served, too: what they hear is 7 bits of anything."""
+    rng = random.Random(2)
+    with Serving(LINK, "feeder") as serving, opened(serving.device) as handle:
+        # Settings, then a poll: what a slave needs before it answers.
+        opening = encode_parameters(1, LinkSettings(1, 1, 3, 225)).chars
+        for _ in range(3):
+            pour(serving, handle, rng.randbytes(50_000))
+            time.sleep(0.5)  # longer than any tolerance
+            while select.select((handle,), (), (), 0)[0]:
+                os.read(handle, 4096)
+            pour(serving, handle, opening)
+            heard, until = b"", time.monotonic() + PATIENCE
+            while not heard and time.monotonic() < until:
+                os.write(handle, encode_poll(1, 1).chars)
+                if select.select((handle,), (), (), 1.0)[0]:
+                    heard = os.read(handle, 4096)
+            assert heard
+    assert serving.told == []

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -18,7 +20,7 @@ from bussim.errors import UsageError
 from bussim.serve import control
 from bussim.serve.answers import Answers
 from bussim.serve.control import ControlServer, control_folder, running
-from tests.serve.serving import SLAVES, Serving
+from tests.serve.serving import PATIENCE, SLAVES, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
 if sys.platform != "win32":
@@ -173,6 +175,63 @@ def test_what_is_served_is_listed_and_gone_afterwards(
     assert list(control_folder().iterdir()) == []
     assert main(["inject", "v80", "drop_reply"]) == 2
     assert "nothing is being served" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no Unix sockets")
+def test_rubbish_on_the_control_socket_does_not_end_it(serving: Serving) -> None:
+    server = ControlServer("test", Answers(serving.session))
+    try:
+        (note,) = control_folder().glob("*.json")
+        place = note.with_suffix(".sock")
+        assert [stat.S_IMODE(path.stat().st_mode) for path in (note, place)] == [0o600, 0o600]
+        token = json.loads(note.read_text())["token"]
+        rubbish = [
+            b"\xff\xfe\n",
+            b"[" * 100_000 + b"\n",
+            b"x" * 300_000,  # longer than it reads, without an end
+            b'{"do": "list", "token": "\\ud800"}\n',
+            json.dumps({"do": "inject", "token": token, "node": "\ud800", "kind": "\ud800"}).encode() + b"\n",
+            json.dumps({"do": "\ud800", "token": token}).encode() + b"\n",
+        ]
+        for line in rubbish:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as peer:
+                peer.settimeout(PATIENCE)
+                peer.connect(str(place))
+                with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+                    peer.sendall(line)
+                    assert json.loads(peer.makefile().readline())["ok"] is False
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as peer:
+            peer.connect(str(place))  # and goes without a word
+        (found,) = running()
+        assert found.ask(do="list")["scenario"] == "test"
+    finally:
+        server.close()
+
+
+@pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="only Linux tells its sockets so")
+def test_nothing_listens_on_the_network(serving: Serving) -> None:
+    def listening() -> list[str]:
+        own = set()
+        for handle in Path("/proc/self/fd").iterdir():
+            with contextlib.suppress(OSError):
+                own.add(str(handle.readlink()))
+        rows = [row.split() for name in ("tcp", "tcp6", "udp", "udp6") for row in _sockets(name)]
+        # Columns: 1 the address, 3 the state (0A: TCP listens, 07: UDP receives), 9 the inode.
+        return [row[1] for row in rows if row[3] in ("0A", "07") and f"socket:[{row[9]}]" in own]
+
+    before = listening()
+    server = ControlServer("test", Answers(serving.session))
+    try:
+        assert listening() == before
+        with socket.create_server(("127.0.0.1", 0)):  # it would be seen
+            assert len(listening()) == len(before) + 1
+    finally:
+        server.close()
+
+
+def _sockets(name: str) -> list[str]:
+    path = Path("/proc/self/net") / name
+    return path.read_text().splitlines()[1:] if path.exists() else []
 
 
 def test_without_unix_sockets_a_token_is_wanted_on_the_loopback(
