@@ -38,3 +38,13 @@ def suggest(name: str, options: Sequence[str]) -> str:
     if near is not None:
         return f"did you mean {near}?"
     return f"allowed are {names(options)}" if options else "there are none"
+
+
+def about(value: float) -> str:
+    """Two significant digits, with thousands separated: 3,100; 0.12; 1e-7 stays a power."""
+    if value == 0:
+        return "0"
+    if abs(value) < 1e-3 or abs(value) >= 1e9:
+        return f"{value:.1e}"
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:,.0f}" if abs(rounded) >= 10 else f"{rounded:g}"

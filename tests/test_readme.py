@@ -72,3 +72,16 @@ def test_example_scenario_is_sound() -> None:
     example = re.search(r"```yaml\n(.*?)```", README, re.DOTALL)
     assert example is not None
     assert loads(example.group(1)).warnings == ()
+
+
+def test_the_examples_of_ports_and_devices_load() -> None:
+    blocks: list[str] = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+    ports = next(block for block in blocks if "model: stepper" in block)
+    devices = next(block for block in blocks if "model: map" in block).removeprefix("devices:\n")
+    more = ports.replace("buses:\n", "buses:\n  - {name: ovens}\n  - {name: belt}\n")
+    found = loads(f"schema: 1\nname: readme\nduration: 5 s\n{more}{devices}")
+    assert [device.model for device in found.devices] == ["stepper", "map", "hmi", "free"]
+    assert [poll.name for poll in found.plcs[0].polls] == ["COM3 station 1 03 @22", "COM3 station 1 05 @7"]
+    summary = bussim.run(found, rows=False).summary
+    assert summary["ports"]["press1.COM3"]["timeouts"] == 0
+    assert summary["devices"]["reader"]["sent"] == 5

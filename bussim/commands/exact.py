@@ -150,7 +150,8 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     from rich.table import Table
     from rich.text import Text
 
-    from bussim.exact.words import about, ms
+    from bussim.exact.words import ms
+    from bussim.wording import about
 
     model = figures.model
     slaves = len(model.stations)

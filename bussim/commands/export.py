@@ -53,8 +53,9 @@ def command(
 
     Needs a run with --trace. Prints the file, and what the tool that opens it must be told.
     """
-    from bussim.commands.output import checked_target, traced_again
+    from bussim.commands.output import busy, checked_target, traced_again
     from bussim.export.run import ENDINGS, export_trace
+    from bussim.results.load import load_run
     from bussim.results.trace_file import TRACE, read_trace
 
     if encap is not None and fmt != "pcapng":
@@ -64,11 +65,15 @@ def command(
     if not folder.exists():
         raise UsageError(f"{folder} does not exist; name the folder of a run")
     if folder.is_dir() and not (folder / TRACE).is_file():
+        load_run(folder)  # says what is wrong with a folder that is not a run's
         raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
     trace = read_trace(folder)
     place = _default(folder, fmt, trace, bus) if out is None else Path(out)
     target = checked_target(place, [ENDINGS[fmt]], force=force)
-    done = export_trace(trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial")
+    with busy(f"writing {target}"):
+        done = export_trace(
+            trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial"
+        )
     if as_json:
         click.echo(json.dumps(_as_json(done, fmt), indent=2, ensure_ascii=False))
         return

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.output import busy
 from bussim.commands.port_options import time_of
 from bussim.commands.recording import bus_of, is_recording, line_of, read
 from bussim.errors import UsageError
@@ -100,12 +98,12 @@ def command(
     target = _target(output, force=force)
     known = None if protocol == "auto" else Protocol(protocol)
     line = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
-    with _busy(f"reading {trace}"):
+    with busy(f"reading {trace}"):
         fitted = fit(trace, line, protocol=known, bus=bus, channel=channel, tolerance=tolerance)
     scenario = scenario_of(
         fitted, base, name=f"fitted to {Path(trace).stem}", seed=seed, longest=time_of("--simulate", simulate)
     )
-    with _busy("simulating the estimates"):
+    with busy("simulating the estimates"):
         simulated = _simulated(scenario, fitted, wanted=time_of("--simulate", simulate) > 0)
     comparison = None if simulated is None else comparison_of(fitted, simulated)
     if target is not None:
@@ -119,18 +117,6 @@ def command(
     show(fitted, simulated, comparison)
     if target is not None:
         click.echo(f"scenario: {target}")
-
-
-@contextmanager
-def _busy(what: str) -> Iterator[None]:
-    """Say on stderr what takes its time, only on a terminal."""
-    if not sys.stderr.isatty():
-        yield
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(what):
-        yield
 
 
 def fit(

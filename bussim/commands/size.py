@@ -102,7 +102,8 @@ def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verdict]:
 def _show(console: Console, bus: str, sizing: Sizing, verdicts: list[Verdict]) -> None:
     from rich.text import Text
 
-    from bussim.exact.words import about, ms
+    from bussim.exact.words import ms
+    from bussim.wording import about
 
     console.print(Text(f"{bus}: {len(sizing.model.stations) + 1} stations, mode {sizing.model.mode}", "bold"))
     if not sizing.valid:
@@ -164,7 +165,8 @@ def _show_ladder(console: Console, sizing: Sizing) -> None:
     from rich.text import Text
 
     from bussim.exact.ladder import LEVELS
-    from bussim.exact.words import about, ms
+    from bussim.exact.words import ms
+    from bussim.wording import about
 
     ladder = sizing.ladder
     if ladder is None:
@@ -197,7 +199,7 @@ def _show_front(console: Console, sizing: Sizing) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from bussim.exact.words import about
+    from bussim.wording import about
 
     table = Table(title=Text("Pareto front"), title_justify="left", box=None, pad_edge=False, padding=(0, 2))
     for heading in ("D8179", "D8180", "attempts", "false errors/y", "dead-station scan", "noticed after"):

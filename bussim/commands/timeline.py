@@ -47,7 +47,7 @@ def command(
     Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
     run with --trace. Prints the path of the picture.
     """
-    from bussim.commands.output import checked_target, traced_again
+    from bussim.commands.output import busy, checked_target, traced_again
     from bussim.report.picture import timeline_picture
     from bussim.report.reading import read_stretch
     from bussim.report.scene import scene_of
@@ -64,11 +64,13 @@ def command(
     trace = read_trace(folder)
     buses = {each.name: each for each in trace.header.buses}
     name = _bus(record, buses, bus)
-    begin, end = _window(trace, record, name, since, span, worst=worst)
+    with busy(f"looking for the stretch in {folder / TRACE}"):
+        begin, end = _window(trace, record, name, since, span, worst=worst)
     stem = file_names(buses)[name]
     place = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
     target = checked_target(place, (".png", ".svg"), force=force)
-    stretch = read_stretch(trace, record, name, begin, end)
+    with busy(f"reading {folder / TRACE}"):
+        stretch = read_stretch(trace, record, name, begin, end)
     if len(stretch.frames) > _MOST_FRAMES:
         raise UsageError(
             f"the window holds {len(stretch.frames):,} frames, which cannot be told apart; at most "

@@ -6,8 +6,9 @@ import re
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
-from bussim.exact.words import about, ms
+from bussim.exact.words import ms
 from bussim.units import UNIT_TICKS, parse_time
+from bussim.wording import about
 
 #: The forms of a goal, for messages and help texts.
 FORMS = {

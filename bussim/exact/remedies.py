@@ -12,9 +12,9 @@ from bussim.engines.nn.frames import data_chars
 from bussim.exact.goals import Goals
 from bussim.exact.judging import Judged, Mask, judge, least, rows_of
 from bussim.exact.link import TIMEOUT_UNIT, LineNoise, LinkModel, frame_ticks
-from bussim.exact.words import about
 from bussim.plc.profiles import Attempts
 from bussim.units import TICKS_PER_MS
+from bussim.wording import about
 
 #: How much less noise is tried.
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)

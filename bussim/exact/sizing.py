@@ -11,9 +11,10 @@ from bussim.exact.judging import Judged, attempts_of, judge, least, reading_of, 
 from bussim.exact.ladder import OUTAGE, Ladder, ladder_of, under_bad_noise
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.remedies import Unmet, unmet_goals
-from bussim.exact.words import about, ms
+from bussim.exact.words import ms
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts
 from bussim.units import TICKS_PER_MS
+from bussim.wording import about
 
 #: Error rates within this factor count as equal on the Pareto front.
 _EQUAL = 1.25

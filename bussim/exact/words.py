@@ -3,19 +3,10 @@
 from __future__ import annotations
 
 from bussim.units import TICKS_PER_MS
+from bussim.wording import about
 
 #: Nobody's noise stays the same for longer.
 LONGEST_YEARS = 100
-
-
-def about(value: float) -> str:
-    """Two significant digits, with thousands separated: 3,100; 0.12; 1e-7 stays a power."""
-    if value == 0:
-        return "0"
-    if abs(value) < 1e-3 or abs(value) >= 1e9:
-        return f"{value:.1e}"
-    rounded = float(f"{value:.2g}")
-    return f"{rounded:,.0f}" if abs(rounded) >= 10 else f"{rounded:g}"
 
 
 def ms(ticks: float) -> str:

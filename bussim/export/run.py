@@ -6,12 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from bussim.errors import UsageError
-from bussim.export.source import Selection, Survey, survey
+from bussim.export.source import BusSurvey, Selection, Survey, survey
 from bussim.results.trace_file import Trace
 from bussim.wording import suggest
+
+if TYPE_CHECKING:
+    from bussim.export.lanes import Lanes
 
 #: The formats, with the ending of their files.
 ENDINGS: Final = {
@@ -95,10 +98,17 @@ def _write(
         from bussim.export.sigrok import write_sigrok
 
         write_sigrok(path, lanes)
-    return tuple(
-        f"PulseView: decoder UART, lane {lanes.name_of(bus.name)}: {bus.timing.baud} {bus.timing.format}"
-        for bus in found.buses.values()
-    )
+    return tuple(hint for bus in found.buses.values() for hint in _decoders(bus, lanes))
+
+
+def _decoders(bus: BusSurvey, lanes: Lanes) -> Iterator[str]:
+    lane = lanes.name_of(bus.name)
+    yield f"PulseView: decoder UART, lane {lane}: {bus.timing.baud} {bus.timing.format}"
+    if "modbus-rtu" in bus.protocols:
+        yield (
+            f"PulseView: for Modbus on {lane} give UART the answering station's lane as RX and the master's "
+            "as TX, and stack Modbus on it"
+        )
 
 
 @contextmanager

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from bussim.plc.board import TAKE_PART, setting_defaults
 from bussim.plc.inputs import Stimulus
 from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports import cpavl
 from bussim.plc.profiles import Profile
-from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
+
+if TYPE_CHECKING:
+    from bussim.plc.program.program import Program
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +106,8 @@ def _tried(
     others: bool,
 ) -> tuple[Memory, _Heard]:
     """The memory after the first scan, from settings as they are or from ``others``."""
+    from bussim.plc.program.run import ProgramRun  # what only a PLC with a program pays
+
     memory = _powered(profile, registers, inputs, now)
     if others:
         for name in TAKE_PART:

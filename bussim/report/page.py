@@ -21,6 +21,7 @@ from bussim.results.style import RUNS
 from bussim.results.timeline import fault_spans
 from bussim.units import seconds
 from bussim.version import __version__
+from bussim.wording import about
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -134,7 +135,7 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
 
 def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> RunPart:
     summary = source.summary
-    about = (
+    what = (
         f"Scenario {summary['scenario']}, {summary['duration_s']:g} s simulated, seed {summary['seed']}, "
         f"bussim {summary['bussim']}."
     )
@@ -154,7 +155,7 @@ def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> 
     return RunPart(
         ident,
         source,
-        about,
+        what,
         links,
         buses,
         ports(summary),
@@ -220,7 +221,7 @@ def _keys(source: Source, bus: str) -> list[Key]:
         onsets = figures["false_error_onsets_per_year"]
         if onsets is not None:
             rare = onsets < 0.01
-            keys.append(Key("false station errors a year", "under 0.01" if rare else f"{onsets:,.2g}"))
+            keys.append(Key("false station errors a year", "under 0.01" if rare else about(onsets)))
         if figures["one_dead_ms"] is not None:
             keys.append(Key("link scan with one station dead", f"{figures['one_dead_ms']:,.1f} ms"))
     keys.append(Key("bus load", f"{100 * link['bus_load']:.1f} %"))

@@ -13,6 +13,7 @@ from bussim.report.stations import StationRow, station_rows
 from bussim.report.words import CODES
 from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.units import milliseconds
+from bussim.wording import about
 
 #: Where a quantile has too few samples beyond it, or a figure does not exist.
 NONE = "–"
@@ -146,7 +147,7 @@ def exact_figures(bus: str, law: ExactLaw) -> Table:
 
 
 def _rate(value: float | None) -> str:
-    return NONE if value is None else "0" if value == 0 else f"{value:.2g}"
+    return NONE if value is None else about(value)
 
 
 def stations(source: Source, bus: str) -> Table:

@@ -166,6 +166,21 @@ class Result:
             )
         return _saved(response_time_histogram([self.record], port), path)
 
+    def plot_latency(self, name: str | None = None, path: str | os.PathLike[str] | None = None) -> Figure:
+        """The histogram of a latency and what its time goes to.
+
+        ``name`` is an entry of the scenario's ``latency`` (default: the first one with something
+        measured). ``path`` as of :meth:`plot_scan_times`. Raises UsageError if there is no such entry or
+        nothing to draw.
+        """
+        from bussim.results.latency_plots import latency_picture, measured
+
+        if name is None:
+            name = next(iter(measured(self.record)), None)
+        if name is None:
+            raise UsageError(f"{self.record.scenario}: no latency was measured, there is nothing to plot")
+        return _saved(latency_picture(self.record, name), path)
+
     def _bus(self, bus: str | None) -> str:
         if bus is not None:
             return bus

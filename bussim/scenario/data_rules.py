@@ -149,7 +149,8 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
     for key, device, size in (("send", poll.send, send_count), ("to", poll.to, count)):
         if device is None:
             if size and not entry.lost(key):
-                report.error((*entry.path, key), "is missing")
+                holds = "what is received goes into" if key == "to" else "what is sent lies in"
+                report.error((*entry.path, key), f"is missing, the first of the D registers that {holds}")
         elif device.letter != "D":
             report.error((*entry.path, key), f"is {device}, but bytes lie in D registers")
         elif size:

@@ -9,22 +9,23 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
-from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepperProfile
-from bussim.devices.talker import Saying
-from bussim.devices.user import Entry
-from bussim.devices.values import Noise as NoiseValue
-from bussim.devices.values import noise_key
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
 from bussim.plc.inputs import InputSpec
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
-from bussim.plc.program.program import Program
 from bussim.plc.sources import Source
 from bussim.units import TICKS_PER_MS, round_half_up
+
+if TYPE_CHECKING:  # what only a scenario with devices or programs pays
+    from bussim.devices.stepper.axis import Switch
+    from bussim.devices.talker import Saying
+    from bussim.devices.user import Entry
+    from bussim.plc.program.program import Program
 
 
 @dataclass(frozen=True, slots=True)
@@ -481,6 +482,9 @@ class Scenario:
 
 def _with_keys(device: BusDevice, seed: int) -> BusDevice:
     """A device whose noise is named by the seed, itself and the address, not by its place in the file."""
+    from bussim.devices.values import Noise as NoiseValue
+    from bussim.devices.values import noise_key
+
     if not isinstance(device.settings, MapSettings):
         return device
     entries = tuple(

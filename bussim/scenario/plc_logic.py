@@ -6,13 +6,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from bussim.errors import Problem, ProgramError
 from bussim.plc.first_scan import FirstScan, first_scan
 from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
 from bussim.plc.memory import parse_device
 from bussim.plc.profiles import Profile
-from bussim.plc.program.program import Program
 from bussim.scenario.files import Files
 from bussim.scenario.places import Path, Report
 from bussim.scenario.program_schema import MAX_TIMES, InputIn, ProgramIn
@@ -20,6 +20,9 @@ from bussim.scenario.register_rules import named_device
 from bussim.scenario.schema import PlcIn
 from bussim.scenario.wording import show
 from bussim.units import TICKS_PER_SECOND, round_half_up
+
+if TYPE_CHECKING:
+    from bussim.plc.program.program import Program
 
 #: A program's text, comments and all; a run's scenario holds all of them.
 MAX_PROGRAM = 128 * 1024
@@ -105,6 +108,8 @@ def _program(
         if len(text.encode()) > MAX_PROGRAM:
             report.error(at, f"has more than {MAX_PROGRAM >> 10} KiB")
             return None, origin
+    from bussim.plc.program.program import Program  # what only a scenario with programs pays
+
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     try:
         program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name)

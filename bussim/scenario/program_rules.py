@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
 from bussim.plc.memory import BlockPlace, Device
-from bussim.plc.program.catalog import Instruction
-from bussim.plc.program.check import Extent, extents
 from bussim.scenario.fields import PlcPoint
 from bussim.scenario.link_rules import foreign_blocks, own_block, station_of
 from bussim.scenario.places import Path, Report
@@ -15,6 +14,10 @@ from bussim.scenario.program_schema import LatencyIn
 from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, friendly_registers, raw_registers
 from bussim.scenario.validate import Draft, Entry
 from bussim.scenario.wording import show, suggest
+
+if TYPE_CHECKING:
+    from bussim.plc.program.catalog import Instruction
+    from bussim.plc.program.check import Extent
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
 MAX_PROGRAMS = 256 * 1024
@@ -101,6 +104,8 @@ def _check_writes(member: Member, link: list[Member], report: Report) -> None:
     program = member.logic.program
     if program is None:
         return
+    from bussim.plc.program.check import extents  # what only a scenario with programs pays
+
     for place in foreign_blocks(member, link):
         for at in program.instructions:
             found = next((extent for extent in extents(at) if extent.writes and _meets(extent, place)), None)

@@ -3,7 +3,7 @@
     python tests/benchmarks/bench_ports.py
 
 Four PLCs on an N:N link, each with a Modbus master on a bus of its own (9600 8N1) that polls two
-devices without a pause; no trace and no rows. The bare loop does as many re-armed events, each with a
+devices, without a pause, every 200 ms and every second; no trace and no rows. The bare loop does as many re-armed events, each with a
 random draw, as there are transactions and exchanges of the link, in the same process and in slices
 that take turns. Nothing is asserted: a time is no test's verdict.
 """
@@ -47,8 +47,9 @@ class Counting(Collector):
         self.scans += 1
 
 
-def scenario() -> str:
-    """The scenario that is measured."""
+def scenario(every: str) -> str:
+    """The scenario that is measured; ``every`` is the period of each poll, "" for none."""
+    period = f", every: {every}" if every else ""
     lines = ["schema: 1", "name: four ports", f"duration: {SLICES * SECONDS} s", "buses:"]
     lines += ["  - {name: link, nn: true}", *(f"  - {{name: bus{n}}}" for n in range(PORTS)), "plcs:"]
     for n in range(PORTS):
@@ -59,8 +60,8 @@ def scenario() -> str:
             f"    nn: {{bus: link, port: COM4, station: {n}{master}}}",
             f"    ports: {{COM3: {{bus: bus{n}, protocol: modbus-rtu-master}}}}",
             "    polls:",
-            f"      - {{port: COM3, station: 1, function: 3, address: 0, count: 4, to: D{400 + n}}}",
-            f"      - {{port: COM3, station: 2, function: 3, address: 0, count: 2, to: D{500 + n}}}",
+            f"      - {{port: COM3, station: 1, function: 3, address: 0, count: 4, to: D{400 + n}{period}}}",
+            f"      - {{port: COM3, station: 2, function: 3, address: 0, count: 2, to: D{500 + n}{period}}}",
         ]
     lines.append("devices:")
     for n in range(PORTS):
@@ -94,8 +95,14 @@ def bare(events: int) -> float:
 
 def main() -> None:
     """Measure and print."""
+    for every in ("", "200 ms", "1 s"):
+        measure(every)
+
+
+def measure(every: str) -> None:
+    """Measure and print one period."""
     counter = Counting()
-    simulation = Simulation(loads(scenario()), counter)
+    simulation = Simulation(loads(scenario(every)), counter)
     ratios, rates = [], []
     done = 0
     for number in range(1, SLICES + 1):
@@ -107,8 +114,9 @@ def main() -> None:
         ratios.append(bare(_BARE_TIMES * fresh) / _BARE_TIMES / spent)
         rates.append(SECONDS / spent)
     print(
+        f"polls {'every ' + every if every else 'without a pause'}: "
         f"{counter.transactions / SLICES / SECONDS:.0f} transactions a simulated second on {PORTS} ports "
-        f"beside a link: {statistics.median(rates):.0f} times real time, "
+        f"beside a link, {statistics.median(rates):.0f} times real time, "
         f"ratio {statistics.median(ratios):.3f}"
     )
 

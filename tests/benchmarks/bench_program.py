@@ -3,6 +3,10 @@
     python tests/benchmarks/bench_program.py              # programs of 200 instructions
     python tests/benchmarks/bench_program.py --rounds 50
 
+Also what it costs a whole simulation: a link of a master and a slave, 8 ms scans, the same with the program in
+both. Without a program its ENDs are looked up and mostly never carried out; with a device that is
+observed they are, as they are with a program.
+
 The bare loop re-arms one SimPy event with a random draw (see bench_link.py): what an END costs at the
 least. "With SimPy": the same loop calls a scan at each event, which is how a simulation carries a
 program out. Both run in slices that take turns in one process; the result is the median of the slices'
@@ -23,10 +27,16 @@ import simpy
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from bussim.line.characters import NN_LINE
+from bussim.plc.inputs import Square
 from bussim.plc.memory import Device, Memory
+from bussim.plc.profiles import PROFILES
 from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
-from bussim.units import TICKS_PER_MS
+from bussim.results.collector import Collector
+from bussim.scenario import model
+from bussim.sim.runner import simulate
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 INSTRUCTIONS = 200
 SCANS = 2000
@@ -155,6 +165,55 @@ def measure(lines: list[str], rounds: int) -> tuple[float, float, float]:
     return statistics.median(alone), statistics.median(with_program), statistics.median(ratios)
 
 
+class Nobody(Collector):
+    """A sink that keeps next to nothing."""
+
+    def value(self, record: object) -> None:
+        """Nothing is counted of it."""
+
+
+def simulation(program: Program | None, *, observed: bool) -> Callable[[], float]:
+    """The processor time, in ms, that ten seconds of a small link take."""
+    plcs = tuple(
+        model.Plc(
+            f"p{station}",
+            PROFILES["pw10"],
+            model.Scan(8 * TICKS_PER_MS, TICKS_PER_MS),
+            model.Seat("link", "COM4"),
+            registers={"D8176": station, "D8177": 1, "D8178": 2, "M8179": 1},
+            program=program,
+            inputs={f"X{n}": Square((300 + 70 * n) * TICKS_PER_MS) for n in range(4)} if program else {},
+            observed=("M3000",) if observed else (),
+        )
+        for station in (0, 1)
+    )
+    bus = model.Bus("link", True, NN_LINE)
+    scenario = model.Scenario("bench", 10 * TICKS_PER_SECOND, 1, (bus,), plcs)
+
+    def run() -> float:
+        begun = time.process_time()
+        simulate(scenario, Nobody())
+        return (time.process_time() - begun) * 1e3
+
+    return run
+
+
+def compare(lines: list[str], rounds: int) -> str:
+    """What a simulation takes without a program, with its ENDs carried out, and with the program."""
+    program = Program.parse("\n".join(lines), "benchmark")
+    kinds = [
+        simulation(None, observed=False),
+        simulation(None, observed=True),
+        simulation(program, observed=False),
+    ]
+    times = [[kind() for kind in kinds] for _ in range(max(3, rounds // 4))]
+    bare, ends, full = (statistics.median(column) for column in zip(*times, strict=True))
+    return (
+        f"ten simulated seconds of a link of two: {bare:.0f} ms without program, {ends:.0f} ms with every END "
+        f"carried out, {full:.0f} ms with the program: {full / ends:.1f} times, {full / bare:.1f} times"
+    )
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -167,6 +226,7 @@ def main() -> None:
             f"{name}: {len(lines)} instructions, bare event {alone:.2f} µs, event with scan {scan:.1f} µs "
             f"({(scan - alone) / len(lines):.3f} µs an instruction), ratio {ratio:.1f}"
         )
+        print("  " + compare(lines, arguments.rounds))
 
 
 if __name__ == "__main__":

@@ -85,6 +85,7 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
         "schema": 1,
         "ok": False,
         "scenario": None,
+        "programs": {},
         "errors": [
             {
                 "file": "mine.yaml",

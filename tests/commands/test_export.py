@@ -89,8 +89,11 @@ def test_a_trace_file_is_taken_for_its_folder(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     place = tmp_path / "a.vcd"
-    assert said(capsys, runs / "traced" / "trace.jsonl", "--to", "vcd", "-o", place)[0] == 0
+    code, out, _ = said(capsys, runs / "traced" / "trace.jsonl", "--to", "vcd", "-o", place)
+    assert code == 0
     assert place.is_file()
+    assert "PulseView: decoder UART, lane link: 38400 7E1" in out
+    assert out.count("stack Modbus on it") == 2  # on the feeder and on the oven, not on the link
 
 
 @pytest.mark.parametrize(
@@ -144,6 +147,10 @@ def test_a_run_without_a_trace_says_how_to_get_one(
     code, _, err = said(capsys, tmp_path / "none", "--to", "vcd")
     assert code == 2
     assert f"{tmp_path / 'none'} does not exist; name the folder of a run" in err
+    code, _, err = said(capsys, runs, "--to", "vcd")  # the folder above
+    assert code == 2
+    assert f"{runs} is not the folder of a run" in err
+    assert "plain, traced" in err
 
 
 def test_a_damaged_trace_is_told_by_its_line(

@@ -11,7 +11,8 @@ import pytest
 from bussim.exact.figures import YEAR, Request, figures_of, over_mission, tail_curve
 from bussim.exact.laws import Solved
 from bussim.exact.refresh import gap_law
-from bussim.exact.words import about, ms, scans_over, years_between
+from bussim.exact.words import ms, scans_over, years_between
+from bussim.wording import about
 from tests.exact.links import MS, change, link, with_noise
 
 REQUEST = Request(levels={"1e-3": 1e-3, "0.01": 0.01}, deadlines=(200 * MS, 60 * MS), mission=YEAR // 365)

@@ -259,3 +259,45 @@ def test_the_age_of_a_word_is_that_of_its_value(monkeypatch: pytest.MonkeyPatch)
             assert sample.total == sample.at - left[seen[at][1]]
             checked += 1
     assert checked > 900
+
+
+@pytest.mark.parametrize("reply", ["interrupt", "end"])
+def test_without_programs_from_the_write_to_the_read(reply: str) -> None:
+    """From the END that leaves a shared device changed to the END at which the other has it."""
+    given = from_data(
+        {
+            "schema": 1,
+            "name": "no programs",
+            "duration": "3 min",
+            "buses": [{"name": "link", "nn": True}],
+            "plcs": [
+                {
+                    "name": f"p{station}",
+                    "profile": {"base": "pw10", "reply": reply},
+                    "scan": f"{scan} ms",
+                    "nn": {"bus": "link", "port": "COM4", "station": station, **settings},
+                    "sources": {f"M{1000 + 64 * station}": {"toggle": "617.3 ms"}},
+                }
+                for station, scan, settings in (
+                    (0, 7.3, {"slaves": 2, "mode": 2, "timeout": "60 ms"}),
+                    (1, 11.9, {}),
+                    (2, 3.1, {}),
+                )
+            ],
+            "latency": [
+                {"name": "down", "from": "p0.M1000", "to": "p2.M1000"},
+                {"name": "across", "from": "p1.M1064", "to": "p2.M1064", "edge": "rising"},
+                {"name": "up", "from": "p2.M1128", "to": "p0.M1128"},
+            ],
+        }
+    )
+    summary = api.run(given, rows=False).summary["latency"]
+    for name, bound in bounds_of(given).items():
+        found, times = summary[name]["parts_ms"], summary[name]["ms"]
+        assert bound.valid
+        assert (found["scan"]["max"], found["output"]["max"]) == (0, 0)
+        assert summary[name]["delivered"] >= summary[name]["changes"] - 1 > 100
+        # A reply at END starts at an END of its own PLC: the phases of such a station stay together.
+        if reply == "interrupt":
+            assert times["max"] >= 0.8 * bound.no_error / MS
+        assert times["max"] <= bound.no_error / MS

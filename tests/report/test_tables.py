@@ -30,6 +30,16 @@ def changed(source: Source, **summary: Any) -> Source:
     )
 
 
+def test_false_errors_a_year_are_no_powers_of_ten() -> None:
+    times = {"mean_ms": 51.1, "worst_case_ms": 435.8, "one_dead_ms": 245.5, "two_dead_ms": None}
+    spans = {"no_error_ms": {"min": 50.2, "max": 50.6}, "quantiles_ms": {"1e-3": 102.2}}
+    noticed = {"detect_ms": {"mean": 205.2, "max": 241.2}, "ride_through_ms": {"silence": 104.4}}
+    for rate, text in ((116.889, "120"), (0.04, "0.04"), (3456.0, "3,500"), (0.0, "0"), (None, "–")):
+        figures = {**times, **spans, **noticed, "false_error_onsets_per_year": rate}
+        rows = dict(tables.exact_figures("link", ExactLaw(figures)).rows)
+        assert [cell.text for cell in rows["false station errors begin, a year"]] == [text]
+
+
 def test_numbers_are_shown_to_their_digits() -> None:
     assert tables.number(1234567) == "1,234,567"
     assert tables.number(50.41, 3) == "50.410"

@@ -294,5 +294,5 @@ def test_the_picture_names_what_there_is(folder: Path) -> None:
     record.latency["empty"] = LatencyRecord("a.X0", "b.Y0", "both", inverted=False, word=False)
     with pytest.raises(UsageError, match="nothing was measured of empty"):
         latency_picture(record, "empty")
-    svg = latency_picture(record, "full-box")
-    assert "packer.M1064 to line.Y0" in svg.title
+    picture = bussim.open_run(folder).plot_latency()
+    assert "full-box, packer.M1064 to line.Y0" in picture.title  # type: ignore[attr-defined]

@@ -200,7 +200,10 @@ CASES: dict[str, tuple[str, list[str]]] = {
         spoilt((FREE_POLL, '{port: COM5, send: D0, data: "01", text: "a"}')),
         ["x.yaml:17:50: polls.1.text excludes data in the same entry"],
     ),
-    "no send": (spoilt((FREE_POLL, '{port: COM5, data: "01"}')), ["x.yaml:17:9: polls.1.send is missing"]),
+    "no send": (
+        spoilt((FREE_POLL, '{port: COM5, data: "01"}')),
+        ["x.yaml:17:9: polls.1.send is missing, the first of the D registers that what is sent lies in"],
+    ),
     "data": (
         spoilt((FREE_POLL, '{port: COM5, send: D300, data: "1"}')),
         ["x.yaml:17:40: polls.1.data is '1', expected bytes in hexadecimal such as \"02 41 0D\""],

@@ -114,6 +114,13 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "16:9: the timeout of press1.COM3 is 40 ms, but the answer of drive to function 3 at 0 takes at least 44.375 ms: it never comes in time"
         ],
     ),
+    "an exception is short": (
+        spoilt(
+            (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 50 ms}"),
+            (POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 90, to: D400}"),
+        ),
+        ["16:56: drive does not have all of the registers 0 to 89: it answers with exception 02"],
+    ),
     "late timeout": (
         spoilt(
             (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 10 ms}"),

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from bussim.exact.polls.model import PollListModel, PollModel
 from bussim.exact.polls.pace import Span
-from bussim.exact.words import about, ms
+from bussim.exact.words import ms
 from bussim.units import TICKS_PER_SECOND
-from bussim.wording import names
+from bussim.wording import about, names
 
 
 def when_off(device: str, polls: Sequence[PollModel], timeout: int, lost: int, cycle: Span) -> str:
