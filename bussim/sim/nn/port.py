@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bussim.engines.contract import STORED, TRANSMIT
 from bussim.engines.nn.events import NnEvent
 from bussim.engines.nn.frames import QUIET_CHARS
 from bussim.engines.nn.master import Master
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from bussim.sim.nn.bus import LinkBus
 
 _IDLE = b""
-_ONLY_TRANSMIT = TRANSMIT | STORED
 
 
 class LinkPort(Node):
@@ -91,15 +89,6 @@ class LinkPort(Node):
 
     # -- the engine's wishes -----------------------------------------------------------------------
 
-    def handle(self, hints: int, now: int) -> None:
-        """Look at what the engine asks for."""
-        engine = self.engine
-        if engine is not None and hints | STORED == _ONLY_TRANSMIT:
-            at, engine.due = engine.due, -1
-            self.appoint(at, engine.due_counter)
-            return
-        super().handle(hints, now)
-
     def _on_deadline(self, now: int) -> None:
         if self not in self.bus.gallery.members:  # the gallery watches for all its members
             super()._on_deadline(now)
@@ -152,7 +141,12 @@ class LinkPort(Node):
         if bus.disturber.replies_at_risk and not self.is_master and bus.reply_vanishes(self, now):
             return
         image = self.plc.image_at(now) if engine.wants_image else _IDLE
-        self._begin(engine.begin_transmit(now, image, counter), now)
+        frame = engine.begin_transmit(now, image, counter)
+        if self.tail or self.ear.is_open:
+            self._begin(frame, now)
+        else:  # as _begin does it; the ordinary way is worth a call
+            self.sending = tx = bus.begin(self, frame, now)
+            self._end_timer.chain(tx.end)
 
     def _ends_moved(self, end: int) -> None:
         """The PLC's scans after ``end`` take another time: replies that wait for END are appointed anew."""

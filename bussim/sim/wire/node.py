@@ -11,7 +11,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, Transmit
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import DEADLINES, HEARING, SENDING, Kernel
 from bussim.sim.wire.ear import Ear
@@ -19,6 +19,9 @@ from bussim.sim.wire.transmission import Transmission
 
 if TYPE_CHECKING:
     from bussim.sim.wire.line import Line
+
+# The ordinary case: a frame that was heard calls for one of its own, and nothing else.
+_ONLY_TRANSMIT = TRANSMIT | STORED
 
 
 class Node:
@@ -151,6 +154,10 @@ class Node:
         """Look at what the engine asks for."""
         engine = self.engine
         if engine is None:
+            return
+        if hints | STORED == _ONLY_TRANSMIT and engine.due >= 0:
+            at, engine.due = engine.due, -1
+            self.appoint(at, engine.due_counter)
             return
         if hints & OPEN:
             self.ear.hold(now)
