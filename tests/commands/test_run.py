@@ -153,7 +153,12 @@ def test_a_place_that_cannot_be_written(here: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGINT cannot be sent to one process")
 def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
-    process = program("run", "--duration", "100h", "--out", "o", cwd=tmp_path)
+    # Whoever started the tests may have SIGINT ignored (a shell's background job), and it is inherited.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = program("run", "--duration", "100h", "--out", "o", cwd=tmp_path)
+    finally:
+        signal.signal(signal.SIGINT, before)
     marker = tmp_path / "o.incomplete" / MARKER
     while not marker.exists() and process.poll() is None:
         time.sleep(0.01)
