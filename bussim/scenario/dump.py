@@ -53,6 +53,6 @@ def dumps(scenario: Scenario) -> str:
 def _text(representer: SafeRepresenter, text: str) -> ScalarNode:
     """A text; one of several lines (a program) as a block, unless it has what a block cannot hold."""
     plain = "\n" in text and text.replace("\n", "").replace("\t", "").isprintable()
-    # ruamel writes a text that begins with a colon or question mark bare, and cannot read it again within braces.
+    # ruamel writes a text that begins so bare, and cannot read it again within braces.
     style = "|" if plain else "'" if text.startswith((":", "?")) else None
     return representer.represent_scalar("tag:yaml.org,2002:str", text, style=style)
