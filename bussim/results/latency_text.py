@@ -50,6 +50,23 @@ def latency_summary(record: LatencyRecord, bounds: Mapping[str, int] | None) -> 
     return summary
 
 
+def shown_bounds(summary: Mapping[str, Any], longest: float = 0.0) -> dict[str, float]:
+    """Of the bounds of an entry of the summary those of interest beside its longest latency, all in ms.
+
+    From the least one up to the first that nothing went beyond; empty where there are none.
+    """
+    bounds: dict[str, float] = summary.get("bound_ms", {})
+    ascending = sorted(bounds.values())
+    over = next((bound for bound in ascending if bound >= longest), ascending[-1] if ascending else 0.0)
+    return {case: bound for case, bound in bounds.items() if bound <= over}
+
+
+def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
+    """The bounds of an entry of the summary that are told in words (ms), by case."""
+    bounds: Mapping[str, float] = summary.get("bound_ms", {})
+    return {case: bounds[case] for case in _SHOWN_BOUNDS if case in bounds}
+
+
 def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     """A run's latencies as lines of text, from its summary."""
     for name, entry in summary.get("latency", {}).items():
@@ -70,10 +87,10 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             if found["max"]
         ]
         yield f"  on average       {', '.join(parts)} ms"
-        bounds = entry.get("bound_ms")
+        bounds = told_bounds(entry)
         if bounds:
-            cases = [case for case in _SHOWN_BOUNDS if case in bounds]
-            yield f"  at worst         {', '.join(f'{bounds[case]:.3f} with {case}' for case in cases)} (ms)"
+            cases = ", ".join(f"{bound:.3f} with {case}" for case, bound in bounds.items())
+            yield f"  at worst         {cases} (ms)"
 
 
 def _what(entry: Mapping[str, Any]) -> str:
