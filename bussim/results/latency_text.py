@@ -73,7 +73,7 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         way = f"{entry['from']} to {entry['to']}"
         label = way if name == way else f"{name}: {way}"
         yield ""
-        yield f"{label}, {_what(entry)}"
+        yield f"{label}, {edge_in_words(entry)}"
         yield f"  {counts_in_words(entry)}"
         times = entry["ms"]
         if times["max"] is None:
@@ -93,7 +93,8 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             yield f"  at worst         {cases} (ms)"
 
 
-def _what(entry: Mapping[str, Any]) -> str:
+def edge_in_words(entry: Mapping[str, Any]) -> str:
+    """What is measured of an entry of the summary."""
     if entry["edge"] is None:
         return "age of the word whenever it is read"
     edge = "either edge" if entry["edge"] == "both" else f"{entry['edge']} edge"
