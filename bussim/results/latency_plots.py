@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bussim.errors import UsageError
-from bussim.results.bars import MARKS, draw, marked, ms_text, whole_range
-from bussim.results.histogram import BIN_TICKS
+from bussim.results.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
+from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.results.latency import PARTS, LatencyRecord
 from bussim.results.latency_text import PART_NAMES, counts_in_words, shown_bounds, told_bounds
 from bussim.results.plots import caption, run_labels
@@ -28,10 +28,12 @@ from bussim.results.style import (
     shorten,
     style,
 )
-from bussim.units import milliseconds
+from bussim.units import TICKS_PER_MS, milliseconds
 
 #: Longest label of a run beside its bars.
 _LONGEST_LABEL = 22
+#: The columns of a picture where a few latencies lie far from the others.
+_USUAL, _ALL = "the usual ones", "all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,27 +89,52 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
     with style():
         captions = "; ".join(dict.fromkeys(map(caption, runs)))
         picture = new_picture(8, _height(len(bars), several), captions)
-        axes, stack = picture.subplots(2, 1, sharex=True, height_ratios=(3, 0.5 * len(bars)))
         what = "age (ms)" if records[0].word else "latency (ms)"
         counted = "readings" if records[0].word else "changes"
-        draw(axes, histograms, whole_range(histograms), what, counted)
-        axes.set_xlabel("")
-        axes.tick_params(axis="x", labelbottom=False)
-        _draw_parts(stack, bars)
-        stack.set_xlabel(what)
-        longest = max(milliseconds(each.maximum or 0) for each in histograms)
-        shown = max([longest, *(mark.at for mark in marks if mark.dash)])
-        stack.set_xlim(0, 1.03 * shown + milliseconds(BIN_TICKS))
-        for mark in marks:
-            for each in (axes, stack) if mark.dash else ():
-                each.axvline(mark.at, color=mark.colour, linewidth=mark.width, linestyle=mark.dash)
+        shown = _shown(histograms, marks)
+        first, furthest = whole_range(histograms)
+        grid = picture.subplots(
+            2,
+            len(shown),
+            sharex="col",
+            squeeze=False,
+            height_ratios=(3, 0.5 * len(bars)),
+            width_ratios=(2, 3)[-len(shown) :],
+        )
+        for (axes, stack), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
+            if title == _ALL and len(shown) > 1:
+                axes.set_yscale("log")
+            draw(axes, histograms, (first, min(last, furthest)), what, counted)
+            if title == _ALL and len(shown) > 1:
+                axes.set_ylim(bottom=0.6)
+            axes.set_xlabel("")
+            axes.tick_params(axis="x", labelbottom=False)
+            _draw_parts(stack, bars)
+            stack.set_xlabel(what)
+            stack.set_xlim(0, 1.03 * milliseconds(last * BIN_TICKS) + milliseconds(BIN_TICKS))
+            for mark in marks:
+                for each in (axes, stack) if mark.dash else ():
+                    each.axvline(mark.at, color=mark.colour, linewidth=mark.width, linestyle=mark.dash)
+            if len(shown) > 1:
+                axes.set_title(title, fontsize=9)
+                axes.locator_params(axis="x", nbins=5)
+        if len(shown) > 1:
+            grid[1, 1].tick_params(axis="y", labelleft=False)
         if several is None:
-            axes.set_title(shorten(counts_in_words(runs[0].summary["latency"][name]), 100), fontsize=9)
+            words = shorten(counts_in_words(runs[0].summary["latency"][name]), 100)
+            grid[0, 0].set_title(words if len(shown) == 1 else f"{words}\n{_USUAL}", fontsize=9)
         heading = _heading(name, records)
         if several is None:
             heading = f"{runs[0].scenario}: {heading}"
         finish_picture(picture, heading, handles, columns=2 if several is None else 1)
     return picture
+
+
+def _shown(histograms: Sequence[Histogram], marks: Sequence[_Mark]) -> dict[str, int]:
+    """The columns of the picture, and the last bin of each: a few far ones leave the others their own."""
+    usual, last = usual_range(histograms)[1], whole_range(histograms)[1]
+    shown = {_ALL: max([last, *(round(mark.at * TICKS_PER_MS) // BIN_TICKS for mark in marks if mark.dash)])}
+    return {_USUAL: usual, **shown} if is_far((0, last), (0, usual)) else shown
 
 
 def _height(bars: int, several: Sequence[str] | None) -> float:

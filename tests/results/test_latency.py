@@ -363,6 +363,26 @@ def test_shortest_mean_and_longest_are_stacked_from_their_parts() -> None:
     assert longest == pytest.approx([10, 5, 8, 2, 70])
 
 
+def test_a_few_far_latencies_leave_the_usual_ones_their_own_axes() -> None:
+    many = [30 + number % 20 for number in range(200)]
+    run = made("cut", [*many, 5000], (10, 5, 8, 2), {**BOUNDS, "every retry spent": 4000.0})
+    picture = latency_picture([run], "door")
+    usual, whole, usual_parts, whole_parts = picture.axes
+    assert (usual.get_yscale(), whole.get_yscale()) == ("linear", "log")
+    assert usual.get_xlim() == usual_parts.get_xlim()
+    assert whole.get_xlim() == whole_parts.get_xlim()
+    assert 49 < usual.get_xlim()[1] < 90
+    assert whole.get_xlim()[1] > 5000
+    (bars,) = [patch for patch in usual.patches if hasattr(patch, "get_data")]
+    assert bars.get_data()[0].sum() == 200
+    (bars,) = [patch for patch in whole.patches if hasattr(patch, "get_data")]
+    assert bars.get_data()[0].sum() == 201
+    assert widths(whole_parts)[2] == pytest.approx([10, 5, 8, 2, 4975])
+    assert upright(whole_parts, LAW) == [60, 90, 120, 4000]
+    assert_legible(picture)
+    assert_legible(latency_picture([run, run], "door", ["one", "two"]))
+
+
 def test_several_runs_share_the_axes() -> None:
     runs = [made("one", [30, 40], (10, 5, 8, 2), BOUNDS), made("two", [35, 95], (9, 6, 8, 1), BOUNDS)]
     picture = latency_picture(runs, "door", ["fast", "slow"])
