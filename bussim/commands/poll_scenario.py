@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from bussim.commands.poll import Plan, Planned
+from bussim.commands.poll_plan import Plan, Planned
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import WRITES
 from bussim.errors import UsageError
