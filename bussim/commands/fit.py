@@ -11,6 +11,7 @@ import click
 from bussim.commands.output import busy
 from bussim.commands.port_options import time_of
 from bussim.commands.recording import is_recording, line_of
+from bussim.commands.scenario_options import code_option
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ _LONGEST_SIMULATED = "10 min"
 )
 @click.option("--plot", metavar="DIR", help="Folder for a picture of both histograms.")
 @click.option("--json", "as_json", is_flag=True, help="Print the estimates as JSON.")
+@code_option
 def command(
     trace: str,
     *,
@@ -66,6 +68,7 @@ def command(
     simulate: str,
     plot: str | None,
     as_json: bool,
+    allow_code: bool,
 ) -> None:
     """Estimate from a recording what the model needs, and compare it with a simulation.
 
@@ -85,7 +88,12 @@ def command(
     with busy(f"reading {trace}"):
         fitted = fit(trace, line, protocol=known, bus=bus, channel=channel, tolerance=tolerance)
     scenario = scenario_of(
-        fitted, base, name=f"fitted to {Path(trace).stem}", seed=seed, longest=time_of("--simulate", simulate)
+        fitted,
+        base,
+        name=f"fitted to {Path(trace).stem}",
+        seed=seed,
+        longest=time_of("--simulate", simulate),
+        allow_code=allow_code,
     )
     with busy("simulating the estimates"):
         simulated = _simulated(scenario, fitted, wanted=time_of("--simulate", simulate) > 0)
@@ -103,7 +111,9 @@ def command(
         click.echo(f"scenario: {target}")
 
 
-def scenario_of(fitted: Fitted, base: str | None, *, name: str, seed: int, longest: int) -> Scenario:
+def scenario_of(
+    fitted: Fitted, base: str | None, *, name: str, seed: int, longest: int, allow_code: bool = False
+) -> Scenario:
     """The scenario of the estimates, or ``base`` with them. Raises ScenarioError or UsageError."""
     from bussim import api
     from bussim.commands.fit_scenario import bus_scenario, link_scenario, put_link
@@ -114,13 +124,14 @@ def scenario_of(fitted: Fitted, base: str | None, *, name: str, seed: int, longe
     if base is not None:
         if fitted.link is None:
             raise UsageError("--scenario takes estimates of an N:N link; this recording is of a Modbus bus")
-        data = put_link(api.load(base), fitted.link, fitted.bus)
+        data = put_link(api.load(base, allow_code=allow_code), fitted.link, fitted.bus)
     elif fitted.link is not None:
         data = link_scenario(fitted.link, fitted.bus, fitted.names, name=name, duration=duration, seed=seed)
     else:
         assert fitted.ports is not None  # noqa: S101 - narrows the type
         data = bus_scenario(fitted.ports, fitted.bus, name=name, duration=duration, seed=seed)
-    return from_data(data, name=base or "<fit>")
+    folder = None if base is None else Path(base).parent
+    return from_data(data, name=base or "<fit>", allow_code=allow_code, folder=folder)
 
 
 def _target(output: str | None, *, force: bool) -> Path | None:

@@ -10,6 +10,7 @@ import click
 
 from bussim.commands.poll_plan import Plan, Planned
 from bussim.commands.port_options import format_of, options_of, port_options, time_of
+from bussim.commands.scenario_options import code_option
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ _MOST_BITS, _MOST_WORDS = 2000, 125
 @click.option("--paced", is_flag=True, help="Space bytes at the line's rate.")
 @click.option("--csv", "csv", metavar="FILE", help="Also write every turn to a CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON, and nothing else.")
+@code_option
 @port_options
 @click.pass_context
 def command(
@@ -86,6 +88,7 @@ def command(
     paced: bool,
     csv: str | None,
     as_json: bool,
+    allow_code: bool,
     tolerance: str,
     echo: bool,
     rs485: str,
@@ -108,7 +111,9 @@ def command(
             raise UsageError("a scenario's poll list knows itself what to write: leave the VALUEs out")
         from bussim.commands.poll_scenario import plan_of
 
-        plan = plan_of(url, scenario, poll_list, rounds=1 if once else rounds, options=options)
+        plan = plan_of(
+            url, scenario, poll_list, rounds=1 if once else rounds, options=options, allow_code=allow_code
+        )
     else:
         from bussim.engines.modbus.adu import Mode
         from bussim.live.modbus import STANDARD_FORMATS, line_of
