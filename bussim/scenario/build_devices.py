@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.stepper.axis import Switch
@@ -70,10 +70,11 @@ def _settings(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> De
         return V80Settings(_items(given))
     if isinstance(given, StepperIn):
         switches = tuple(Switch(switch.input, switch.low, switch.high) for switch in given.switches)
-        registers = {
-            name: value & ((1 << 16 * BY_NAME[name].words) - 1) for name, value in given.registers.items()
-        }
-        return StepperSettings(stepper_profile(given), switches, registers)
+        steps = tuple(_parameters(step) for step in given.steps)
+        registers = _parameters(given.registers)
+        if steps:
+            registers.setdefault("total_steps", len(steps))
+        return StepperSettings(stepper_profile(given), switches, registers, steps)
     if isinstance(given, MapIn):
         return MapSettings(entries(given, code), functions(given))
     if isinstance(given, HmiIn):
@@ -82,6 +83,11 @@ def _settings(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> De
     if isinstance(given, FreeIn):
         return FreeSettings(tuple(_saying(saying) for saying in given.says))
     raise AssertionError(f"no device is made of model {given.model}")
+
+
+def _parameters(given: Mapping[str, int]) -> dict[str, int]:
+    """Parameters of a stepper controller as its registers hold them."""
+    return {name: value & ((1 << 16 * BY_NAME[name].words) - 1) for name, value in given.items()}
 
 
 def _items(given: V80In) -> dict[tuple[Space, int], int]:

@@ -126,11 +126,15 @@ class V80Settings:
 
 @dataclass(frozen=True, slots=True)
 class StepperSettings:
-    """``registers`` are parameters by their names in the register table, as saved before power-on."""
+    """``registers`` are parameters by their names in the register table, as saved before power-on.
+
+    ``steps`` are those of the program's steps, from the first on.
+    """
 
     profile: StepperProfile = STEPPER_PROFILE
     switches: tuple[Switch, ...] = ()
     registers: dict[str, int] = field(default_factory=dict)
+    steps: tuple[dict[str, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

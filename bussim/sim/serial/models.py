@@ -123,9 +123,7 @@ class _StepperDevice(_SlaveDevice):
         settings = spec.settings
         assert isinstance(settings, model.StepperSettings)  # noqa: S101 - narrows the type; see _MODELS
         self._stepper = Stepper(spec.station or 1, spec.timing.baud, settings.switches, settings.profile)
-        for name, value in settings.registers.items():
-            self._stepper.parameters[name] = value
-        self._stepper.parameters.save()
+        self._stepper.parameters.preset(settings.registers, settings.steps)
         if spec.power_on > 0:
             self._stepper.power_off(0)
 
