@@ -58,12 +58,13 @@ def device_of(
         timing=own_line(given, line),
         delay=slave.delay if slave is not None and slave.delay is not None else delay,
         jitter=slave.jitter if slave is not None else 0,
-        settings=_settings(given, polls, code),
+        settings=settings_of(given, polls, code),
         power_on=power_on,
     )
 
 
-def _settings(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> DeviceSettings:
+def settings_of(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> DeviceSettings:
+    """What is peculiar to its model. Raises ValueError for a function of the user that cannot be had."""
     if isinstance(given, LxIn):
         return LxSettings(Scan(given.scan.mean, given.scan.jitter), raw_devices(given.registers))
     if isinstance(given, V80In):
