@@ -10,7 +10,7 @@ import click
 
 from bussim.commands.output import busy
 from bussim.commands.port_options import time_of
-from bussim.commands.recording import is_recording, line_of
+from bussim.commands.recording import PROTOCOLS, is_recording, line_of
 from bussim.commands.scenario_options import code_option
 from bussim.errors import UsageError
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from bussim.results.record import RunRecord
     from bussim.scenario.model import Scenario
 
-_PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
 #: A longer recording is compared with a simulation of this length: ten minutes.
 _LONGEST_SIMULATED = "10 min"
 
@@ -30,7 +29,7 @@ _LONGEST_SIMULATED = "10 min"
 @click.option("-o", "--output", metavar="FILE", help="Write the scenario with the estimates.")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
 @click.option(
-    "--protocol", type=click.Choice(_PROTOCOLS), default="auto", help="What is spoken (auto: recognised)."
+    "--protocol", type=click.Choice(PROTOCOLS), default="auto", help="What is spoken (auto: recognised)."
 )
 @click.option("-b", "baud", metavar="N", type=click.IntRange(1, 4_000_000), help="Rate, of what is no trace.")
 @click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits, of what is no trace.")
