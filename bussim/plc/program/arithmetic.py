@@ -50,9 +50,12 @@ def _add_words(flags: bytearray, a: array[int], i: int, b: array[int], j: int, c
     def act() -> None:
         total = (a[i] ^ 0x8000) + (b[j] ^ 0x8000)
         c[k] = result = total & 0xFFFF
-        flags[ZERO] = not result
-        flags[BORROW] = total < 0x8000
-        flags[CARRY] = total > 0x17FFF
+        if result and 0x8000 <= total <= 0x17FFF:  # nearly always
+            flags[ZERO] = flags[BORROW] = flags[CARRY] = 0
+        else:
+            flags[ZERO] = not result
+            flags[BORROW] = total < 0x8000
+            flags[CARRY] = total > 0x17FFF
 
     return act
 
@@ -63,9 +66,12 @@ def _subtract_words(
     def act() -> None:
         total = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
         c[k] = result = total & 0xFFFF
-        flags[ZERO] = not result
-        flags[BORROW] = total < -0x8000
-        flags[CARRY] = total > 0x7FFF
+        if result and -0x8000 <= total <= 0x7FFF:
+            flags[ZERO] = flags[BORROW] = flags[CARRY] = 0
+        else:
+            flags[ZERO] = not result
+            flags[BORROW] = total < -0x8000
+            flags[CARRY] = total > 0x7FFF
 
     return act
 
