@@ -28,7 +28,7 @@ class Stimulus(Protocol):
         """The changes after ``since`` up to ``until``. Never called for a time before an earlier call's."""
 
     def next_change(self, tick: int) -> int:
-        """When it changes first after a tick; :data:`NEVER` where it does not. Not before an earlier ``until``."""
+        """When it changes first after a tick, :data:`NEVER` if not; not before an earlier ``until``."""
 
 
 @dataclass(frozen=True, slots=True)
