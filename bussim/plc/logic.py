@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from bussim.plc.inputs import NEVER, Change, Stimulus
 from bussim.plc.memory import BlockPlace, Device, Memory, SharedAreas
 from bussim.plc.ports.rs2 import Drive, Rs2
+from bussim.plc.program.faults import Halt
 from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
 from bussim.plc.program.times import InstructionTimes
@@ -54,7 +55,8 @@ class _Ports:
 class Logic:
     """From power-on to power-off of one PLC; ``memory`` is that PLC's. All times are ticks.
 
-    ``shared_words`` D from D0 on may belong to the link.
+    ``shared_words`` D from D0 on may belong to the link. ``failed`` is told of operation errors (M8067):
+    the code of D8067 and the program step.
     """
 
     def __init__(
@@ -67,6 +69,7 @@ class Logic:
         drive: DriveRs2,
         set_up: SetUpPort,
         now: int,
+        failed: Callable[[int, int], None] | None = None,
     ) -> None:
         self._memory = memory
         self._inputs = dict(inputs)
@@ -78,6 +81,8 @@ class Logic:
             if program is not None
             else None
         )
+        if self._run is not None and failed is not None:
+            self._run.hear(failed)
         self._shared = SharedAreas(memory, shared_words)
         #: What the inputs did between the latest two samplings.
         self.changes: list[tuple[Device, list[Change]]] = []
@@ -86,6 +91,13 @@ class Logic:
     def halted(self) -> int:
         """The code of D8061 with which the program stands still, else 0."""
         return self._run.halted if self._run is not None else 0
+
+    def halt(self, begun: int) -> Halt | None:
+        """How the program came to stand still in the scan that began at a tick; None while it runs."""
+        run = self._run
+        if run is None or not run.halted:
+            return None
+        return Halt(begun + run.halted_after, run.halted, self._memory.word("D", 8000), run.endless)
 
     def run(self, now: int) -> int:
         """STOP→RUN and the first scan; returns the time of its instructions.

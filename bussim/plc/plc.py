@@ -18,6 +18,7 @@ from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.ports.rs2 import Drive, Rs2, port_of
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
+from bussim.plc.program.faults import Halt, OperationFault
 from bussim.plc.program.program import Program
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source
@@ -111,6 +112,12 @@ class Plc:
         self.ended: Callable[[int], None] | None = None
         #: Told of a new value of an observed device: the device, its value, the END.
         self.changed: Callable[[Device, int, int], None] | None = None
+        #: Told at an END of what the scan before it met: operation errors, or that the program has stopped.
+        self.faulted: Callable[[OperationFault | Halt, int], None] | None = None
+        # Not told yet: operation errors by code, with the first one's step and their number; a stop.
+        self._errors: dict[int, tuple[int, int]] = {}
+        self._halt: Halt | None = None
+        self._halted = False  # whether a stop was told, or is about to be
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
@@ -145,6 +152,7 @@ class Plc:
                 self._rs2,
                 self.cpavl,
                 now,
+                self._failed,
             )
         self.state = PlcState.STOP
 
@@ -155,7 +163,9 @@ class Plc:
         and D8063 say so). The other ports' engines are those of :attr:`boards`, to be started too.
         """
         # The first scan begins; settings that its program writes are in force from here on.
+        self._halted = False
         spent = self.logic.run(now) if self.logic is not None else 0
+        self._look_for_halt(now)
         mean, jitter = self.scan_under_link()
         engine = self.board.take_over(self.longest_scan(), traced=traced) if self._linked else None
         if engine is None:
@@ -167,8 +177,10 @@ class Plc:
             board.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
         first_end = self.cycle.run(now, mean, jitter, self._phase)
-        if self._phase is None and spent:
+        if spent and (self._phase is None or self._halted):
             first_end = self.cycle.run(now, mean, jitter, first_end - now + spent)
+            if self._halted:
+                self.cycle.noticed(first_end - now)
         self._tell_inputs(now, first_end)
         return engine, first_end
 
@@ -180,6 +192,7 @@ class Plc:
         for board in self.boards.values():
             board.release(now)
         if self.logic is not None:
+            self.tell_faults(now)
             self.logic.stop()
         self.state = PlcState.STOP
 
@@ -316,6 +329,8 @@ class Plc:
         """
         self._done = now
         logic, boards = self.logic, self.boards
+        if self._errors or self._halt is not None:
+            self.tell_faults(now)
         self._arrive(now)
         if self.every_end or (self._linked and any(board.shows_memory for board in boards.values())):
             self._publish()
@@ -337,8 +352,31 @@ class Plc:
         if logic is not None:
             following = self.cycle.next_end(now + 1, now)
             logic.overrun(following - now)
+            self._look_for_halt(now)
             self._tell_inputs(now, following)
         return hints
+
+    # -- what its program meets ---------------------------------------------------------------------
+
+    def _failed(self, code: int, step: int) -> None:
+        first, count = self._errors.get(code, (step, 0))
+        self._errors[code] = (first, count + 1)
+
+    def _look_for_halt(self, begun: int) -> None:
+        """The scan that began at a tick may have stopped the program."""
+        if self.logic is not None and self.logic.halted and not self._halted:
+            self._halted = True
+            self._halt = self.logic.halt(begun)
+
+    def tell_faults(self, now: int) -> None:
+        """Tell what was met since the latest END, without waiting for the next one."""
+        errors, self._errors = self._errors, {}
+        halt, self._halt = self._halt, None
+        if self.faulted is not None:
+            for code, (step, count) in errors.items():
+                self.faulted(OperationFault(code, step, count), now)
+            if halt is not None:
+                self.faulted(halt, now)
 
     def _tell_inputs(self, sampled: int, end: int) -> None:
         if self.logic is not None and self.sampled is not None:

@@ -66,6 +66,11 @@ class ScanCycle:
         self._extra, self._drawn, self._used = 0, None, 0
         return first
 
+    def noticed(self, duration: int) -> None:
+        """From RUN to the first END was a whole scan all the same, and a long one."""
+        count, total, longest = self._past
+        self._past = (count, total, max(longest, duration))
+
     def stop(self, now: int) -> None:
         """STOP: ENDs after ``now`` do not happen."""
         if self._running:

@@ -28,7 +28,17 @@ END, EVENT, TROUBLE = "end", "event", "trouble"
 
 #: M8183 + k is the error flag of station k (PW10 board manual, section 7.5).
 _FLAG = 8183
-_TROUBLE_KINDS = frozenset({"station_error", "watchdog", "undetected", "refused", "no_parameters"})
+_TROUBLE_KINDS = frozenset(
+    {
+        "station_error",
+        "watchdog",
+        "undetected",
+        "refused",
+        "no_parameters",
+        "program_stopped",
+        "program_error",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -195,11 +195,13 @@ class Simulation:
         timed = {plc for entry in self._scenario.latency for plc in (entry.source_plc, entry.target_plc)}
         others = [plc for name, plc in self.plcs.items() if name not in timed] if self._sink.traced else []
         self._ends = EndsTeller(others, self.kernel, self._sink)
+        programs = {spec.name: spec.program for spec in self._scenario.plcs}
+        self._watchers: list[Watcher] = []
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
             clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
-            Watcher(plc, self._sink, ends=name in timed)
+            self._watchers.append(Watcher(plc, programs[name], self._sink, ends=name in timed))
             units[name] = PlcUnit(
                 plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.tell
             )
@@ -257,6 +259,7 @@ class Simulation:
         )
         warnings = [w for bus in self.links.values() for w in bus.reporter.warnings]
         warnings += self.serial_reporter.warnings
+        warnings += [text for watcher in self._watchers for text in watcher.warnings(now)]
         return RunTotals(
             duration=now,
             links=tuple(self._link_totals(bus) for bus in self.links.values()),

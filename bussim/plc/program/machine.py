@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from bussim.plc.memory import Device, Memory
@@ -71,6 +72,8 @@ class Machine:
         self.timer_pulse = [0] * 256
         #: Of each counter: the condition of its OUT when last carried out.
         self.counter_input = bytearray(256)
+        #: Told of every operation error: its code and the program step.
+        self.failed: Callable[[int, int], None] | None = None
 
     def fail(self, code: int, step: int) -> None:
         """An operation error: M8067 and D8067, D8069; M8068 and D8068 keep the first one."""
@@ -80,3 +83,5 @@ class Machine:
         if not flags[ERROR_LATCH]:
             flags[ERROR_LATCH] = 1
             words[LATCHED_STEP] = step
+        if self.failed is not None:
+            self.failed(code, step)

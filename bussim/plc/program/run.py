@@ -10,6 +10,10 @@ half off; they run free from power-on, with the on half first, and change at sca
 the watchdog's time in ms, M8061 and D8061 = 6105 when it has expired. M8038 is on in the first scan if
 its contact is the program's first step.
 
+What a PLC does after the watchdog has expired is not public. Assumed: its outputs go off and no program
+scan follows until STOP→RUN, while its END goes on serving the link and the ports, with what memory
+holds; the scan in which it expired lasts as long as its instructions took until then.
+
 At STOP→RUN the outputs Y, the timers T0–T245 and the counters C0–C99 and C200–C219 are cleared, as are
 all memories of edges and the operation error (M8067 M8068, D8067–D8069). M, S and D keep what they
 have: a scenario's registers are set before RUN (assumed).
@@ -78,6 +82,10 @@ class ProgramRun:
         self.program = program
         #: Why the program stands still (a code of D8061), 0 while it runs. RUN clears it.
         self.halted = 0
+        #: How long after the beginning of the scan in which it stopped, in ticks; and whether that scan
+        #: was given up because its jumps had no end.
+        self.halted_after = 0
+        self.endless = False
         #: The longest time of the latest scan without a WDT, in ns.
         self.unwatched = 0
         self._origin = power_on
@@ -140,9 +148,17 @@ class ProgramRun:
         m[8000], m[8001], m[8002], m[8003], m[LINK_SETTINGS] = 0, 1, 0, 1, 0
         self._clear_outputs()
 
+    def hear(self, failed: Callable[[int, int], None]) -> None:
+        """From now on every operation error (M8067) is told: its code and the program step."""
+        self._machine.failed = failed
+
     def halt(self, code: int = WATCHDOG_CODE) -> None:
-        """An error of the PLC itself: M8061 and D8061, outputs off, no further scan until RUN."""
-        self.halted = code
+        """An error of the PLC itself: M8061 and D8061, outputs off, no further scan until RUN.
+
+        The watchdog has expired D8000 ms after the latest WDT.
+        """
+        self.halted, self.endless = code, False
+        self.halted_after = ticks_of(self._watched) + self._d[8000] * TICKS_PER_MS
         self._m[8061], self._d[8061] = 1, code
         self._clear_outputs()
 
@@ -200,6 +216,8 @@ class ProgramRun:
             if left > MAX_STRETCHES or spent[0] - self._watched > self._d[8000] * _NS_PER_MS:
                 self.unwatched = max(self.unwatched, spent[0] - self._watched)
                 self.halt()
+                if left > MAX_STRETCHES:
+                    self.endless, self.halted_after = True, ticks_of(spent[0])
                 return
         self.unwatched = max(self.unwatched, spent[0] - self._watched)
 
