@@ -57,6 +57,9 @@ def command(
 ) -> None:
     """Simulate, and show chosen devices of PLCs over time: at every END at which one has changed.
 
+    X is the image in memory, which is sampled at the beginning of a scan and shown at its END; when the
+    wire itself changed is in inputs.csv of a run.
+
     SCENARIO is a file or the name of a built-in scenario. X and Y are numbered in octal; T and C mean
     their contacts.
     """

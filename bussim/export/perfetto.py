@@ -24,6 +24,7 @@ from bussim.trace import (
     EndsRecord,
     FrameRecord,
     FreeRecord,
+    InputRecord,
     NoteRecord,
     PollRecord,
     ScanRecord,
@@ -174,6 +175,10 @@ class _Events:
             case DeviceValueRecord():
                 pid, value = self._tracks.plc(record.plc), {"value": record.value}
                 yield record.tick, _event("C", record.device, "register", record.tick, pid, 0, value)
+            case InputRecord():
+                pid, level = self._tracks.plc(record.plc), {"value": record.level}
+                name = f"{record.device} (wire)"
+                yield record.tick, _event("C", name, "input", record.tick, pid, 0, level)
             case EndsRecord():
                 yield from self._ends(record)
             case NoteRecord():

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TypeVar
+
 from bussim.report.stretch import Stretch
 from bussim.results.record import RunRecord
 from bussim.results.timeline import fault_spans
@@ -11,6 +14,7 @@ from bussim.trace import (
     DeviceValueRecord,
     EndsRecord,
     FrameRecord,
+    InputRecord,
     NoteRecord,
     ScanRecord,
     TransactionRecord,
@@ -76,20 +80,24 @@ def read_stretch(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -
         [record for record in found if isinstance(record, TransactionRecord)],
         [record for record in found if isinstance(record, ScanRecord)],
         [record for record in found if isinstance(record, NoteRecord)],
-        _values(trace, bus, begin, end),
+        _changes(trace.of(DeviceValueRecord, bus=bus, stop=end), begin),
+        _changes(trace.of(InputRecord, bus=bus, stop=end), begin),
         ends,
         fault_spans(run.notes, {bus, *where.nodes, *where.plcs}),
         {} if link is None else link.in_error,
     )
 
 
-def _values(trace: Trace, bus: str, begin: int, end: int) -> list[DeviceValueRecord]:
+C = TypeVar("C", DeviceValueRecord, InputRecord)
+
+
+def _changes(records: Iterable[C], begin: int) -> list[C]:
     """The changes in the window, and before them the last one of each device from before it."""
-    before: dict[tuple[str, str], DeviceValueRecord] = {}
-    inside: list[DeviceValueRecord] = []
-    for value in trace.of(DeviceValueRecord, bus=bus, stop=end):
-        if value.tick < begin:
-            before[value.plc, value.device] = value
+    before: dict[tuple[str, str], C] = {}
+    inside: list[C] = []
+    for record in records:
+        if record.tick < begin:
+            before[record.plc, record.device] = record
         else:
-            inside.append(value)
+            inside.append(record)
     return [*before.values(), *inside]

@@ -219,23 +219,41 @@ class _Painter:
 
     def values(self) -> int:
         stretch = self.stretch
-        changes: dict[tuple[str, str], list[tuple[int, int]]] = {}
-        for value in stretch.values:
-            changes.setdefault((value.plc, value.device), []).append((value.tick, value.value))
+        changes = _courses(stretch)
         inside = {
             key: sum(stretch.begin <= tick < stretch.end for tick, _ in past) for key, past in changes.items()
         }
         busiest = sorted((key for key in changes if inside[key]), key=lambda key: -inside[key])
         kept = set(busiest[:MOST_DEVICES])
+        wires = {(record.plc, record.device) for record in stretch.inputs}
         for key, past in changes.items():
             if key not in kept:
                 continue
             plc, device = key
-            lane = self.lane(f"{plc} {device}")
+            where = " (wire)" if key in wires else ""
+            lane = self.lane(f"{plc} {device}{where}")
             steps = sorted(past)
             for (tick, number), (until, _) in pairwise([*steps, (stretch.end, 0)]):
-                self.box(lane, tick, until, LEVEL, f"{number}", f"{plc}: {device} = {number}")
+                self.box(lane, tick, until, LEVEL, f"{number}", f"{plc}: {device} = {number}{where}")
         return len(busiest) - len(kept)
+
+
+def _courses(stretch: Stretch) -> dict[tuple[str, str], list[tuple[int, int]]]:
+    """The changes of each device: of a driven input those of its wire, of others those at ENDs.
+
+    Memory's image of an input tells its level until the first change of its wire.
+    """
+    wires: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for record in stretch.inputs:
+        wires.setdefault((record.plc, record.device), []).append((record.tick, record.level))
+    courses: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for value in stretch.values:
+        key = (value.plc, value.device)
+        if key not in wires or value.tick < wires[key][0][0]:
+            courses.setdefault(key, []).append((value.tick, value.value))
+    for key, past in wires.items():
+        courses.setdefault(key, []).extend(past)
+    return courses
 
 
 def scene_of(stretch: Stretch) -> Scene:

@@ -13,6 +13,7 @@ from bussim.trace import (
     AttemptRecord,
     DeviceValueRecord,
     FrameRecord,
+    InputRecord,
     NoteRecord,
     ScanRecord,
     TransactionRecord,
@@ -28,7 +29,8 @@ class Stretch:
     """What happened on ``bus`` from ``begin`` to ``end`` (ticks), records that reach in included.
 
     ``nodes`` are the names of what sits on the bus in cable order; ``stations`` the names of an N:N
-    link's stations by number; ``ends`` are the ENDs of each PLC. ``faults`` are faults in words and
+    link's stations by number; ``ends`` are the ENDs of each PLC. ``values`` are what memories
+    hold at ENDs, ``inputs`` the changes on the wires of driven inputs. ``faults`` are faults in words and
     when they acted, ``flags`` when the master had each station in error.
     """
 
@@ -43,6 +45,7 @@ class Stretch:
     scans: Sequence[ScanRecord] = ()
     notes: Sequence[NoteRecord] = ()
     values: Sequence[DeviceValueRecord] = ()
+    inputs: Sequence[InputRecord] = ()
     ends: Mapping[str, Sequence[int]] = field(default_factory=dict)
     faults: Sequence[tuple[str, Span]] = ()
     flags: Mapping[int, Sequence[Span]] = field(default_factory=dict)

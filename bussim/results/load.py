@@ -13,7 +13,14 @@ from bussim.results.record import SCHEMA, RunRecord
 from bussim.results.rows import FORMS, Form
 from bussim.results.tables import FORMATS, PANDAS_TYPES, import_pyarrow
 from bussim.results.trace_file import TRACE, Record, Trace, read_trace
-from bussim.trace import AttemptRecord, DeviceValueRecord, FreeRecord, ScanRecord, TransactionRecord
+from bussim.trace import (
+    AttemptRecord,
+    DeviceValueRecord,
+    FreeRecord,
+    InputRecord,
+    ScanRecord,
+    TransactionRecord,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,6 +80,10 @@ class FolderRows:
     def values(self) -> pd.DataFrame:
         """The table of observed devices."""
         return self._table(DeviceValueRecord, _NO_ROWS)
+
+    def inputs(self) -> pd.DataFrame:
+        """The table of driven inputs."""
+        return self._table(InputRecord, _NO_ROWS)
 
     def exchanges(self) -> pd.DataFrame:
         """The table of attempts."""

@@ -14,6 +14,7 @@ from bussim.trace import (
     AttemptRecord,
     DeviceValueRecord,
     FreeRecord,
+    InputRecord,
     ScanRecord,
     TraceHeader,
     TransactionRecord,
@@ -73,6 +74,10 @@ class MemoryRows:
     def values(self) -> pd.DataFrame:
         """The table of observed devices. Raises UsageError if rows were not kept."""
         return _table(DeviceValueRecord, self._kept()[DeviceValueRecord])
+
+    def inputs(self) -> pd.DataFrame:
+        """The table of driven inputs. Raises UsageError if rows were not kept."""
+        return _table(InputRecord, self._kept()[InputRecord])
 
     def exchanges(self) -> pd.DataFrame:
         """The table of attempts. Raises UsageError if the run was not traced."""

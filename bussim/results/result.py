@@ -38,6 +38,9 @@ class StoredRows(Protocol):
     def values(self) -> pd.DataFrame:
         """One row a change of an observed device."""
 
+    def inputs(self) -> pd.DataFrame:
+        """One row a change on the wire of a driven input."""
+
     def trace(self) -> list[dict[str, Any]]:
         """One object a line of the trace."""
 
@@ -110,9 +113,21 @@ class Result:
     def values(self) -> pd.DataFrame:
         """One row a change of an observed device: time_s, plc, device, value.
 
-        Raises UsageError if the run kept no rows.
+        The values are those in the PLC's memory at END, as a monitor shows them: of X the image that the
+        scan has worked with. When the wire of an input changed is in :attr:`inputs`. Raises UsageError if
+        the run kept no rows.
         """
         return self._rows.values()
+
+    @cached_property
+    def inputs(self) -> pd.DataFrame:
+        """One row a change on the wire of an input that the scenario drives, whether observed or not.
+
+        Columns: time_s (when the wire changed), plc, device, level (from then on), sampled_s (the
+        beginning of the scan that looked at it next), seen (whether the level was still so then).
+        Raises UsageError if the run kept no rows.
+        """
+        return self._rows.inputs()
 
     @cached_property
     def trace(self) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from bussim.results.ports import response_time
 from bussim.results.tables import (
     ATTEMPT_COLUMNS,
     FREE_COLUMNS,
+    INPUT_COLUMNS,
     SCAN_COLUMNS,
     TRANSACTION_COLUMNS,
     VALUE_COLUMNS,
@@ -22,6 +23,7 @@ from bussim.trace import (
     AttemptRecord,
     DeviceValueRecord,
     FreeRecord,
+    InputRecord,
     ScanRecord,
     TraceHeader,
     TransactionRecord,
@@ -108,6 +110,18 @@ def value_row(record: DeviceValueRecord) -> Row:
     return (nanoseconds(record.tick), record.plc, record.device, record.value)
 
 
+def input_row(record: InputRecord) -> Row:
+    """The row of a change on an input's wire, after :data:`INPUT_COLUMNS`."""
+    return (
+        nanoseconds(record.tick),
+        record.plc,
+        record.device,
+        record.level,
+        nanoseconds(record.sampled),
+        record.seen,
+    )
+
+
 def _ns(ticks: int | None) -> int | None:
     return None if ticks is None else nanoseconds(ticks)
 
@@ -129,6 +143,7 @@ FORMS: dict[type[Record], Form] = {
     TransactionRecord: Form("modbus", TRANSACTION_COLUMNS, transaction_row),
     FreeRecord: Form("free", FREE_COLUMNS, free_row),
     DeviceValueRecord: Form("values", VALUE_COLUMNS, value_row),
+    InputRecord: Form("inputs", INPUT_COLUMNS, input_row),
 }
 
 

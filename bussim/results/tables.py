@@ -76,6 +76,14 @@ VALUE_COLUMNS = {
     "device": "text",
     "value": "int",
 }
+INPUT_COLUMNS = {
+    "time_s": "s",
+    "plc": "text",
+    "device": "text",
+    "level": "int",
+    "sampled_s": "s",
+    "seen": "flag",
+}
 #: Decimals of times: whole nanoseconds.
 DECIMALS = {"s": 9, "ms": 6}
 #: pandas' types of the columns.

@@ -21,7 +21,7 @@ from bussim.report.scene import (
 )
 from bussim.report.stretch import Stretch
 from bussim.results.timeline import Span
-from bussim.trace import DeviceValueRecord, FrameRecord, NoteRecord, TransactionRecord
+from bussim.trace import DeviceValueRecord, FrameRecord, InputRecord, NoteRecord, TransactionRecord
 from tests.report.samples import NAMES, eight_folder, longest
 
 
@@ -141,3 +141,25 @@ def test_modbus_attempts_tell_function_address_and_outcome() -> None:
     assert failed.label == "try 2: no response in time"
     assert "function 3 at station 1, address 22, quantity 4" in failed.text
     assert (good.kind, good.start, good.end) == ("good", 6000, 7000)
+
+
+def test_the_lane_of_a_driven_input_is_its_wire() -> None:
+    """Memory's image, a scan later, tells only what the level was before the wire's first change."""
+    values = [
+        DeviceValueRecord(-50, "a", "X0", 1),
+        DeviceValueRecord(2_500, "a", "X0", 0),
+        DeviceValueRecord(2_500, "a", "Y0", 0),
+        DeviceValueRecord(6_500, "a", "X0", 1),
+    ]
+    inputs = [
+        InputRecord(1_800, "a", "X0", 0, 2_000, True, 2_500),
+        InputRecord(5_700, "a", "X0", 1, 6_000, True, 6_500),
+    ]
+    lanes, boxes = scene(values=values, inputs=inputs)
+    levels = [(lanes[b.lane], b.start, b.end, b.label) for b in boxes if b.kind == LEVEL]
+    assert levels == [
+        ("a X0 (wire)", -50, 1_800, "1"),
+        ("a X0 (wire)", 1_800, 5_700, "0"),
+        ("a X0 (wire)", 5_700, 10_000, "1"),
+        ("a Y0", 2_500, 10_000, "0"),
+    ]
