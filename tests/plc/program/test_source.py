@@ -333,3 +333,68 @@ def test_random_instructions_never_raise(text: str, registers: list[int]) -> Non
 @given(st.text(max_size=200), REGISTERS)
 def test_random_text_never_raises(text: str, registers: list[int]) -> None:
     survives(text, registers)
+
+
+# -- as programming tools print lists ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("LD X0\nOUT T0\nK50\nEND", "LD X0\nOUT T0 K50\nEND"),
+        ("0 LD X000\n1 OUT T0\n     K 50\n4 END", "LD X000\nOUT T0 K50\nEND"),
+        ("LD X0\nMOV\n\n K5 ; five\n D0\nEND", "LD X0\nMOV K5 D0\nEND"),
+        ("LD X0\nZCP K1\nK2 D0\nM0\nEND", "LD X0\nZCP K1 K2 D0 M0\nEND"),
+        ("LD X0\nCJ\nP0\nLD X1\nOUT Y0\nP0\nEND", "LD X0\nCJ P0\nLD X1\nOUT Y0\nP0\nEND"),
+        ("(* a *)\nLD X0 (* b *)\nOUT Y0 'c\n/* d\nOUT Y1\n*/ END", "LD X0\nOUT Y0\nEND"),
+        ("LD X0 ; (* no comment begins here\nOUT Y0 // nor /* here\nEND", "LD X0\nOUT Y0\nEND"),
+        ("LD(*a*)X0\nOUT/**/Y0\nEND", "LD X0\nOUT Y0\nEND"),
+        ("LD = D0 K1\nOR <> D1 K2\nOUT Y0\nEND", "LD= D0 K1\nOR<> D1 K2\nOUT Y0\nEND"),
+        ("ldd >= d0 k1\nout y 0\nend", "LDD>= D0 K1\nOUT Y0\nEND"),
+        ("LD X 0\nMOV K -5 D 0\nMOV H 1F Z 0\nEND", "LD X0\nMOV K-5 D0\nMOV H1F Z0\nEND"),
+    ],
+)
+def test_lists_as_they_are_printed(text: str, same: str) -> None:
+    one, other = Program.parse(text, "p"), Program.parse(same, "p")
+
+    def read(program: Program) -> list[tuple[object, ...]]:
+        return [(at.name, *(operand.text.upper() for operand in at.operands)) for at in program.instructions]
+
+    assert read(one) == read(other)
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("LD X0 / OUT Y0 / K5 / END", ["3:1: K5 without its instruction: OUT in front of it takes no more"]),
+        ("LD X0 / OUT T0 /  K99999 / END", ["3:2: OUT: the preset is K99999, allowed K0…K32767"]),
+        (
+            "LD X0 / MOV K5 /  Q5 / END",
+            ["2:1: MOV takes 2 operands (source, destination), found 1", "3:2: 'Q5'"],
+        ),
+        ("LD X0 / MOV / K5 / X0 / END", ["4:1: MOV: the destination cannot be X0, allowed KnY"]),
+        ("LD X0 / OTU T0 / K50 / END", ["2:1: 'OTU' is no instruction; did you mean OUT?"]),
+        ("P0 / K5 / END", ["2:1: K5 without its instruction: a label takes no more"]),
+        ("LD X0 / OUT T0 / P5 / END", ["2:1: OUT takes 2 operands (device, preset), found 1"]),
+        ("LD X0 (* a / OUT Y0 / END", ["1:7: the comment that begins here has no *)"]),
+        ("LD X0 / OUT Y0 /* a * / END", ["2:8: the comment that begins here has no */"]),
+        ("LD X0 / MOV K5,D,1 / END", ["2:8: 'D' is no device or constant; D needs a number", "2:10: '1' is"]),
+    ],
+)
+def test_mistakes_of_printed_lists_are_where_they_stand(text: str, found: list[str]) -> None:
+    told = problems(text.replace("/*", "§").replace(" / ", "\n").replace("§", "/*"))
+    assert len(told) == len(found), told
+    for one, wanted in zip(told, found, strict=True):
+        assert one.startswith(f"test.il:{wanted}")
+
+
+@pytest.mark.parametrize(
+    ("word", "near"),
+    [
+        *(("LDD X0", "LD"), ("OTU Y0", "OUT"), ("SETT Y0", "SET"), ("ANDI X0", "ANI"), ("MOVE K1 D0", "MOV")),
+        *(("FOO", None), ("XYZ", None), ("DMVO K1 D0", "DMOV"), ("NEXTT", "NEXT"), ("ZRTS M0 M1", "ZRST")),
+    ],
+)
+def test_the_plain_instruction_is_offered_first(word: str, near: str | None) -> None:
+    (found,) = [text for text in problems(f"LD X0\n{word}\nOUT Y7\nEND") if "is no instruction" in text]
+    assert found.endswith(f"did you mean {near}?" if near else "is no instruction")
