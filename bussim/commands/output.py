@@ -10,8 +10,8 @@ from pathlib import Path
 from bussim.errors import UsageError
 
 
-def checked_target(path: Path, endings: Sequence[str], *, force: bool) -> Path:
-    """The path, if a file may be written there.
+def checked_target(path: Path, endings: Sequence[str], *, force: bool, option: str = "-o") -> Path:
+    """The path, if a file may be written there; ``option`` is that which names it.
 
     Raises UsageError for another ending, for a folder, for a file that exists unless ``force``, or
     where there is no folder to write it to.
@@ -22,7 +22,7 @@ def checked_target(path: Path, endings: Sequence[str], *, force: bool) -> Path:
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name a file")
     if path.exists() and not force:
-        raise UsageError(f"{path} exists; choose another name with -o, or replace it with --force")
+        raise UsageError(f"{path} exists; choose another name with {option}, or replace it with --force")
     if not path.parent.is_dir():
         raise UsageError(f"{path}: there is no folder {path.parent}")
     return path

@@ -73,8 +73,8 @@ def command(
     watched = _watched(loaded, devices)
     begin, end = _window(loaded, since, until)
     targets = [
-        checked_target(Path(name), endings, force=force) if name is not None else None
-        for name, endings in ((csv_file, (".csv",)), (plot_file, (".png", ".svg")))
+        checked_target(Path(name), endings, force=force, option=option) if name is not None else None
+        for option, name, endings in (("--csv", csv_file, (".csv",)), ("--plot", plot_file, (".png", ".svg")))
     ]
     watch = _simulated(replace(loaded, duration=end), watched)
     if signed:
@@ -126,7 +126,10 @@ def _watched(scenario: Scenario, devices: str) -> list[Watched]:
         except ValueError as error:
             raise UsageError(f"--devices: the device of {plc} {error}") from None
         each = Watched(plc, str(device), not device.is_word)
-        found.setdefault(each.name, each)
+        if each.name in found:
+            also = f", the second time as {text}" if text != each.name else ""
+            raise UsageError(f"--devices has {each.name} twice{also}")
+        found[each.name] = each
     if len(found) > _MOST_DEVICES:
         raise UsageError(f"--devices has {len(found)} devices, allowed {_MOST_DEVICES}")
     return list(found.values())

@@ -184,10 +184,14 @@ class Random:
 
 @dataclass(frozen=True, slots=True)
 class RandomInput:
-    """What a scenario says of a random input: mean times on and off, in ticks."""
+    """What a scenario says of a random input: mean times on and off, in ticks.
+
+    With a ``seed`` of its own its course depends on that alone, else on the scenario's seed and its name.
+    """
 
     on: int
     off: int
+    seed: int | None = None
 
 
 InputSpec = Pulse | Square | Times | RandomInput

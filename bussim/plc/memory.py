@@ -56,11 +56,11 @@ def _ranges_text(letter: str) -> str:
 
 
 def parse_device(name: str) -> Device:
-    """The device of a name such as ``D8201``, ``M1064`` or ``X17`` (octal). Upper case only.
+    """The device of a name such as ``D8201``, ``M1064`` or ``X17`` (octal), in capitals or not.
 
     Raises ValueError with a message for the user.
     """
-    match = _NAME.fullmatch(name)
+    match = _NAME.fullmatch(name.upper() if name.isascii() else name)
     if match is None:
         raise ValueError(f"is {name!r}, not a device; write a letter of X Y M S T C D and a number")
     letter, digits = match.groups()

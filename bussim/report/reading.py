@@ -100,4 +100,5 @@ def _changes(records: Iterable[C], begin: int) -> list[C]:
             before[record.plc, record.device] = record
         else:
             inside.append(record)
-    return [*before.values(), *inside]
+    found = list(before.values())
+    return found + inside

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from bussim.plc.board import D_TIMEOUT, TIMEOUT_UNIT
 from bussim.plc.inputs import Times
-from bussim.plc.memory import parse_device
 from bussim.scenario.disturbances import FAULT_KINDS, FaultIn, NoiseIn
 from bussim.scenario.places import Path
 from bussim.scenario.port_seats import written_keys
 from bussim.scenario.program_schema import LatencyIn
 from bussim.scenario.schema import BusIn, DocumentIn, PlcIn
-from bussim.scenario.seats import NN_KEYS, Member, line_of, raw_registers
+from bussim.scenario.seats import NN_KEYS, Member, device_name, line_of, raw_registers
 from bussim.scenario.written import as_written, in_order
 from bussim.units import format_time
 
@@ -86,6 +85,8 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
         if seat.name not in member.logic.first.ports:  # else its program says it
             port["cpavl"] = {"words": str(seat.words), "bits": str(seat.bits)}
         written["ports"][seat.name] = in_order(seat.given, port)
+    for key in ("registers", "sources", "inputs"):
+        written[key] = {device_name(name) or name: value for name, value in written[key].items()}
     for key in ("registers", "ports", "polls", "sources", "inputs"):
         if not written[key]:
             del written[key]
@@ -93,9 +94,10 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
         written["program"] = member.logic.program.text
     for name, given in plc.inputs.items():
         if given.csv is not None:
-            spec = member.logic.inputs[str(parse_device(name))]
+            proper = device_name(name) or name
+            spec = member.logic.inputs[proper]
             if isinstance(spec, Times):
-                written["inputs"][name] = {"times": [format_time(tick) for tick in spec.ticks]}
+                written["inputs"][proper] = {"times": [format_time(tick) for tick in spec.ticks]}
     if plc.nn is not None:
         written["nn"] = _nn(member, plc)
     return written

@@ -27,8 +27,8 @@ OWN = "bussim"
 #: The longest time that a scenario may name: ten years of 365 days.
 LONGEST = 10 * 365 * 86400 * TICKS_PER_SECOND
 
-_NAME = re.compile(r"(?=.*[^\W\d_])[\w-]{1,64}")
-_NODE = re.compile(r"(?=.*[^\W\d_])[\w-]{1,64}(\.COM[1-6])?")
+_NAME = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}")
+_NODE = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}(\.COM[1-6])?")
 _CALLABLE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 _HEX = re.compile(r"(?:0x)?([0-9a-fA-F]{2})")
 
@@ -66,13 +66,15 @@ def _found(value: object) -> str:
 
 
 def name() -> Kind:
-    """A name: letters, digits, _ and -, at least one letter, at most 64 characters."""
+    """A name: letters, digits, _ and - (not as the first), at least one letter, at most 64 characters."""
 
     def check(value: object) -> str:
         if isinstance(value, str) and _NAME.fullmatch(value):
             return value
+        first = ", and no - at the beginning" if isinstance(value, str) and value.startswith("-") else ""
         raise fail(
             f"{_found(value)}, not a name; allowed are letters, digits, _ and -, with at least one letter"
+            + first
         )
 
     return Kind(check)

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import errno
+import itertools
+import os
+import stat
 from pathlib import Path
 
 from bussim.scenario import builtin
-from bussim.scenario.wording import shorten
+from bussim.scenario.wording import nearest, shorten
+
+#: Names of a folder that are looked at for the one that was meant.
+_MOST_NAMES = 2000
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device of the system"),
+    (stat.S_ISBLK, "a device of the system"),
+)
 
 
 class Files:
@@ -25,8 +39,7 @@ class Files:
             return self.texts[name]
         path = self._find(name)
         if path is None:
-            where = "here" if self._folder is None else "beside the scenario"
-            raise ValueError(f"is {shorten(name)}, but there is no such file {where}")
+            raise ValueError(f"is {shorten(name)}, {self._why_not(name)}")
         try:
             with path.open("rb") as file:
                 raw = file.read(most + 1)
@@ -37,10 +50,7 @@ class Files:
         try:
             text = raw.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            byte = raw[error.start]
-            raise ValueError(
-                f"is {shorten(name)}, which is no UTF-8 text (byte {error.start} is 0x{byte:02X})"
-            ) from None
+            raise ValueError(f"is {shorten(name)}, {_encoding(raw, error.start)}") from None
         self.texts[name] = text
         return text
 
@@ -52,3 +62,46 @@ class Files:
             return next((path for path in places if path.is_file()), None)
         except (OSError, ValueError):
             return None
+
+    def _why_not(self, name: str) -> str:
+        """Why a name is no file that can be read."""
+        where = "here" if self._folder is None else "beside the scenario"
+        path = (self._folder or Path()) / name
+        try:
+            mode = path.stat().st_mode
+        except OSError as error:
+            if error.errno == errno.ELOOP:
+                return "a symbolic link that leads back to itself"
+            if path.is_symlink():
+                return f"a symbolic link to {shorten(str(path.readlink()))}, which does not exist"
+            near = self._nearest(path)
+            return f"but there is no such file {where}" + (f"; did you mean {near}?" if near else "")
+        except ValueError:  # a NUL in the name
+            return f"but there is no such file {where}"
+        kind = next((kind for test, kind in _KINDS if test(mode)), "no plain file")
+        return f"which is {kind}; expected a file of text"
+
+    def _nearest(self, path: Path) -> str | None:
+        """The file in the same folder with the nearest name, of the same kind."""
+        try:
+            with os.scandir(path.parent) as entries:
+                names = [entry.name for entry in itertools.islice(entries, _MOST_NAMES) if entry.is_file()]
+        except OSError:
+            names = []
+        if self._folder is None or path.parent == self._folder:
+            names += [entry.name for entry in (builtin.folder() / "programs").iterdir()]
+        alike = [other for other in names if Path(other).suffix.lower() == path.suffix.lower()]
+        near = nearest(path.name, alike)
+        return None if near is None else shorten(near)
+
+
+def _encoding(raw: bytes, position: int) -> str:
+    """How bytes that are no UTF-8 are told of: where the first one is, and what to do."""
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "which is UTF-16 text; save it as UTF-8"
+    before = raw[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    line = before.count(b"\n") + 1
+    return (
+        f"which is no UTF-8 text (line {line} has the byte 0x{raw[position]:02X}); save it as UTF-8, "
+        "it may be in GBK, Big5, Shift-JIS or Latin-1"
+    )

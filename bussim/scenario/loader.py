@@ -141,6 +141,6 @@ def _judge(
         # A warning beside a mistake may be no more than its consequence.
         return Examined(None, tuple(sorted(report.errors)), ())
     # Without their places, two may be the same.
-    warnings = tuple(dict.fromkeys(problem.message for problem in report.warnings))
+    warnings = tuple(dict.fromkeys(report.plain.get(each, each.message) for each in report.warnings))
     scenario = build(draft, judged, warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

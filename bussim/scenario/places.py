@@ -105,6 +105,8 @@ class Report:
         self.warnings: list[Problem] = []
         #: Those of the mistakes that are keys which do not exist.
         self.unknown: list[Problem] = []
+        #: What a run says in place of a warning whose message names lines of the file.
+        self.plain: dict[Problem, str] = {}
         self._seen: set[tuple[bool, Problem]] = set()
 
     def error(self, path: Path, predicate: str, *, key: bool = False) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from bussim.errors import Problem, ProgramError
 from bussim.plc.first_scan import FirstScan, first_scan
 from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
-from bussim.plc.memory import parse_device
+from bussim.plc.memory import Device, parse_device
 from bussim.plc.profiles import Profile
 from bussim.scenario.files import Files
 from bussim.scenario.places import Path, Report
@@ -19,7 +19,7 @@ from bussim.scenario.program_schema import MAX_TIMES, InputIn, ProgramIn
 from bussim.scenario.register_rules import named_device
 from bussim.scenario.schema import PlcIn
 from bussim.scenario.wording import show
-from bussim.units import TICKS_PER_SECOND, round_half_up
+from bussim.units import TICKS_PER_SECOND, format_time, round_half_up
 
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
@@ -29,6 +29,9 @@ MAX_PROGRAM = 128 * 1024
 MAX_CSV = 1024 * 1024
 
 _SECONDS = re.compile(r"[+]?([0-9]{1,9}(\.[0-9]{0,12})?|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?")
+
+#: How a message names another line of the program; no word of a program has a blank in it.
+_LINE = re.compile(r"\bat line ([0-9]+)\b", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +44,23 @@ class Origin:
     path: Path | None = None  # of a text whose lines have no places of their own
 
     def problem(self, report: Report, found: Problem, *, warning: bool = False) -> Problem:
-        """A problem of the program, told where the user finds it.
+        """A problem of the program, told where the user finds it, as are the other lines that it names.
 
-        A warning's message is the same wherever the program stands: a run tells it without its place.
+        What a run says of a warning is the same wherever the program stands: lines of the program.
         """
+        plain = _LINE.sub(r"at line \1 of the program", found.message)
         if self.path is not None:
             where = "" if warning else f"line {found.line} of the program: "
-            return report.places.remark(self.path, f"{where}{found.message}")
-        if self.line == 0:
-            return Problem(self.file, found.line, found.column, found.message)
-        line = max(found.line, 1)
-        return Problem(self.file, self.line + line - 1, self.indent + max(found.column, 1), found.message)
+            placed = report.places.remark(self.path, f"{where}{plain}")
+        elif self.line == 0:
+            placed = Problem(self.file, found.line, found.column, found.message)
+        else:
+            moved = _LINE.sub(lambda match: f"at line {int(match[1]) + self.line - 1}", found.message)
+            line, column = self.line + max(found.line, 1) - 1, self.indent + max(found.column, 1)
+            placed = Problem(self.file, line, column, moved)
+        if warning:
+            report.plain[placed] = plain
+        return placed
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +87,7 @@ def read_logic(
     ``registers`` are what the PLC has at power-on without its program.
     """
     inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
+    _warn_of_short_levels(path, plc, report)
     if plc.program is None:
         return PlcLogic(inputs=inputs)
     program, origin = _program((*path, "program"), plc, plc.program, files, report)
@@ -135,6 +145,7 @@ def _inner(path: Path, key: str, report: Report) -> Path:
 
 def _inputs(path: Path, given: Mapping[str, InputIn], files: Files, report: Report) -> dict[str, InputSpec]:
     found: dict[str, InputSpec] = {}
+    written: dict[Device, str] = {}
     for name, entry in given.items():
         device = named_device((*path, name), name, report)
         if device is None:
@@ -143,13 +154,38 @@ def _inputs(path: Path, given: Mapping[str, InputIn], files: Files, report: Repo
             report.error(
                 (*path, name), f"is no input: {device.letter} cannot be driven here, only X", key=True
             )
-        elif str(device) in found:
-            report.error((*path, name), f"is the same device as {device}", key=True)
+        elif device in written:
+            report.error((*path, name), f"is the same device as {written[device]}", key=True)
         else:
+            written[device] = name
             spec = _input((*path, name), entry, files, report)
             if spec is not None:
                 found[str(device)] = spec
     return found
+
+
+#: A level that is so many times shorter than a scan is seen by hardly any.
+_FAR_SHORTER = 10
+
+
+def _warn_of_short_levels(path: Path, plc: PlcIn, report: Report) -> None:
+    """Inputs of which the PLC sees next to nothing, since it looks once a scan."""
+    for name, given in plc.inputs.items():
+        if given.pulse is not None:
+            level, what = given.pulse.width, "stays on for"
+        elif given.square is not None:
+            level, what = given.square.period // 2, "stays on and off for"
+        elif given.random is not None:
+            level, what = min(given.random.on, given.random.off), "stays on or off for a mean of"
+        else:
+            continue
+        if level * _FAR_SHORTER < plc.scan.mean:
+            report.warn(
+                (*path, "inputs", name),
+                f"{name} of {plc.name} {what} {format_time(level)}, but is looked at once a scan, every "
+                f"{format_time(plc.scan.mean)}: almost none of its changes are seen",
+                key=True,
+            )
 
 
 def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpec | None:
@@ -159,7 +195,7 @@ def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpe
     if given.square is not None:
         return Square(given.square.period, given.square.at)
     if given.random is not None:
-        return RandomInput(given.random.on, given.random.off)
+        return RandomInput(given.random.on, given.random.off, given.random.seed)
     if given.times is not None:
         return Times(tuple(given.times))
     if given.csv is not None:

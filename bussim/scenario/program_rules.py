@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
 MAX_PROGRAMS = 256 * 1024
+#: Writes into other stations' blocks that are told of one PLC.
+MAX_FOREIGN = 20
 
 
 def check_programs(members: Sequence[Member], report: Report) -> None:
@@ -100,36 +102,43 @@ def _check_ports(member: Member, report: Report) -> None:
 
 
 def _check_writes(member: Member, link: list[Member], report: Report) -> None:
-    """Shared blocks of other stations that the program writes; each once."""
+    """What the program writes of other stations' shared blocks, line by line."""
     program = member.logic.program
     if program is None:
         return
     from bussim.plc.program.check import extents  # what only a scenario with programs pays
 
-    for place in foreign_blocks(member, link):
-        for at in program.instructions:
-            found = next((extent for extent in extents(at) if extent.writes and _meets(extent, place)), None)
-            if found is None:
-                continue
-            station = station_of(place)
-            owner = next((other.name for other in link if other.station == station), None)
-            who = f"station {station}" + (f" ({owner})" if owner is not None else "")
-            first = Device(found.letter, found.first)
-            span = (
-                f"{first}" if found.first == found.last else f"{first} to {Device(found.letter, found.last)}"
-            )
-            message = (
-                f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "
-                "frame from there, and nobody else sees it"
-            )
-            _warn_at(member, at, message, report)
-            break
+    places = foreign_blocks(member, link)
+    found = [
+        (at, shared, place)
+        for at in program.instructions
+        for extent in extents(at)
+        if extent.writes
+        for place in places
+        if (shared := _shared(extent, place)) is not None
+    ]
+    for at, (letter, first, last), place in found[:MAX_FOREIGN]:
+        station = station_of(place)
+        owner = next((other.name for other in link if other.station == station), None)
+        who = f"station {station}" + (f" ({owner})" if owner is not None else "")
+        span = f"{Device(letter, first)}" + (f" to {Device(letter, last)}" if last > first else "")
+        message = (
+            f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "
+            "frame from there, and nobody else sees it"
+        )
+        _warn_at(member, at, message, report)
+    if len(found) > MAX_FOREIGN:
+        more = len(found) - MAX_FOREIGN
+        _warn_at(member, found[MAX_FOREIGN][0], f"{more} more writes into blocks of other stations", report)
 
 
-def _meets(extent: Extent, place: BlockPlace) -> bool:
-    if extent.word:
-        return extent.letter == "D" and extent.first < place.word + place.words and place.word <= extent.last
-    return extent.letter == "M" and extent.first < place.bit + place.bits and place.bit <= extent.last
+def _shared(extent: Extent, place: BlockPlace) -> tuple[str, int, int] | None:
+    """The part of an extent in a shared block: its letter, first and last address."""
+    if extent.letter != ("D" if extent.word else "M"):
+        return None
+    begin, count = (place.word, place.words) if extent.word else (place.bit, place.bits)
+    first, last = max(extent.first, begin), min(extent.last, begin + count - 1)
+    return (extent.letter, first, last) if first <= last else None
 
 
 # -- observed devices and latencies --------------------------------------------------------------------
@@ -213,7 +222,9 @@ def _check_way(
     """A device that nothing can drive, or that nobody sends, where no program does anything about it."""
     start, end = given.from_, given.to
     if start.device.letter == "X" and str(start.device) not in source.logic.inputs:
-        report.warn((*path, "from"), f"nothing drives {start}: give {source.name} inputs for it")
+        report.warn(
+            (*path, "from"), f"nothing drives {start}: it has no entry in the inputs of the PLC {source.name}"
+        )
     if source.plc.program is None and source is not target:
         block = own_block(source, list(link))
         if block is not None and not block.holds(start.device):

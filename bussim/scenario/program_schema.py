@@ -16,6 +16,10 @@ MAX_TIMES = 10_000
 #: How many devices a scenario may observe, and how many latencies it may measure.
 MAX_OBSERVED, MAX_LATENCIES = 1000, 100
 PROGRAM_ENDING = ".il"
+#: The shortest time that a stimulus may stay on or off, 10 µs: whatever is shorter costs time, and no
+#: input of a PLC would let it through.
+SHORTEST_LEVEL = 720
+Level = Annotated[int, time(SHORTEST_LEVEL)]
 
 
 class ProgramIn(Model):
@@ -48,7 +52,7 @@ class PulseIn(Model):
 
     example = "{width: 50 ms, every: 2 s, at: 1 s, times: 3}"
 
-    width: Positive
+    width: Level
     every: Positive | None = None
     at: Time = 0
     times: Annotated[int, whole(1, 10**9)] | None = None
@@ -68,17 +72,21 @@ class SquareIn(Model):
     example = "a period such as 500 ms, or {period: 500 ms, at: 1 s}"
     shorthand = "period"
 
-    period: Annotated[int, time(2)]
+    period: Annotated[int, time(2 * SHORTEST_LEVEL)]
     at: Time = 0
 
 
 class RandomIn(Model):
-    """On and off for random times with these means."""
+    """On and off for random times with these means.
 
-    example = "{on: 1 s, off: 2 s}"
+    ``seed``: its course depends on that alone; else on the scenario's seed and the input's name.
+    """
 
-    on: Positive
-    off: Positive
+    example = "{on: 1 s, off: 2 s, seed: 3}"
+
+    on: Level
+    off: Level
+    seed: Annotated[int, whole(0, 2**63 - 1)] | None = None
 
 
 class InputIn(Model):

@@ -56,6 +56,7 @@ def check_rules(draft: Draft, report: Report, code: Code, files: Files) -> Judge
     sections: list[Iterable[Entry[Any]]] = [draft.buses, owners, draft.noise, draft.faults, draft.latency]
     for section in sections:
         _check_names(section, report)
+    _check_owners(draft.buses, owners, report)
     for bus in draft.buses:
         _check_bus(bus, report)
     lines = lines_of(draft)
@@ -89,6 +90,18 @@ def check_rules(draft: Draft, report: Report, code: Code, files: Files) -> Judge
     check_noise(draft, nodes, duration, report)
     check_faults(draft, nodes, duration, report)
     return Judged(members, nodes, code)
+
+
+def _check_owners(buses: Iterable[Entry[Any]], owners: Iterable[Entry[Any]], report: Report) -> None:
+    """Events name a bus or whoever sits on one, and do not tell which it is."""
+    names = {bus.name for bus in buses}
+    for entry in owners:
+        if entry.name is not None and entry.name in names:
+            report.warn(
+                (*entry.path, "name"),
+                f"{entry.name} is the name of a bus as well: events in the trace and in pictures do not tell "
+                "which of the two they are of",
+            )
 
 
 def _check_names(section: Iterable[Entry[Any]], report: Report) -> None:

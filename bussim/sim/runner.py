@@ -349,6 +349,8 @@ def _plc(spec: model.Plc, streams: Streams, *, linked: bool) -> Plc:
 
 def _stimulus(plc: str, device: str, given: InputSpec, streams: Streams) -> Stimulus:
     if isinstance(given, RandomInput):
+        if given.seed is not None:
+            return Random(given.on, given.off, Streams(given.seed).uniforms("input"))
         return Random(given.on, given.off, streams.uniforms("input", plc, device))
     return given
 

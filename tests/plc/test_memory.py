@@ -36,7 +36,7 @@ def test_names(name: str, device: Device) -> None:
         ("Y400", "Y0–Y377"),
         ("T256", "T0–T255"),
         ("Q1", "X Y M S T C D"),
-        ("d0", "not a device"),
+        ("ſ0", "not a device"),
         ("D", "not a device"),
         ("D-1", "not a device"),
         ("D１", "not a device"),

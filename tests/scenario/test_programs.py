@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -191,7 +193,7 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("program: one.il", "program: on.il", "x.yaml:9:14: program is on.il, but there is no such file beside the scenario"),
+        ("program: one.il", "program: on.il", "x.yaml:9:14: program is on.il, but there is no such file beside the scenario; did you mean one.il?"),
         ("program: one.il", "program: LD X0", "x.yaml:9:14: program is 'LD X0', expected the name of a file such as press1.il, or the program's lines as a block (program: |); another file name needs {file: …}"),
         ("program: one.il", "program: {file: one.il, text: END}", "x.yaml:9:35: program.text excludes file in the same entry"),
         ("program: one.il", "program: {name: one.il}", "x.yaml:9:15: program.name is not a key here; allowed are file, text"),
@@ -267,23 +269,151 @@ def test_nn_and_registers_that_a_program_overrules(tmp_path: Path) -> None:
     ]
 
 
-def test_a_write_into_another_stations_block(tmp_path: Path) -> None:
-    program = SLAVE.replace("END", "MOV K5 D0\nOUT M1000\nMOV K1 D33\nEND")
-    (found,) = warnings(tmp_path, **{"two.il": program})
-    assert found == (
-        "two.il:6:1: two: MOV writes D0, in the shared block of station 0 (one): the link overwrites it with "
-        "every frame from there, and nobody else sees it"
+FOREIGN = "in the shared block of station 0 (one): the link overwrites it with every frame from there, and nobody else sees it"
+
+
+def test_writes_into_another_stations_block_are_told_line_by_line(tmp_path: Path) -> None:
+    """Each with the part of it that lies there: station 0 has M1000–M1063 and D0–D7 in mode 2."""
+    program = SLAVE.replace(
+        "END", "MOV K5 D0\nOUT M1000\nMOV K1 D33\nBMOV D100 D28 K10\nMOV K0 K4M1060\nDMOV D1 D7\nEND"
     )
+    found = shown(warnings(tmp_path, **{"two.il": program}), tmp_path)
+    written = {
+        6: "MOV writes D0",
+        7: "OUT writes M1000",
+        10: "MOV writes M1060 to M1063",
+        11: "DMOV writes D7",
+    }
+    own = [text for text in found if "shared block" in text]
+    assert own == [f"two.il:{line}:1: two: {what}, {FOREIGN}" for line, what in written.items()]
+
+
+def test_many_writes_into_another_stations_block_are_counted(tmp_path: Path) -> None:
+    program = SLAVE.replace("END", "MOV K5 D0\n" * 23 + "END")
+    found = warnings(tmp_path, **{"two.il": program})
+    assert len(found) == 21
+    assert "two.il:26:1: two: 3 more writes into blocks of other stations" in found
+
+
+def test_lines_that_messages_of_an_inline_program_name_are_the_files(tmp_path: Path) -> None:
+    inline = (
+        "program: |\n      LD X0\n      CALL P5\n      FEND\n      P5\n      LD X1\n      OUT Y1\n      END"
+    )
+    (found,) = shown(problems(tmp_path, TEXT.replace("program: one.il", inline)), tmp_path)
+    assert found == "x.yaml:11:7: CALL P5: the subroutine at line 13 has no SRET"
+
+
+def test_a_warning_of_an_inline_program_has_the_files_lines_and_a_run_those_of_the_program(
+    tmp_path: Path,
+) -> None:
+    lines = "".join(f"      {line}\n" for line in SLAVE.replace("END", "LD X1\nOUT M1064\nEND").splitlines())
+    path = folder(tmp_path, TEXT.replace("program: two.il\n", f"program: |\n{lines}"))
+    (found,) = shown([str(each) for each in examine(path).warnings], tmp_path)
+    assert found == "x.yaml:19:7: two: M1064 is driven at line 17 too; the last one executed wins"
+    said = ("two: M1064 is driven at line 5 of the program too; the last one executed wins",)
+    assert load(path).warnings == said
+    assert loads(dumps(load(path))).warnings == said
+
+
+# -- files that are none, names that are not quite right ------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda path: path.mkdir(), "which is a folder; expected a file of text"),
+        (os.mkfifo, "which is a pipe; expected a file of text"),
+        (lambda path: path.symlink_to(path), "a symbolic link that leads back to itself"),
+        (lambda path: path.symlink_to("gone.il"), "a symbolic link to gone.il, which does not exist"),
+        (lambda path: path.with_name("pressA.il").write_text("END\n"), "did you mean pressA.il?"),
+        (lambda path: path.write_bytes("LD X0\n; 压机\n".encode("gbk")), "no UTF-8 text (line 2 has the byte 0xBB); save it as UTF-8"),
+        (lambda path: path.write_bytes("LD X0\n".encode("utf-16")), "which is UTF-16 text; save it as UTF-8"),
+    ],
+)  # fmt: skip
+def test_a_program_that_is_no_file_to_be_read(
+    tmp_path: Path, make: Callable[[Path], object], says: str
+) -> None:
+    make(tmp_path / "pressa.il")
+    (found,) = problems(tmp_path, TEXT.replace("program: one.il", "program: pressa.il"))
+    assert "program is pressa.il, " in found
+    assert says in found
+
+
+def test_small_letters_name_devices_everywhere_and_results_have_capitals(tmp_path: Path) -> None:
+    text = (
+        TEXT.replace("{X0: {square", "{x000: {square")
+        .replace("one.M1064", "one.m1064")
+        .replace("two.X0", "two.x0")
+        .replace("program: two.il", "program: two.il\n    registers: {d400: 7}")
+    )
+    found = load(folder(tmp_path, text))
+    two = found.plcs[1]
+    assert list(two.inputs) == ["X0"]
+    assert two.registers["D400"] == 7
+    assert found.latency[0].name == "two.X0 to one.M1064"
+    dumped = dumps(found)
+    assert "x0" not in dumped.replace("name: two.x0", "")
+    assert "d400" not in dumped
+    assert loads(dumped) == found
+
+
+def test_an_input_that_is_given_twice_is_told_as_it_was_written(tmp_path: Path) -> None:
+    text = TEXT.replace("{X0: {square: 500 ms}}", "{X000: {square: 500 ms}, x0: {square: 1 s}}")
+    (found,) = shown(problems(tmp_path, text), tmp_path)
+    assert found == "x.yaml:13:38: inputs.x0 is the same device as X000"
+
+
+@pytest.mark.parametrize(
+    ("given", "range_"),
+    [
+        ("{random: {on: 1 us, off: 1 s}}", "inputs.X0.random.on is 1 us, allowed 10 us..10 y"),
+        ("{square: 15 us}", "inputs.X0.square is 15 us, allowed 20 us..10 y"),
+        ("{pulse: {width: 9 us}}", "inputs.X0.pulse.width is 9 us, allowed 10 us..10 y"),
+        ("{random: {on: 1 s, off: 1 s, seed: -1}}", "inputs.X0.random.seed is -1, allowed 0.."),
+    ],
+)
+def test_levels_that_no_input_lets_through(tmp_path: Path, given: str, range_: str) -> None:
+    (found,) = problems(tmp_path, TEXT.replace("{square: 500 ms}", given))
+    assert range_ in found
+
+
+@pytest.mark.parametrize(
+    ("given", "seen"),
+    [
+        (
+            "{square: 100 us}",
+            "X0 of two stays on and off for 50 us, but is looked at once a scan, every 10 ms",
+        ),
+        ("{random: {on: 1 s, off: 900 us}}", "X0 of two stays on or off for a mean of 900 us"),
+        ("{pulse: {width: 20 us, every: 1 s}}", "X0 of two stays on for 20 us"),
+        ("{pulse: {width: 1 ms, every: 1 s}}", None),
+        ("{times: [1 s, 1.000001 s]}", None),
+    ],
+)
+def test_levels_far_shorter_than_a_scan_are_warned_of(tmp_path: Path, given: str, seen: str | None) -> None:
+    found = warnings(tmp_path, TEXT.replace("{square: 500 ms}", given))
+    assert len(found) == (seen is not None)
+    assert all(seen is not None and seen in text for text in found)
+
+
+def test_a_name_does_not_begin_with_a_dash_and_is_warned_of_where_a_bus_has_it(tmp_path: Path) -> None:
+    (found,) = problems(tmp_path, TEXT.replace("name: one", "name: -one").replace("one.M", "two.M"))
+    assert "name is '-one', not a name" in found
+    assert found.endswith("with at least one letter, and no - at the beginning")
+    (found,) = warnings(tmp_path, TEXT.replace("name: one", "name: link").replace("one.M", "link.M"))
+    assert "link is the name of a bus as well" in found
 
 
 def test_latencies_that_nothing_brings_about(tmp_path: Path) -> None:
     text = TEXT.replace("    inputs: {X0: {square: 500 ms}}\n", "")
     assert shown(warnings(tmp_path, text), tmp_path) == [
-        "x.yaml:15:12: nothing drives two.X0: give two inputs for it"
+        "x.yaml:15:12: nothing drives two.X0: it has no entry in the inputs of the PLC two"
     ]
 
 
 def test_a_programs_own_warnings_are_the_scenarios(tmp_path: Path) -> None:
     program = SLAVE.replace("END", "LD X1\nOUT M1064\nEND")
     found = load(folder(tmp_path, **{"two.il": program}))
-    assert found.warnings == ("two: M1064 is driven at line 5 too; the last one executed wins",)
+    assert found.warnings == (
+        "two: M1064 is driven at line 5 of the program too; the last one executed wins",
+    )
