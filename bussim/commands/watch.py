@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,6 +68,7 @@ def command(
     from bussim.scenario import loader
     from bussim.units import seconds
     from bussim.version import __version__
+    from bussim.wording import names
 
     given = values_of(overrides, seed=seed)
     loaded = loader.load(scenario, given, allow_code=allow_code)
@@ -85,8 +87,11 @@ def command(
     if table is not None:
         write_text(table, _csv(watch, begin, end))
     if picture is not None:
-        from bussim.results.watch_plots import watch_picture
+        from bussim.results.watch_plots import shown_devices, watch_picture
 
+        left_out = watched[shown_devices(watched) :]
+        if left_out:
+            click.echo(f"{picture} has no room for {names(each.name for each in left_out)}", err=True)
         about = f"{loaded.name}, seed {loaded.seed}, bussim {__version__}"
         watch_picture(watch, begin, end, f"{loaded.name}: devices over time", about).save(picture)
     if as_json:
@@ -198,8 +203,15 @@ def _show(watch: Watch, begin: int, end: int) -> None:
     for each in watch.watched:
         table.add_column(Text(each.name), justify="right", no_wrap=True)
     rows = list(watch.rows(begin, end))
+    before: list[int] = []
     for tick, values in rows[:_MOST_ROWS]:
-        table.add_row(f"{seconds(tick):.6f}", *map(str, values))
+        # What has not changed stands back.
+        old: Sequence[int | None] = before or [None] * len(values)
+        cells = [
+            Text(str(value), style="dim" * (value == was)) for value, was in zip(values, old, strict=True)
+        ]
+        table.add_row(f"{seconds(tick):.6f}", *cells)
+        before = values
     wide_console().print(table)
     if len(rows) > _MOST_ROWS:
         click.echo(f"{len(rows) - _MOST_ROWS:,} more rows: write them all with --csv FILE")

@@ -2,24 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
 from bussim.results.style import PALETTE, SIMULATED, Picture, finish_picture, new_picture, shorten, style
 from bussim.results.watch import Watch, Watched
 from bussim.units import seconds
 
-#: Height of a bit's lane and of a word's axes, in inches.
+#: Height of a bit's lane and of a word's axes, in inches; and where there are so many that the picture
+#: would become taller than the next figure.
 _LANE, _STEPS = 0.32, 1.1
+_LOW_LANE, _LOW_STEPS = 0.2, 0.55
+_TALLEST = 20.0
+#: From this height on the times stand above the axes as well.
+_TALL = 8.0
+_BETWEEN = 0.1
+
+
+def shown_devices(watched: Sequence[Watched]) -> int:
+    """How many of these devices a picture has room for: the first so many."""
+    height, number = 0.0, 0
+    for group in _groups(watched):
+        for each in group:
+            height += _LOW_LANE if each.bit else _LOW_STEPS
+            if height > _TALLEST:
+                return number
+            number += 1
+        height += _BETWEEN if group[0].bit else 0
+    return number
 
 
 def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) -> Picture:
     """The devices of a watch from ``begin`` to ``end`` (ticks), in their order; neighbouring bits together.
 
-    ``about`` is what the picture rests on.
+    ``about`` is what the picture rests on. Of more devices than there is room for
+    (:func:`shown_devices`) the first ones are shown; the heading tells.
     """
-    groups = _groups(watch.watched)
-    heights = [_LANE * len(group) + 0.1 if group[0].bit else _STEPS for group in groups]
+    number, among = shown_devices(watch.watched), len(watch.watched)
+    if number < among:
+        heading = f"{heading} (the first {number} of {among})"
+    groups = _groups(watch.watched[:number])
+    heights = _heights(groups, _LANE, _STEPS)
+    if sum(heights) > _TALLEST:
+        low = _heights(groups, _LOW_LANE, _LOW_STEPS)
+        part = max(0.0, (_TALLEST - sum(low)) / (sum(heights) - sum(low)))
+        heights = [small + part * (tall - small) for small, tall in zip(low, heights, strict=True)]
     with style():
         picture = new_picture(9, sum(heights) + 1.1, about)
         rows = picture.subplots(len(groups), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
@@ -30,13 +59,19 @@ def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) 
                 _steps(axes, group[0], begin, end)
         for axes in rows[:-1]:
             axes.tick_params(axis="x", labelbottom=False)
+        if sum(heights) > _TALL:
+            rows[0].tick_params(axis="x", top=True, labeltop=True)
         rows[-1].set_xlabel("time of the run (s)")
         rows[-1].set_xlim(seconds(begin), seconds(end))
         finish_picture(picture, heading, [])
     return picture
 
 
-def _groups(watched: tuple[Watched, ...]) -> list[list[Watched]]:
+def _heights(groups: Sequence[Sequence[Watched]], lane: float, steps: float) -> list[float]:
+    return [lane * len(group) + _BETWEEN if group[0].bit else steps for group in groups]
+
+
+def _groups(watched: Sequence[Watched]) -> list[list[Watched]]:
     """Bits that stand next to each other share axes, a word has its own."""
     groups: list[list[Watched]] = []
     for each in watched:
@@ -70,5 +105,10 @@ def _lanes(axes: Axes, group: list[Watched], begin: int, end: int) -> None:
 def _steps(axes: Axes, each: Watched, begin: int, end: int) -> None:
     times, values = _course(each, begin, end)
     axes.step(times, values, where="post", color=PALETTE[1], linewidth=1.1)
-    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+    low, high = min(values), max(values)
+    room = max(1, (high - low) * 0.05)  # one that stands still has a line through the middle
+    axes.set_ylim(low - room, high + room)
+    ticks = 4 if axes.get_window_extent().height > 60 else 2
+    axes.yaxis.set_major_locator(MaxNLocator(ticks, integer=True))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:.0f}"))
     axes.set_ylabel(shorten(each.name, 24), rotation=0, ha="right", va="center")

@@ -92,3 +92,29 @@ def test_check_tells_the_steps(capsys: pytest.CaptureFixture[str]) -> None:
     assert "2 programs" in text
     assert "  slave: program of 34 steps (18 instructions)" in text
     assert "manual_slave.il:15:1: warning: slave: MOV writes Y10" in text
+
+
+def test_a_file_that_exists_names_the_option_and_devices_are_named_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "w.csv"
+    table.write_text("mine", encoding="utf-8")
+    words = ["watch", "counter_preset", "--to-time", "1s", "--devices"]
+    assert main([*words, "line.d0", "--csv", str(table)]) == 2
+    assert "choose another name with --csv, or replace it with --force" in capsys.readouterr().err
+    assert main([*words, "line.X0,line.x000"]) == 2
+    assert "--devices has line.X0 twice, the second time as line.x000" in capsys.readouterr().err
+    assert main([*words, "line.d0,line.y0"]) == 0
+    assert capsys.readouterr().out.split("\n")[0].split()[2:] == ["line.D0", "line.Y0"]
+
+
+def test_a_picture_has_room_for_so_many_and_says_which_are_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    devices = ",".join(f"line.D{number}" for number in range(38))
+    picture = tmp_path / "w.png"
+    words = ["watch", "counter_preset", "--to-time", "1s", "--devices", devices, "--plot", str(picture)]
+    assert main(words) == 0
+    assert capsys.readouterr().err == f"{picture} has no room for line.D36, line.D37\n"
+    # Width and height in the PNG's header, at 150 dots an inch.
+    assert int.from_bytes(picture.read_bytes()[20:24], "big") <= 22 * 150

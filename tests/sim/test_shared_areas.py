@@ -1,4 +1,4 @@
-"""The example of the PW10 manual (section 6): a master and one slave, mode 2, 5 retries, 50 ms, COM4."""
+"""The example of the PW10 manual (section 7.6): a master and one slave, mode 2, 5 retries, 50 ms, COM4."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ EXCHANGES = [
 ]
 EXCHANGE_IDS = [exchange.what for exchange in EXCHANGES]
 
-#: The RS2 examples of the PW10 manual: H0103, 0064, 4 words; and its section 2.2 program.
+#: The RS2 examples of the PW10 manual: H0103, 0064, 4 words; and its section 6.2.2 program.
 RS2_REQUESTS = [
     (1, Request(3, 0x64, 4), bytes.fromhex("01 03 00 64 00 04 05 D6")),
     (1, Request(3, 0x04, 10), bytes.fromhex("01 03 00 04 00 0A 84 0C")),
