@@ -174,6 +174,17 @@ def test_zcp_tells_below_within_above(value: int, expected: list[int]) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(-70_001, [1, 0, 0]), (-70_000, [0, 1, 0]), (0, [0, 1, 0]), (70_000, [0, 1, 0]), (70_001, [0, 0, 1])],
+)
+def test_zcp_of_32_bits_looks_at_all_of_them(value: int, expected: list[int]) -> None:
+    """Limits and value that 16 bits cannot hold, in constants and in pairs of registers."""
+    rig = Rig("LD M8000 / DZCP K-70000 K70000 D0 M0 / DZCP D2 D4 D0 M10")
+    rig.put_pair("D0", value).put_pair("D2", -70_000).put_pair("D4", 70_000).scan()
+    assert rig.bits("M0", "M1", "M2") == rig.bits("M10", "M11", "M12") == expected
+
+
 def test_zcp_with_limits_the_wrong_way_round_has_the_lower_one_twice() -> None:
     assert always("ZCP K10 K0 K5 M0").bits("M0", "M1", "M2") == [1, 0, 0]
     assert always("ZCP K10 K0 K10 M0").bits("M0", "M1", "M2") == [0, 1, 0]
