@@ -197,7 +197,7 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
         ("program: one.il", "program: {name: one.il}", "x.yaml:9:15: program.name is not a key here; allowed are file, text"),
         ("program: one.il", "program: 5", "x.yaml:9:14: program is 5, expected the name of a file such as press1.il, or the program's lines as a block (program: |)"),
         ("X0: {square: 500 ms}", "Y0: {square: 500 ms}", "x.yaml:13:14: inputs.Y0 is no input: Y cannot be driven here, only X"),
-        ("X0: {square: 500 ms}", "X8: {square: 500 ms}", "x.yaml:13:14: a device of inputs is 'X8', but X is numbered in octal (no 8 or 9)"),
+        ("X0: {square: 500 ms}", "X8: {square: 500 ms}", "x.yaml:13:14: a device of inputs is 'X8', but X is numbered in octal (no 8 or 9); point 8 of X is X10"),
         ("{square: 500 ms}", "{sqare: 500 ms}", "x.yaml:13:19: inputs.X0.sqare is not a key here; did you mean square?"),
         ("{square: 500 ms}", "{square: 500}", "x.yaml:13:27: inputs.X0.square is 500, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 500 ms"),
         ("{square: 500 ms}", "{pulse: {width: 2 s, every: 1 s}}", "x.yaml:13:46: inputs.X0.pulse.every must be more than width"),
@@ -206,7 +206,10 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
         ("{square: 500 ms}", "{square: 1 s, times: [1 s]}", "x.yaml:13:39: inputs.X0.times excludes square in the same entry"),
         ("{square: 500 ms}", "{csv: no.csv}", "x.yaml:13:24: inputs.X0.csv is no.csv, but there is no such file beside the scenario"),
         ("[one.M1064]", "[on.M1064]", "x.yaml:14:11: observe.0 is 'on.M1064', but on is no PLC; did you mean one?"),
-        ("[one.M1064]", "[one.Q4]", "x.yaml:14:11: observe.0 is one.Q4, whose device is 'Q4', not a device; write a letter of X Y M S T C D and a number"),
+        ("[one.M1064]", "[one.Q4]", "x.yaml:14:11: observe.0 is one.Q4, whose device is 'Q4', not a device; write a letter of X Y M S T C D TN CN V Z and a number"),
+        ("[one.M1064]", "[one.V8]", "x.yaml:14:11: observe.0 is one.V8, whose device is 'V8', allowed V0–V7"),
+        ("[one.M1064]", "[one.TS0]", "x.yaml:14:11: observe.0 is one.TS0, whose device is 'TS0', not a device; did you mean T0?"),
+        ("name: two\n", "name: two\n    registers: {CN1: 5}\n", "x.yaml:11:17: a device of registers is 'CN1', which can only be observed; allowed are X Y M S T C D"),
         ("[one.M1064]", "[M1064]", "x.yaml:14:11: observe.0 is 'M1064', expected a device of a PLC such as press1.D8201"),
         ("to: one.M1064", "to: one.D0", "x.yaml:16:24: to is one.D0: two.X0 is a bit and one.D0 is a word, but a latency has two of a kind"),
         ("to: one.M1064", "to: one.X4", "x.yaml:16:24: to is one.X4, an input: no program can set it"),
@@ -280,6 +283,21 @@ def test_latencies_that_nothing_brings_about(tmp_path: Path) -> None:
     text = TEXT.replace("    inputs: {X0: {square: 500 ms}}\n", "")
     assert shown(warnings(tmp_path, text), tmp_path) == [
         "x.yaml:15:12: nothing drives two.X0: give two inputs for it"
+    ]
+
+
+def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: Path) -> None:
+    text = TEXT.replace(
+        "name: two\n",
+        "name: two\n    registers: {M8034: 1, M8033: 0, M8160: 1, M8161: 1, M08024: 1}\n",
+    )
+    swapped = SLAVE.replace("END", "XCHP D40 D41\nEND")
+    assert shown(warnings(tmp_path, text, **{"two.il": swapped}), tmp_path) == [
+        f"x.yaml:{place}: two: M{bit}, which {what}, is not simulated: it changes nothing here"
+        for place, bit, what in (
+            ("11:17", 8034, "switches all outputs off"),
+            ("11:37", 8160, "makes XCH swap bytes"),
+        )
     ]
 
 
