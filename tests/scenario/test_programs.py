@@ -124,7 +124,7 @@ def test_every_kind_of_input(tmp_path: Path) -> None:
         "{X0: {square: {period: 1 s, at: 20 ms}}, X1: {pulse: {width: 50 ms, every: 2 s, at: 1 s, times: 3}}, "
         "X10: {random: {on: 1 s, off: 2 s}}, X2: {times: [1 s, 1200 ms]}, X3: {csv: edges.csv}}",
     )
-    (tmp_path / "edges.csv").write_text("time (s),what\n0.5,door\n\n1.25\n2e0;x\n", encoding="utf-8")
+    (tmp_path / "edges.csv").write_text("# recorded\ntime (s)\n0.5\n\n1.25\n2e0\n", encoding="utf-8")
     found = load(folder(tmp_path, text))
     assert found.plcs[1].inputs == {
         "X0": Square(S, 20 * MS),
@@ -222,18 +222,6 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
 def test_a_mistake(tmp_path: Path, old: str, new: str, expected: str) -> None:
     assert old in TEXT
     assert expected in shown(problems(tmp_path, TEXT.replace(old, new, 1)), tmp_path)
-
-
-def test_mistakes_in_a_table_of_times(tmp_path: Path) -> None:
-    (tmp_path / "edges.csv").write_text("1\n1\nx\n3\n", encoding="utf-8")
-    assert problems(tmp_path, TEXT.replace("{square: 500 ms}", "{csv: edges.csv}")) == [
-        "edges.csv:2:1: 1 s is not later than the time before; times must rise",
-        "edges.csv:3:1: is 'x', expected a time in seconds such as 1.25",
-    ]
-    (tmp_path / "edges.csv").write_text("seconds\n", encoding="utf-8")
-    assert problems(tmp_path, TEXT.replace("{square: 500 ms}", "{csv: edges.csv}")) == [
-        "edges.csv: has no times"
-    ]
 
 
 def test_sizes_are_bounded(tmp_path: Path) -> None:
