@@ -136,6 +136,12 @@ def _masters(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
 
 
 def _nothing(records: Sequence[RunRecord], labels: Sequence[str], kind: str) -> str:
+    if not any(run.summary["links"] or run.summary["buses"] for run in records):
+        run, has = ("this run", "has") if len(records) == 1 else ("these runs", "have")
+        return (
+            f"{run} {has} no bus, so no link scans and no response times to draw; latencies were drawn by "
+            "bussim run, and bussim watch SCENARIO --devices … --plot FILE draws devices"
+        )
     links = "; ".join(
         f"{label}: {', '.join(run.links) or 'none'}" for label, run in zip(labels, records, strict=True)
     )
