@@ -80,7 +80,7 @@ def test_the_examples_of_ports_and_devices_load() -> None:
     devices = next(block for block in blocks if "model: map" in block).removeprefix("devices:\n")
     more = ports.replace("buses:\n", "buses:\n  - {name: ovens}\n  - {name: belt}\n")
     found = loads(f"schema: 1\nname: readme\nduration: 5 s\n{more}{devices}")
-    assert [device.model for device in found.devices] == ["stepper", "map", "hmi", "free"]
+    assert [device.model for device in found.devices] == ["stepper", "map", "stepper", "hmi", "free"]
     assert [poll.name for poll in found.plcs[0].polls] == ["COM3 station 1 03 @22", "COM3 station 1 05 @7"]
     summary = bussim.run(found, rows=False).summary
     assert summary["ports"]["press1.COM3"]["timeouts"] == 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from bussim.results.record import RunRecord
 
 
+#: What each kind draws, by the option that chooses one of them; and what that option is about.
+_OPTIONS = {"histogram": "bus", "over-run": "bus", "responses": "port", "latency": "latency"}
+_ABOUT = {"bus": "link scans", "port": "response times", "latency": "latencies"}
+
+
 @click.command()
 @click.argument("runs", metavar="RUN_DIR...", nargs=-1, required=True)
 @click.option(
@@ -21,41 +26,62 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--kind",
-    type=click.Choice(["histogram", "over-run", "responses", "all"]),
+    type=click.Choice([*_OPTIONS, "all"]),
     default="all",
     show_default=True,
-    help="Histogram of link scan times, scan times over the run with its faults, or histograms of the "
-    "response times of Modbus masters.",
+    help="Histogram of link scan times, scan times over the run with its faults, histograms of the "
+    "response times of Modbus masters, or latencies with their bounds and what they are made of.",
 )
 @click.option("--bus", metavar="NAME", help="Only this N:N link (default: every one).")
 @click.option(
     "--port", metavar="NODE", help="Only this Modbus master, such as press1.COM3 (default: every one)."
 )
-def command(runs: tuple[str, ...], *, out: str | None, kind: str, bus: str | None, port: str | None) -> None:
-    """Draw the link scan times and response times of one run or several, as PNG and SVG.
+@click.option(
+    "--latency", metavar="NAME", help="Only this entry of the scenario's latency (default: every one)."
+)
+def command(
+    runs: tuple[str, ...],
+    *,
+    out: str | None,
+    kind: str,
+    bus: str | None,
+    port: str | None,
+    latency: str | None,
+) -> None:
+    """Draw link scan times, response times and latencies of one run or several, as PNG and SVG.
 
     The histograms of several runs share one axis. Prints the paths of the pictures.
     """
     from bussim.results.load import load_run
 
-    if bus is not None and kind == "responses":
-        raise UsageError("--bus is about link scans, --kind responses draws none")
-    if port is not None and kind in ("histogram", "over-run"):
-        raise UsageError(f"--port is about response times, --kind {kind} draws none")
+    chosen = _chosen(kind, {"bus": bus, "port": port, "latency": latency})
     folders = [Path(run) for run in runs]
     records = [load_run(folder) for folder in folders]
     labels = _labels(folders)
-    # Who names one thing wants nothing else.
-    links = [] if kind == "responses" or (port and not bus) else _buses(records, bus)
-    nodes = [] if kind in ("histogram", "over-run") or (bus and not port) else _masters(records, port)
-    if not links and not nodes:
-        raise UsageError(_nothing(records, labels, kind))
+    links = _buses(records, bus) if "bus" in chosen else []
+    nodes = _masters(records, port) if "port" in chosen else []
+    entries = _latencies(records, latency) if "latency" in chosen else []
+    if not (links or nodes or entries):
+        raise UsageError(_nothing(records, labels, chosen))
     place = _place(folders, out)
     for path in [
         *_draw_links(records, labels, links, kind, place),
         *_draw_responses(records, labels, nodes, place),
+        *_draw_latencies(records, labels, entries, place),
     ]:
         click.echo(path)
+
+
+def _chosen(kind: str, given: Mapping[str, str | None]) -> list[str]:
+    """What is to be drawn, by the options that choose one of it."""
+    named = [option for option, name in given.items() if name is not None]
+    if kind != "all":
+        for option in named:
+            if option != _OPTIONS[kind]:
+                raise UsageError(f"--{option} is about {_ABOUT[option]}, --kind {kind} draws none")
+        return [_OPTIONS[kind]]
+    # Who names one thing wants nothing else.
+    return named or list(given)
 
 
 def _draw_links(
@@ -88,6 +114,19 @@ def _draw_responses(
     for node in nodes:
         picture = response_time_histogram(records, node, shown)
         yield from picture.save_both(place / f"response_time_{stems[node]}{ending}")
+
+
+def _draw_latencies(
+    records: Sequence[RunRecord], labels: Sequence[str], entries: Sequence[str], place: Path
+) -> Iterator[Path]:
+    from bussim.results.latency_plots import latency_picture, measured
+    from bussim.results.names import file_names
+
+    shown, ending = _together(labels)
+    stems = file_names(measured(records[0]))
+    for name in entries:
+        picture = latency_picture(records, name, shown)
+        yield from picture.save_both(place / f"latency_{stems[name]}{ending}")
 
 
 def _together(labels: Sequence[str]) -> tuple[Sequence[str] | None, str]:
@@ -135,29 +174,41 @@ def _masters(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
     return [node for node in masters(records[0]) if all(node in masters(run) for run in records[1:])]
 
 
-def _nothing(records: Sequence[RunRecord], labels: Sequence[str], kind: str) -> str:
-    if not any(run.summary["links"] or run.summary["buses"] for run in records):
-        run, has = ("this run", "has") if len(records) == 1 else ("these runs", "have")
-        return (
-            f"{run} {has} no bus, so no link scans and no response times to draw; latencies were drawn by "
-            "bussim run, and bussim watch SCENARIO --devices … --plot FILE draws devices"
-        )
-    links = "; ".join(
-        f"{label}: {', '.join(run.links) or 'none'}" for label, run in zip(labels, records, strict=True)
-    )
-    ports = "; ".join(
-        f"{label}: {', '.join(name for name, port in run.ports.items() if port.polls) or 'none'}"
-        for label, run in zip(labels, records, strict=True)
-    )
+def _latencies(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
+    """The latencies to draw: the wanted one, or all of which something was measured in every run."""
+    from bussim.results.latency_plots import latency_of, measured
+
+    if wanted is not None:
+        for run in records:
+            latency_of(run, wanted)  # says what is wrong
+        return [wanted]
+    return [name for name in measured(records[0]) if all(name in measured(run) for run in records[1:])]
+
+
+def _nothing(records: Sequence[RunRecord], labels: Sequence[str], chosen: Sequence[str]) -> str:
+    missing = {
+        "bus": "N:N link with link scans",
+        "port": "Modbus master with an answer",
+        "latency": "measured latency",
+    }
+    there: dict[str, tuple[str, Callable[[RunRecord], Sequence[str]]]] = {
+        "bus": ("links", lambda run: list(run.links)),
+        "port": ("masters", lambda run: [name for name, port in run.ports.items() if port.polls]),
+        "latency": ("latencies", lambda run: list(run.latency)),
+    }
     where = "in this run" if len(records) == 1 else "common to these runs"
-    if kind == "responses":
-        return f"no Modbus master with an answer {where} (masters: {ports})"
-    if kind == "all":
-        return (
-            f"no N:N link with link scans and no Modbus master with an answer {where} "
-            f"(links: {links}; masters: {ports})"
+    lists = []
+    for what, names in (there[option] for option in chosen):
+        found = "; ".join(
+            f"{label}: {', '.join(names(run)) or 'none'}" for label, run in zip(labels, records, strict=True)
         )
-    return f"no N:N link with link scans {where} (links: {links})"
+        lists.append(f"{what}: {found}")
+    wanted = [f"no {missing[option]}" for option in chosen]
+    together = f"{', '.join(wanted[:-1])} and {wanted[-1]}" if len(wanted) > 1 else wanted[0]
+    # A PLC that runs its program by itself has devices all the same.
+    alone = not any(run.summary["links"] or run.summary["buses"] for run in records)
+    hint = "; without a bus: bussim watch SCENARIO --devices … --plot FILE draws devices" if alone else ""
+    return f"{together} {where} ({'; '.join(lists)}){hint}"
 
 
 def _place(folders: Sequence[Path], out: str | None) -> Path:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bussim.commands.scenario_options import code_option, values_of
+
 if TYPE_CHECKING:
     from bussim.sweep.result import SweepResult
 
@@ -32,6 +34,14 @@ _SHOWN_OF_MASTER = {
     "response_ms.max": "longest response\n(ms)",
     "timeouts": "timeouts",
     "cycle_ms.mean": "mean poll cycle\n(ms)",
+}
+#: Those of a latency; of the age of a word nothing is ever lost.
+_SHOWN_OF_LATENCY = {
+    "ms.p50": "median\n(ms)",
+    "ms.p95": "p95\n(ms)",
+    "ms.p99": "p99\n(ms)",
+    "ms.max": "longest\n(ms)",
+    "lost_share": "share\nlost",
 }
 
 
@@ -60,6 +70,7 @@ _SHOWN_OF_MASTER = {
 )
 @click.option("--json", "as_json", is_flag=True, help="Print means and confidence intervals as JSON.")
 @click.option("--force", is_flag=True, help="Replace the folder of another sweep, or run this one again.")
+@code_option
 def command(
     scenario: str,
     *,
@@ -74,6 +85,7 @@ def command(
     out: str | None,
     as_json: bool,
     force: bool,
+    allow_code: bool,
 ) -> None:
     """Run a scenario at every point of a grid.
 
@@ -87,13 +99,8 @@ def command(
       --vary plcs.press2.scan.mean=5ms,10ms,20ms
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
     from bussim.results.names import file_name
-    from bussim.scenario.overrides import Override
     from bussim.sweep.run import run_sweep
 
-    sets: list[str | Override] = list(overrides)
-    for key, value in (("duration", duration), ("seed", seed)):
-        if value is not None:
-            sets.append(Override(key, value, f"--{key} {value}"))
     target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)
     try:
         with _progress_bar() as progress:
@@ -102,11 +109,12 @@ def command(
                 vary,
                 out=target,
                 repeat=repeat,
-                sets=sets,
+                sets=values_of(overrides, duration=duration, seed=seed),
                 workers=workers,
                 scheduler=scheduler,
                 same_luck=same_luck,
                 force=force,
+                allow_code=allow_code,
                 numbered=out is None and not force,
                 progress=progress,
             )
@@ -122,7 +130,7 @@ def command(
 def _show(result: SweepResult) -> None:
     from rich.console import Console
 
-    from bussim.sweep.figures import masters_in
+    from bussim.sweep.figures import LATENCY, latencies_in, masters_in
 
     console = Console(highlight=False)
     plan = result.plan
@@ -132,9 +140,14 @@ def _show(result: SweepResult) -> None:
     click.echo(f"{plan.title}: {runs}")
     for bus in plan.base.buses:
         if bus.nn and f"{bus.name}.scans" in result.figures:
-            console.print(_table(result, bus.name, "link", _SHOWN))
+            console.print(_table(result, bus.name, f"link {bus.name}", _SHOWN))
     for node in masters_in(result.figures):
-        console.print(_table(result, node, "Modbus master", _SHOWN_OF_MASTER))
+        console.print(_table(result, node, f"Modbus master {node}", _SHOWN_OF_MASTER))
+    for name in latencies_in(result.figures):
+        shown = {
+            figure: head for figure, head in _SHOWN_OF_LATENCY.items() if f"{name}.{figure}" in result.figures
+        }
+        console.print(_table(result, name, f"latency {name.removeprefix(LATENCY)}", shown))
     if len(plan.points) > _MOST_ROWS:
         console.print(f"the first {_MOST_ROWS} points; points.csv has all")
     if plan.repeat == 1:
@@ -146,12 +159,12 @@ def _show(result: SweepResult) -> None:
         click.echo(f"picture: {picture}")
 
 
-def _table(result: SweepResult, name: str, kind: str, shown: dict[str, str]) -> Any:
+def _table(result: SweepResult, name: str, title: str, shown: dict[str, str]) -> Any:
     from rich.table import Table
     from rich.text import Text
 
     plan = result.plan
-    table = Table(title=Text(f"{kind} {name}"), title_justify="left", box=None, pad_edge=False)
+    table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False)
     for key in _short([axis.key for axis in plan.axes]):
         table.add_column(Text(key), justify="right", no_wrap=True, vertical="bottom")
     for heading in shown.values():
@@ -175,7 +188,7 @@ def _short(keys: Sequence[str]) -> list[str]:
 def _in_words(mean: float | None, low: float | None, high: float | None) -> str:
     if mean is None:
         return "–"
-    text = f"{mean:,.0f}" if mean == int(mean) else f"{mean:,.2f}"
+    text = f"{mean:,.0f}" if mean == int(mean) else f"{mean:,.2f}" if abs(mean) >= 1 else f"{mean:.3g}"
     if low is None or high is None:
         return text
     half = high - mean

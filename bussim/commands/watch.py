@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.scenario_options import code_option, values_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -38,11 +39,7 @@ _MOST_DEVICES = 100
     "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
 )
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
-@click.option(
-    "--allow-code",
-    is_flag=True,
-    help="Load the Python functions that the scenario names; they can do anything.",
-)
+@code_option
 def command(
     scenario: str,
     *,
@@ -66,13 +63,10 @@ def command(
     """
     from bussim.commands.output import checked_target, write_text
     from bussim.scenario import loader
-    from bussim.scenario.overrides import Override
     from bussim.units import seconds
     from bussim.version import __version__
 
-    given: list[str | Override] = list(overrides)
-    if seed is not None:
-        given.append(Override("seed", seed, f"--seed {seed}"))
+    given = values_of(overrides, seed=seed)
     loaded = loader.load(scenario, given, allow_code=allow_code)
     watched = _watched(loaded, devices)
     begin, end = _window(loaded, since, until)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from bussim.report.picture import LOOKS, MARKS, look_of
 from bussim.report.scene import END, Scene
 from bussim.report.source import ExactLaw
 from bussim.results.histogram import BIN_TICKS, Histogram
+from bussim.results.latency import PARTS, LatencyRecord
+from bussim.results.latency_text import PART_NAMES
 from bussim.results.record import LinkRecord
+from bussim.results.style import PARTS_OF_LATENCY
 from bussim.results.timeline import Span
 from bussim.units import milliseconds, seconds
 
@@ -20,10 +23,30 @@ MOST_BINS, MOST_POINTS = 6_000, 4_000
 _DIGITS = 6
 
 
-def histogram_chart(histograms: Mapping[str, Histogram], law: ExactLaw | None, title: str) -> dict[str, Any]:
+class Quantity(NamedTuple):
+    """What a histogram is of: the time on its axis, and what its bars count."""
+
+    time: str
+    counted: str
+
+
+SCANS = Quantity("link scan time", "link scans")
+LATENCIES = Quantity("latency", "changes")
+AGES = Quantity("age of the word", "readings")
+
+
+def histogram_chart(
+    histograms: Mapping[str, Histogram],
+    law: ExactLaw | None,
+    title: str,
+    quantity: Quantity = SCANS,
+    bounds: Mapping[str, float] | None = None,
+    shown: tuple[float, float] | None = None,
+) -> dict[str, Any]:
     """Histograms by label, as (bin number, count); the law as (x in ms, P(scan > x)).
 
-    Bins are 10 µs wide, or so many times wider that :data:`MOST_BINS` of them do.
+    Bins are 10 µs wide, or so many times wider that :data:`MOST_BINS` of them do. ``bounds`` (ms, by case)
+    are marked; ``shown`` (ms) is what the axis shows at first (default: where the bins are).
     """
     width = 1
     while max(len(_widened(histogram, width)) for histogram in histograms.values()) > MOST_BINS:
@@ -32,6 +55,10 @@ def histogram_chart(histograms: Mapping[str, Histogram], law: ExactLaw | None, t
         "kind": "histogram",
         "title": title,
         "bin_ms": milliseconds(BIN_TICKS * width),
+        "time": quantity.time,
+        "counted": quantity.counted,
+        "bounds": _bounds(bounds or {}),
+        "shown": shown,
         "series": [
             {
                 "label": label,
@@ -52,6 +79,50 @@ def _widened(histogram: Histogram, width: int) -> dict[int, int]:
         bar = (place + width // 2) // width
         bars[bar] = bars.get(bar, 0) + count
     return bars
+
+
+def _bounds(bounds: Mapping[str, float]) -> list[list[Any]]:
+    return [[bound, f"at worst with {case}: {bound:.3f} ms"] for case, bound in bounds.items()]
+
+
+def parts_chart(
+    record: LatencyRecord, bounds: Mapping[str, float], longest: float, title: str
+) -> dict[str, Any]:
+    """Shortest, mean and longest latency, a lane each, as boxes of their parts in ms; up to ``longest`` ms.
+
+    In the form of :func:`scene_chart`, with ``bounds`` (ms, by case) beside.
+    """
+    boxes, lanes = [], record.examples()
+    for lane, (what, parts) in enumerate(lanes.items()):
+        end = 0.0
+        for part, ticks in zip(PARTS, parts, strict=True):
+            start, end = end, end + ticks
+            if ticks:
+                text = f"{what}: {PART_NAMES[part]} {milliseconds(ticks):.3f} ms"
+                at = [round(milliseconds(tick), 6) for tick in (start, end)]
+                boxes.append([lane, *at, PART_NAMES[part], f"{milliseconds(ticks):.1f}", text])
+    return {
+        "kind": "parts",
+        "title": title,
+        "span": longest,
+        "lanes": list(lanes),
+        "boxes": boxes,
+        "marks": [],
+        "bounds": _bounds(bounds),
+        "looks": {
+            PART_NAMES[part]: {
+                "colour": PARTS_OF_LATENCY[part],
+                "height": 0.7,
+                "hatch": False,
+                "filled": True,
+                "meaning": PART_NAMES[part],
+                "grey": False,
+            }
+            for part, most in zip(PARTS, record.longest_parts, strict=True)
+            if most
+        },
+        "mark_looks": {},
+    }
 
 
 def tail_chart(histogram: Histogram, law: ExactLaw | None, title: str) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from bussim.report.latency import compared
 from bussim.report.source import Source
 from bussim.report.tables import NONE, Cell, Table, label_of, leaves, number, plain, pointer
 
@@ -63,9 +64,9 @@ def link_table(sources: Sequence[Source], bus: str) -> Table:
 
 
 def thing_tables(sources: Sequence[Source]) -> list[Table]:
-    """Ports, devices and latencies that more than one run has, a table each."""
+    """Ports and devices that more than one run has, a table each."""
     tables = []
-    for section in ("ports", "devices", "latency"):
+    for section in ("ports", "devices"):
         every = [name for source in sources for name in source.summary.get(section) or {}]
         for name in dict.fromkeys(every):
             if every.count(name) < 2:
@@ -75,6 +76,15 @@ def thing_tables(sources: Sequence[Source]) -> list[Table]:
             rows = [(label_of(key), _row(sources, (section, name, *key), 3)) for key in keys]
             tables.append(Table(name, ["", *(source.label for source in sources)], rows))
     return tables
+
+
+def latency_tables(sources: Sequence[Source]) -> list[Table]:
+    """Latencies that more than one run has, a table each."""
+    head = ["", *(source.label for source in sources)]
+    return [
+        Table(name, head, [(label, _row(sources, keys, decimals)) for label, keys, decimals in rows])
+        for name, rows in compared(sources)
+    ]
 
 
 def scenario_changes(sources: Sequence[Source]) -> list[tuple[str, list[str]]]:

@@ -6,11 +6,13 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from bussim.report import charts, compare, tables
+from bussim.report.latency import LatencyPart, latency_part, overlays
+from bussim.report.parts import Chart, Charts
 from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.source import Source
@@ -25,28 +27,6 @@ from bussim.wording import about
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-
-@dataclass(frozen=True, slots=True)
-class Chart:
-    """A chart of the page: its heading, what a screen reader says of it, and its data as a table."""
-
-    number: int
-    title: str
-    description: str
-    data: Table | None = None
-    caption: str = ""
-
-
-@dataclass(slots=True)
-class _Charts:
-    """Numbers the charts of a page and keeps what its script needs."""
-
-    payload: list[dict[str, Any]] = field(default_factory=list)
-
-    def add(self, content: dict[str, Any], description: str, data: Table | None, caption: str = "") -> Chart:
-        self.payload.append({**content, "description": description})
-        return Chart(len(self.payload) - 1, content["title"], description, data, caption)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +63,7 @@ class RunPart:
     about: str
     links: Sequence[LinkPart]
     buses: Sequence[tuple[str, Chart, Sequence[str]]]
+    latency: LatencyPart | None
     said: Sequence[str]
     tables: Sequence[Table]
     faults: Sequence[tuple[str, str, str]]
@@ -95,7 +76,7 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
 
     ``command`` is how it was asked for, to tell how to get it again.
     """
-    drawn = _Charts()
+    drawn = Charts()
     runs = [_run(source, f"run{number}", drawn, command) for number, source in enumerate(sources, 1)]
     buses = _common(sources)
     comparison = None
@@ -104,9 +85,13 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
             "tables": [
                 compare.head_table(sources),
                 *(compare.link_table(sources, bus) for bus in buses),
+                *compare.latency_tables(sources),
                 *compare.thing_tables(sources),
             ],
-            "charts": [_overlay(sources, bus, drawn) for bus in buses if _scanned(sources, bus)],
+            "charts": [
+                *(_overlay(sources, bus, drawn) for bus in buses if _scanned(sources, bus)),
+                *overlays(sources, drawn),
+            ],
             "changes": compare.scenario_changes(sources),
         }
     script = _text("vendor/uPlot.iife.min.js"), _text("assets/page.js")
@@ -133,7 +118,7 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
     )
 
 
-def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> RunPart:
+def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> RunPart:
     summary = source.summary
     what = (
         f"Scenario {summary['scenario']}, {summary['duration_s']:g} s simulated, seed {summary['seed']}, "
@@ -144,7 +129,6 @@ def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> 
         *tables.ports(summary),
         tables.things(summary, ["devices"], "Devices"),
         tables.things(summary, ["buses"], "Buses beside the N:N links"),
-        tables.things(summary, ["latency"], "Latency"),
     ]
     links = [_link(source, bus, drawn) for bus in summary["links"]]
     buses = [
@@ -158,6 +142,7 @@ def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> 
         what,
         links,
         buses,
+        latency_part(source, drawn),
         [*alone(summary), *ports(summary)],
         [table for table in whole if table is not None and table.rows],
         _faults(source),
@@ -166,7 +151,7 @@ def _run(source: Source, ident: str, drawn: _Charts, command: Sequence[str]) -> 
     )
 
 
-def _link(source: Source, bus: str, drawn: _Charts) -> LinkPart:
+def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
     link = source.summary["links"][bus]
     record = source.record.links[bus]
     law = source.laws.get(bus)
@@ -228,7 +213,7 @@ def _keys(source: Source, bus: str) -> list[Key]:
     return keys
 
 
-def _link_charts(source: Source, bus: str, drawn: _Charts) -> list[Chart]:
+def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
     record = source.record.links[bus]
     histogram, law = record.scan_times.histogram, source.laws.get(bus)
     law = law if law is not None and law.valid else None
@@ -240,7 +225,7 @@ def _link_charts(source: Source, bus: str, drawn: _Charts) -> list[Chart]:
             {source.label: histogram}, law, f"Histogram of the link scan time on bus {bus}"
         ),
         f"Histogram of {histogram.count:,} link scan times, {where}{beside}.",
-        tables.histogram_data(histogram, bus),
+        tables.histogram_data(histogram, f"the link scan time on bus {bus}", charts.SCANS),
         "Bars: link scans counted."
         + (" Line: how many the exact law expects in each bar of this width." if law is not None else ""),
     )
@@ -265,7 +250,7 @@ def _link_charts(source: Source, bus: str, drawn: _Charts) -> list[Chart]:
     return [one, two, three]
 
 
-def _timeline(scene: Scene, drawn: _Charts) -> Chart:
+def _timeline(scene: Scene, drawn: Charts) -> Chart:
     where = f"{seconds(scene.begin):.3f} s to {seconds(scene.end):.3f} s"
     return drawn.add(
         charts.scene_chart(scene, f"Timeline of bus {scene.bus}, {where}"),
@@ -275,7 +260,7 @@ def _timeline(scene: Scene, drawn: _Charts) -> Chart:
     )
 
 
-def _overlay(sources: Sequence[Source], bus: str, drawn: _Charts) -> Chart:
+def _overlay(sources: Sequence[Source], bus: str, drawn: Charts) -> Chart:
     histograms = {
         source.label: source.record.links[bus].scan_times.histogram for source in _scanned(sources, bus)
     }

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from bussim.report.charts import Quantity
 from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
 from bussim.report.source import ExactLaw, Source
@@ -320,7 +321,7 @@ def label_of(key: Sequence[str]) -> str:
     return f"{words} ({unit})" if unit else words
 
 
-def histogram_data(histogram: Histogram, bus: str) -> Table:
+def histogram_data(histogram: Histogram, of: str, quantity: Quantity) -> Table:
     """A histogram in at most some tens of rows, for who cannot see the chart."""
     places = sorted(histogram.bins)
     span = places[-1] - places[0] + 1
@@ -332,7 +333,7 @@ def histogram_data(histogram: Histogram, bus: str) -> Table:
     for bar, count in sorted(bars.items()):
         low, high = (milliseconds((edge * width - 0.5) * BIN_TICKS) for edge in (bar, bar + 1))
         rows.append((f"{low:.3f} to {high:.3f}", [Cell(f"{count:,}")]))
-    return Table(f"Link scan times on bus {bus}, counted", ["link scan time (ms)", "link scans"], rows)
+    return Table(f"Histogram of {of}, counted", [f"{quantity.time} (ms)", quantity.counted], rows)
 
 
 def _widths() -> Iterable[int]:

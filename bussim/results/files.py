@@ -127,7 +127,7 @@ class RunFolder:
         for node, stem in file_names(masters(record)).items():
             response_time_histogram([record], node).save_both(self._part / f"response_time_{stem}")
         for name, stem in file_names(measured(record)).items():
-            latency_picture(record, name).save_both(self._part / f"latency_{stem}")
+            latency_picture([record], name).save_both(self._part / f"latency_{stem}")
         self._move()
         self._lock.close()
         self._finished = True

@@ -123,6 +123,15 @@ class LatencyRecord:
             if ticks > self.longest_parts[place]:
                 self.longest_parts[place] = ticks
 
+    def examples(self) -> dict[str, Sequence[float]]:
+        """The parts (ticks) of the shortest, the mean and the longest one; empty where there was none."""
+        if not self.delivered:
+            return {}
+        found: dict[str, Sequence[float]] = {"mean": [total / self.delivered for total in self.sums]}
+        if self.shortest is not None and self.longest is not None:
+            found = {"shortest": self.shortest.parts, **found, "longest": self.longest.parts}
+        return found
+
     def to_json(self) -> dict[str, Any]:
         """Plain data, times in ticks."""
         return {

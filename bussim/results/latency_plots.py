@@ -2,22 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bussim.errors import UsageError
-from bussim.results.bars import MARKS, draw, marked, ms_text, whole_range
-from bussim.results.histogram import BIN_TICKS
+from bussim.results.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
+from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.results.latency import PARTS, LatencyRecord
-from bussim.results.latency_text import PART_NAMES, counts_in_words
-from bussim.results.plots import caption
+from bussim.results.latency_text import PART_NAMES, counts_in_words, shown_bounds, told_bounds
+from bussim.results.plots import caption, run_labels
 from bussim.results.record import RunRecord
-from bussim.results.style import LAW, PALETTE, Picture, finish_picture, new_picture, shorten, style
-from bussim.units import milliseconds
+from bussim.results.style import (
+    GREY,
+    LAW,
+    PARTS_OF_LATENCY,
+    RUNS,
+    Picture,
+    finish_picture,
+    new_picture,
+    shorten,
+    style,
+)
+from bussim.units import TICKS_PER_MS, milliseconds
 
-#: The colours of the parts; none of them is the bound's.
-_COLOURS = dict(zip(PARTS, (PALETTE[0], PALETTE[3], PALETTE[5], PALETTE[4], PALETTE[1]), strict=True))
+#: Longest label of a run beside its bars.
+_LONGEST_LABEL = 22
+#: The columns of a picture where a few latencies lie far from the others.
+_USUAL, _ALL = "the usual ones", "all"
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """The line of a bound: where (ms), and how it is told from the others; without a dash none is drawn."""
+
+    at: float
+    text: str
+    colour: str
+    dash: Literal["-", "-.", ""]
+    width: float
 
 
 def measured(run: RunRecord) -> list[str]:
@@ -25,77 +52,179 @@ def measured(run: RunRecord) -> list[str]:
     return [name for name, entry in run.latency.items() if entry.histogram.count]
 
 
-def latency_picture(run: RunRecord, name: str) -> Picture:
-    """One entry's histogram, and below it, on the same axis, shortest, mean and longest in their parts.
-
-    Bounds are marked up to the first that lies above the longest. Raises UsageError if there is no such
-    entry or nothing was measured.
-    """
+def latency_of(run: RunRecord, name: str) -> LatencyRecord:
+    """An entry of a run. Raises UsageError if there is none of that name, or nothing was measured of it."""
     record = run.latency.get(name)
     if record is None:
         known = ", ".join(map(repr, run.latency)) or "none"
         raise UsageError(f"{run.scenario} has no latency {name!r}; it has {known}")
     if not record.histogram.count:
         raise UsageError(f"{run.scenario}: nothing was measured of {name}, there is nothing to plot")
-    bounds: dict[str, float] = run.summary["latency"][name].get("bound_ms", {})
-    longest = milliseconds(record.histogram.maximum or 0)
-    # Up to the first that nothing went beyond.
-    over = next((bound for bound in sorted(bounds.values()) if bound >= longest), longest)
-    near = {case: bound for case, bound in bounds.items() if bound <= over}
+    return record
+
+
+def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] | None = None) -> Picture:
+    """One entry's histogram, and below it, on the same axis, latencies in their parts.
+
+    Of one run the shortest, the mean and the longest; its bounds are marked up to the first that lies
+    above the longest. Of several runs, each in its colour and named by ``labels`` (default: the
+    scenarios' names), the mean and the longest, and the bounds without error.
+
+    Raises UsageError if a run has no such entry or nothing was measured, if it is of a bit in one run and
+    of a word in another, or for too many runs.
+    """
+    if len(runs) > len(RUNS):
+        raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {len(RUNS)}")
+    records = [latency_of(run, name) for run in runs]
+    if len({record.word for record in records}) > 1:
+        raise UsageError(f"{name} is the age of a word in one run and the latency of a bit in another")
+    histograms = [record.histogram for record in records]
+    several = labels or run_labels(runs) if len(runs) > 1 else None
+    if several is None:
+        marks = _marks_of_one(records[0], runs[0].summary["latency"][name])
+    else:
+        marks = _marks_of_several([run.summary["latency"][name] for run in runs])
+    bars = _bars(records, several)
+    handles = _explain(records, several, marks)
     with style():
-        picture = new_picture(8, 5.6, caption(run))
-        axes, stack = picture.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
-        what = "age (ms)" if record.word else "latency (ms)"
-        counted = "readings" if record.word else "changes"
-        draw(axes, [record.histogram], whole_range([record.histogram]), what, counted)
-        axes.set_xlabel("")
-        axes.tick_params(axis="x", labelbottom=False)
-        _draw_parts(stack, record)
-        stack.set_xlabel(what)
-        shown = max(longest, *near.values()) if near else longest
-        stack.set_xlim(0, 1.03 * shown + milliseconds(BIN_TICKS))
-        for number, bound in enumerate(near.values()):
-            for each in (axes, stack):
-                each.axvline(bound, color=LAW, linewidth=2 if number == 0 else 1)
-        title = run.latency[name]
-        way = f"{title.source} to {title.target}"
-        heading = f"{run.scenario}: {way if name == way else f'{name}, {way}'}"
-        axes.set_title(shorten(counts_in_words(run.summary["latency"][name]), 100), fontsize=9)
-        finish_picture(picture, heading, _explain(record, near), columns=2)
+        captions = "; ".join(dict.fromkeys(map(caption, runs)))
+        picture = new_picture(8, _height(len(bars), several), captions)
+        what = "age (ms)" if records[0].word else "latency (ms)"
+        counted = "readings" if records[0].word else "changes"
+        shown = _shown(histograms, marks)
+        first, furthest = whole_range(histograms)
+        grid = picture.subplots(
+            2,
+            len(shown),
+            sharex="col",
+            squeeze=False,
+            height_ratios=(3, 0.5 * len(bars)),
+            width_ratios=(2, 3)[-len(shown) :],
+        )
+        for (axes, stack), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
+            if title == _ALL and len(shown) > 1:
+                axes.set_yscale("log")
+            draw(axes, histograms, (first, min(last, furthest)), what, counted)
+            if title == _ALL and len(shown) > 1:
+                axes.set_ylim(bottom=0.6)
+            axes.set_xlabel("")
+            axes.tick_params(axis="x", labelbottom=False)
+            _draw_parts(stack, bars)
+            stack.set_xlabel(what)
+            stack.set_xlim(0, 1.03 * milliseconds(last * BIN_TICKS) + milliseconds(BIN_TICKS))
+            for mark in marks:
+                for each in (axes, stack) if mark.dash else ():
+                    each.axvline(mark.at, color=mark.colour, linewidth=mark.width, linestyle=mark.dash)
+            if len(shown) > 1:
+                axes.set_title(title, fontsize=9)
+                axes.locator_params(axis="x", nbins=5)
+        if len(shown) > 1:
+            grid[1, 1].tick_params(axis="y", labelleft=False)
+        if several is None:
+            words = shorten(counts_in_words(runs[0].summary["latency"][name]), 100)
+            grid[0, 0].set_title(words if len(shown) == 1 else f"{words}\n{_USUAL}", fontsize=9)
+        heading = _heading(name, records)
+        if several is None:
+            heading = f"{runs[0].scenario}: {heading}"
+        finish_picture(picture, heading, handles, columns=2 if several is None else 1)
     return picture
 
 
-def _draw_parts(axes: Axes, record: LatencyRecord) -> None:
-    """Shortest, mean and longest as bars of their parts."""
-    count = record.delivered
-    rows: list[tuple[str, list[float]]] = [("mean", [total / count for total in record.sums])]
-    if record.shortest is not None and record.longest is not None:
-        rows = [
-            ("shortest", [float(part) for part in record.shortest.parts]),
-            *rows,
-            ("longest", [float(part) for part in record.longest.parts]),
-        ]
+def _shown(histograms: Sequence[Histogram], marks: Sequence[_Mark]) -> dict[str, int]:
+    """The columns of the picture, and the last bin of each: a few far ones leave the others their own."""
+    usual, last = usual_range(histograms)[1], whole_range(histograms)[1]
+    shown = {_ALL: max([last, *(round(mark.at * TICKS_PER_MS) // BIN_TICKS for mark in marks if mark.dash)])}
+    return {_USUAL: usual, **shown} if is_far((0, last), (0, usual)) else shown
+
+
+def _height(bars: int, several: Sequence[str] | None) -> float:
+    """Inches of the picture."""
+    return 5.6 if several is None else 5.0 + 0.28 * bars + 0.22 * len(several)
+
+
+def _heading(name: str, records: Sequence[LatencyRecord]) -> str:
+    ways = dict.fromkeys(f"{record.source} to {record.target}" for record in records)
+    way = next(iter(ways))
+    return name if name == way or len(ways) > 1 else f"{name}, {way}"
+
+
+def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[_Mark]:
+    near = shown_bounds(summary, milliseconds(record.histogram.maximum or 0))
+    marks = [
+        _Mark(bound, f"at worst with {case}: {bound:.3f} ms", LAW, "-", 2 if number == 0 else 1)
+        for number, (case, bound) in enumerate(near.items())
+    ]
+    return marks + [
+        _Mark(bound, f"at worst with {case}: {bound:.3f} ms, beyond this axis", LAW, "", 0)
+        for case, bound in told_bounds(summary).items()
+        if case not in near
+    ]
+
+
+def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
+    """The bound without error of each run in its colour, or of all of them where it is the same."""
+    bounds = [next(iter(shown_bounds(summary).items()), None) for summary in summaries]
+    if len(set(bounds)) == 1:
+        return [_bound_mark(bound, GREY, "") for bound in bounds[:1] if bound is not None]
+    return [
+        _bound_mark(bound, RUNS[number], f" ({number + 1})")
+        for number, bound in enumerate(bounds)
+        if bound is not None
+    ]
+
+
+def _bound_mark(bound: tuple[str, float], colour: str, of: str) -> _Mark:
+    case, at = bound
+    return _Mark(at, f"at worst with {case}{of}: {at:.3f} ms", colour, "-.", 1.2)
+
+
+def _bars(
+    records: Sequence[LatencyRecord], labels: Sequence[str] | None
+) -> list[tuple[str, Sequence[float]]]:
+    """What is shown in its parts, from above to below: what it is called and the ticks of each part."""
+    bars: list[tuple[str, Sequence[float]]] = []
+    for number, record in enumerate(records):
+        of = f"{shorten(labels[number], _LONGEST_LABEL)}: " if labels is not None else ""
+        rows = record.examples()
+        if labels is not None:
+            rows.pop("shortest", None)
+        bars += [(f"{of}{what}", parts) for what, parts in rows.items()]
+    return bars
+
+
+def _draw_parts(axes: Axes, rows: Sequence[tuple[str, Sequence[float]]]) -> None:
+    """Bars of parts, one behind the other."""
     for number, (_, parts) in enumerate(rows):
         left = 0.0
         for name, ticks in zip(PARTS, parts, strict=True):
             width = milliseconds(ticks)
-            axes.barh(number, width, left=left, height=0.7, color=_COLOURS[name], linewidth=0)
+            axes.barh(number, width, left=left, height=0.7, color=PARTS_OF_LATENCY[name], linewidth=0)
             left += width
     axes.set_yticks(range(len(rows)), [label for label, _ in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.grid(visible=False, axis="y")
 
 
-def _explain(record: LatencyRecord, bounds: dict[str, float]) -> list[Patch | Line2D]:
+def _explain(
+    records: Sequence[LatencyRecord], labels: Sequence[str] | None, marks: Sequence[_Mark]
+) -> list[Patch | Line2D]:
     handles: list[Patch | Line2D] = [
-        Patch(color=_COLOURS[name], linewidth=0, label=PART_NAMES[name])
-        for name, longest in zip(PARTS, record.longest_parts, strict=True)
-        if longest
+        Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=PART_NAMES[name])
+        for place, name in enumerate(PARTS)
+        if any(record.longest_parts[place] for record in records)
     ]
-    for name, value in marked(record.histogram).items():
-        label = f"{name} {ms_text(value)}"
-        handles.append(Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=label))
-    for number, (case, bound) in enumerate(bounds.items()):
-        label = f"at worst with {case}: {bound:.3f} ms"
-        handles.append(Line2D([], [], color=LAW, linewidth=2 if number == 0 else 1, label=label))
-    return handles
+    if labels is None:
+        for name, value in marked(records[0].histogram).items():
+            label = f"{name} {ms_text(value)}"
+            handles.append(Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=label))
+    else:
+        for number, (label, record) in enumerate(zip(labels, records, strict=True)):
+            numbers = ", ".join(f"{key} {ms_text(value)}" for key, value in marked(record.histogram).items())
+            what = "readings" if record.word else "arrived"
+            text = f"{number + 1} {shorten(label, 36)}: {record.delivered:,} {what}, {numbers}"
+            handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
+        handles.append(Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted"))
+    return handles + [
+        Line2D([], [], color=mark.colour, linewidth=mark.width, linestyle=mark.dash, label=mark.text)
+        for mark in marks
+    ]

@@ -50,13 +50,30 @@ def latency_summary(record: LatencyRecord, bounds: Mapping[str, int] | None) -> 
     return summary
 
 
+def shown_bounds(summary: Mapping[str, Any], longest: float = 0.0) -> dict[str, float]:
+    """Of the bounds of an entry of the summary those of interest beside its longest latency, all in ms.
+
+    From the least one up to the first that nothing went beyond; empty where there are none.
+    """
+    bounds: dict[str, float] = summary.get("bound_ms", {})
+    ascending = sorted(bounds.values())
+    over = next((bound for bound in ascending if bound >= longest), ascending[-1] if ascending else 0.0)
+    return {case: bound for case, bound in bounds.items() if bound <= over}
+
+
+def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
+    """The bounds of an entry of the summary that are told in words (ms), by case."""
+    bounds: Mapping[str, float] = summary.get("bound_ms", {})
+    return {case: bounds[case] for case in _SHOWN_BOUNDS if case in bounds}
+
+
 def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     """A run's latencies as lines of text, from its summary."""
     for name, entry in summary.get("latency", {}).items():
         way = f"{entry['from']} to {entry['to']}"
         label = way if name == way else f"{name}: {way}"
         yield ""
-        yield f"{label}, {_what(entry)}"
+        yield f"{label}, {edge_in_words(entry)}"
         yield f"  {counts_in_words(entry)}"
         times = entry["ms"]
         if times["max"] is None:
@@ -70,13 +87,14 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             if found["max"]
         ]
         yield f"  on average       {', '.join(parts)} ms"
-        bounds = entry.get("bound_ms")
+        bounds = told_bounds(entry)
         if bounds:
-            cases = [case for case in _SHOWN_BOUNDS if case in bounds]
-            yield f"  at worst         {', '.join(f'{bounds[case]:.3f} with {case}' for case in cases)} (ms)"
+            cases = ", ".join(f"{bound:.3f} with {case}" for case, bound in bounds.items())
+            yield f"  at worst         {cases} (ms)"
 
 
-def _what(entry: Mapping[str, Any]) -> str:
+def edge_in_words(entry: Mapping[str, Any]) -> str:
+    """What is measured of an entry of the summary."""
     if entry["edge"] is None:
         return "age of the word whenever it is read"
     edge = "either edge" if entry["edge"] == "both" else f"{entry['edge']} edge"

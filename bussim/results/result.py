@@ -179,7 +179,7 @@ class Result:
             name = next(iter(measured(self.record)), None)
         if name is None:
             raise UsageError(f"{self.record.scenario}: no latency was measured, there is nothing to plot")
-        return _saved(latency_picture(self.record, name), path)
+        return _saved(latency_picture([self.record], name), path)
 
     def _bus(self, bus: str | None) -> str:
         if bus is not None:

@@ -43,6 +43,14 @@ FRAMES = {
     "free": _SKY,
     "jabber": _BLACK,
 }
+#: What a latency is made of; none of the colours is the bound's.
+PARTS_OF_LATENCY = {
+    "scan": _BLUE,
+    "turn": _PURPLE,
+    "wire": _SKY,
+    "destination": _ORANGE,
+    "output": _VERMILLION,
+}
 
 _DPI = 150
 _SOFTWARE = f"bussim {__version__}"

@@ -38,11 +38,18 @@ _OF_BUSES = ("bus_load", "frames", "collisions", "undetected_frames")
 _EVENTS = re.compile(
     r"(.*\.)?(failed_attempts|station_errors|undetected_frames|collisions|timeouts|crc_errors"
     r"|mismatched_responses|failed_turns|damaged)(_[0-9A-F]+)?"
+    r"|latency\..+\.(lost|unseen)(_share)?"
 )
 #: Events by code or by words, which only runs have in which they occurred; the first group is what
 #: they occurred to.
 _RARE = re.compile(r"(.*)\.(failed_attempts_[0-9A-F]+|(exceptions|errors|other_errors|rejected)\..+)")
 _MASTER = ".transactions"
+#: What the names of the figures of latencies begin with, whose own names are free.
+LATENCY = "latency."
+_DELIVERED = ".delivered"
+#: What is counted of an entry, in the order of the columns; of words only the first two.
+_CHANGES = ("changes", "delivered", "lost", "unseen", "open")
+_OF_LATENCIES = ("ms", "parts_ms", "bound_ms")
 _NUMBERED = re.compile(r"(failed_attempts_|station_errors_)([0-9A-F]+)")
 
 
@@ -65,11 +72,23 @@ def masters_in(names: Iterable[str]) -> list[str]:
     return [name.removesuffix(_MASTER) for name in names if name.endswith(_MASTER) and ".polls." not in name]
 
 
+def latencies_in(names: Iterable[str]) -> list[str]:
+    """The entries of ``latency`` whose figures are among these names, each with what they begin with."""
+    return [
+        name.removesuffix(_DELIVERED)
+        for name in names
+        if name.startswith(LATENCY) and name.endswith(_DELIVERED)
+    ]
+
+
 def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[str, Number | None]:
     """The figures of a run, of its summary; ``masters`` names the PLC with station number 0 by bus.
 
     Ports and devices give every number of theirs, its keys joined by dots behind their name, such as
-    ``press1.COM3.response_ms.p99`` and ``press1.COM3.polls.position.age_ms.open``.
+    ``press1.COM3.response_ms.p99`` and ``press1.COM3.polls.position.age_ms.open``. So do entries of
+    ``latency`` behind that word, such as ``latency.door.ms.p99`` and ``latency.door.bound_ms.no error``;
+    those of bits also the shares of their changes that never arrived (``lost_share``) and that were too
+    short to be seen (``unseen_share``), of all whose fate is known: None where there is none.
 
     Times are in ms, ``healthy_at_s`` in s. A quantile that too few scans tell is None.
     ``refresh_gap_max_ms`` is the longest time that any station waited for the block of any other
@@ -86,7 +105,20 @@ def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[s
     for kind in ("ports", "devices"):
         for name, figures in summary[kind].items():
             _flatten(name, figures, found)
+    for name, entry in summary.get("latency", {}).items():
+        _flatten(LATENCY + name, _latency(entry), found)
     return found
+
+
+def _latency(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What counts of an entry, in the order of its columns."""
+    word = entry["edge"] is None
+    found = {key: entry[key] for key in (_CHANGES[:2] if word else _CHANGES)}
+    if not word:
+        settled = entry["changes"] - entry["open"]
+        for key in ("lost", "unseen"):
+            found[f"{key}_share"] = round(entry[key] / settled, 9) if settled else None
+    return found | {key: entry[key] for key in _OF_LATENCIES if key in entry}
 
 
 def _link(link: Mapping[str, Any], registers: Mapping[str, int]) -> dict[str, Number | None]:

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bussim.results.names import file_names
-from bussim.results.style import GREY, SIMULATED, Picture, finish_picture, new_picture, shorten, style
-from bussim.sweep.figures import masters_in
+from bussim.results.style import GREY, LAW, SIMULATED, Picture, finish_picture, new_picture, shorten, style
+from bussim.sweep.figures import LATENCY, latencies_in, masters_in
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, Table
 from bussim.sweep.vary import Axis
@@ -34,6 +34,21 @@ MASTER_PANELS = {
     "timeouts": "timeouts in a run",
     "cycle_ms.mean": "mean poll cycle (ms)",
 }
+#: Those of a latency of bits, and of the age of a word.
+LATENCY_PANELS = {
+    "ms.p50": "median latency (ms)",
+    "ms.p99": "p99 of the latency (ms)",
+    "ms.max": "longest latency of a run (ms)",
+    "lost_share": "share of changes that never arrived",
+}
+AGE_PANELS = {
+    "ms.p50": "median age (ms)",
+    "ms.p95": "p95 of the age (ms)",
+    "ms.p99": "p99 of the age (ms)",
+    "ms.max": "greatest age of a run (ms)",
+}
+#: What is drawn beside a figure, over one key.
+_BOUNDS = {"ms.max": "bound_ms.no error"}
 #: Values over so many decades get a logarithmic axis or colour.
 _DECADES = 2
 _MOST_TICKS = 12
@@ -45,7 +60,7 @@ _MAP = "viridis"
 
 
 def draw(plan: Plan, points: Table, folder: Path) -> list[Path]:
-    """Draw every N:N link and Modbus master of a sweep over one key or two.
+    """Draw every N:N link, Modbus master and latency of a sweep over one key or two.
 
     The files are ``sweep_<name>.png`` and ``.svg``. ``points`` is the table of
     :func:`bussim.sweep.tables.points_table`. A sweep over more keys has no picture. Returns the paths.
@@ -54,16 +69,20 @@ def draw(plan: Plan, points: Table, folder: Path) -> list[Path]:
         return []
     buses = [bus.name for bus in plan.base.buses if f"{bus.name}.scans" in points]
     paths: list[Path] = []
-    for bus, stem in file_names([*buses, *masters_in(points)]).items():
+    for bus, stem in file_names([*buses, *masters_in(points), *latencies_in(points)]).items():
         shape = heat_maps if len(plan.axes) == 2 else lines
         paths += shape(plan, points, bus).save_both(folder / f"sweep_{stem}")
     return paths
 
 
 def lines(plan: Plan, points: Table, bus: str) -> Picture:
-    """The means of a link's or master's figures over one key, with 95 % confidence intervals."""
+    """The means of a link's, master's or latency's figures over one key, with 95 % confidence intervals.
+
+    With the longest latency goes what it may be at worst without error.
+    """
     axis = plan.axes[0]
     places, logarithmic = _places(axis)
+    bounded = False
     with style():
         picture = _new(plan)
         for panel, figure in _panels(picture, points, bus):
@@ -73,6 +92,10 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
             panel.plot(
                 places, mean, color=SIMULATED, marker="o", markersize=3.5, linestyle=line, clip_on=False
             )
+            bound = _numbers(points.get(f"{bus}.{_BOUNDS.get(figure)}", []))
+            if any(map(isfinite, bound)):
+                panel.plot(places, bound, color=LAW, linestyle=line, marker="_", clip_on=False)
+                bounded = True
             # The lines show what a band cannot: a point whose neighbours have no interval.
             panel.vlines(places, low, high, color=SIMULATED, linewidth=1)
             if line:
@@ -85,12 +108,14 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
             if min((value for value in (*mean, *low) if isfinite(value)), default=0) >= 0:
                 panel.set_ylim(bottom=max(0, panel.get_ylim()[0]))
             panel.set_xlabel(_axis_label(axis))
-        finish_picture(picture, _heading(plan, bus), _line_key(plan, band=axis.unit is not None))
+        finish_picture(
+            picture, _heading(plan, bus), _line_key(plan, band=axis.unit is not None, bounded=bounded)
+        )
     return picture
 
 
 def heat_maps(plan: Plan, points: Table, bus: str) -> Picture:
-    """The means of a link's or master's figures over two keys: the first to the right, the second upwards."""
+    """The means of figures as of :func:`lines` over two keys: the first to the right, the second upwards."""
     across, up = plan.axes
     with style():
         picture = _new(plan)
@@ -124,9 +149,15 @@ def _new(plan: Plan) -> Picture:
     return new_picture(10.5, 8, about)
 
 
+def _panels_of(points: Table, bus: str) -> dict[str, str]:
+    if bus.startswith(LATENCY) and f"{bus}.delivered" in points:
+        return LATENCY_PANELS if f"{bus}.lost" in points else AGE_PANELS
+    return PANELS if f"{bus}.scans" in points else MASTER_PANELS
+
+
 def _panels(picture: Picture, points: Table, bus: str) -> list[tuple[Axes, str]]:
     """A panel with its title for each figure."""
-    panels = PANELS if f"{bus}.scans" in points else MASTER_PANELS
+    panels = _panels_of(points, bus)
     grid = picture.subplots(2, 2).flatten()
     for panel, title in zip(grid, panels.values(), strict=True):
         panel.set_title(title)
@@ -208,15 +239,17 @@ def _heading(plan: Plan, bus: str) -> str:
     return f"{plan.title}: {bus} over {' and '.join(axis.key for axis in plan.axes)}"
 
 
-def _line_key(plan: Plan, *, band: bool) -> list[Line2D | Patch]:
+def _line_key(plan: Plan, *, band: bool, bounded: bool) -> list[Line2D | Patch]:
+    bound = [Line2D([], [], color=LAW, marker="_", label="at worst with no error")] if bounded else []
     if plan.repeat == 1:
-        return [Line2D([], [], color=SIMULATED, marker="o", label="one run a point, spread unknown")]
+        return [Line2D([], [], color=SIMULATED, marker="o", label="one run a point, spread unknown"), *bound]
     label = "95 % confidence interval of the mean"
     return [
         Line2D([], [], color=SIMULATED, marker="o", label=f"mean of {plan.repeat} runs"),
         Patch(color=SIMULATED, alpha=0.25, label=label)
         if band
         else Line2D([], [], color=SIMULATED, linewidth=1, label=label),
+        *bound,
     ]
 
 

@@ -18,6 +18,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seed in (1, 2):
         arguments = ["run", "nn_with_modbus", "--duration", "4s", "--seed", str(seed), "--no-rows", "--out"]
         assert main([*arguments, str(folder / f"ports{seed}")]) == 0
+        arguments = ["run", "counter_preset", "--duration", "5s", "--seed", str(seed), "--no-rows", "--out"]
+        assert main([*arguments, str(folder / f"words{seed}")]) == 0
     return folder
 
 
@@ -125,13 +127,45 @@ def test_several_runs_share_the_panels(runs: Path, capsys: pytest.CaptureFixture
     assert {path.stem for path in printed(capsys)} == {"scan_time_link_ports1_seed1"}
 
 
+@pytest.mark.usefixtures("here")
+def test_latencies_are_drawn_too(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn_by_run = (runs / "words1" / "latency_preset.png").read_bytes()
+    capsys.readouterr()
+    assert main(["plot", str(runs / "words1"), "--out", "all"]) == 0
+    paths = printed(capsys)
+    assert [path.name for path in paths if path.suffix == ".png"] == [
+        "scan_time_link.png",
+        "scan_time_over_run_link.png",
+        "latency_full-box.png",
+        "latency_preset.png",
+    ]
+    assert_pictures(paths)
+    assert Path("all/latency_preset.png").read_bytes() == drawn_by_run
+    for arguments, expected in (
+        (["--kind", "latency"], {"latency_full-box", "latency_preset"}),
+        (["--latency", "preset"], {"latency_preset"}),
+        (["--latency", "preset", "--kind", "latency"], {"latency_preset"}),
+        (["--latency", "preset", "--bus", "link"],
+         {"latency_preset", "scan_time_link", "scan_time_over_run_link"}),
+    ):  # fmt: skip
+        assert main(["plot", str(runs / "words1"), "--out", "o", *arguments]) == 0
+        assert {path.stem for path in printed(capsys)} == expected
+    assert main(["plot", str(runs / "words1"), str(runs / "words2"), "--kind", "latency"]) == 0
+    paths = printed(capsys)
+    assert {path.stem for path in paths} == {
+        "latency_full-box_words1_words2",
+        "latency_preset_words1_words2",
+    }
+    assert_pictures(paths)
+
+
 def test_mistakes(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    seed1 = str(runs / "seed1")
+    seed1, words1 = str(runs / "seed1"), str(runs / "words1")
     (here / "file").write_text("x")
     for arguments, expected in (
         ([], "RUN_DIR"),
         (["nowhere"], "nowhere does not exist"),
-        ([str(runs)], "folders of runs in it: ports1, ports2, seed1, seed2"),
+        ([str(runs)], "folders of runs in it: ports1, ports2, seed1, seed2, words1"),
         ([seed1, "--bus", "lonk"], "no N:N link 'lonk'; it has 'link'"),
         ([seed1, seed1], "named twice"),
         ([seed1, "--kind", "pie"], "pie"),
@@ -148,6 +182,21 @@ def test_mistakes(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) ->
         (
             [seed1, "--kind", "over-run", "--port", "x"],
             "--port is about response times, --kind over-run draws none",
+        ),
+        ([seed1, "--latency", "door"], "has no latency 'door'; it has none"),
+        ([words1, "--latency", "presett"], "has no latency 'presett'; it has 'full-box', 'preset'"),
+        ([seed1, "--kind", "latency"], "no measured latency in this run (latencies: seed1: none)"),
+        (
+            [seed1, words1, "--kind", "latency"],
+            "no measured latency common to these runs (latencies: seed1: none; words1: full-box, preset)",
+        ),
+        (
+            [words1, "--kind", "responses", "--latency", "preset"],
+            "--latency is about latencies, --kind responses draws none",
+        ),
+        (
+            [words1, "--kind", "latency", "--bus", "link"],
+            "--bus is about link scans, --kind latency draws none",
         ),
     ):
         capsys.readouterr()

@@ -240,3 +240,25 @@ def test_modbus_masters_have_a_table_and_pictures(
     assert short["press.COM3.response_ms.max"] == ""
     assert int(short["press.COM3.mismatched_responses"]) > 20
     assert int(long["press.COM3.errors.09"]) == 0  # it occurred in the other run
+
+
+def test_latencies_are_figures_like_others(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    arguments = ["sweep", "counter_preset", "--vary", "plcs.line.scan.mean=10ms,20ms", "--repeat", "3"]
+    assert main([*arguments, "--duration", "6s", "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"latency full-box *\n.*share *\n.*lost *\n *10ms ", said)
+    # Of the age of a word nothing is lost.
+    assert re.search(r"latency preset *\n[^\n]*longest *\n[^\n]*\(ms\) *\n *10ms +\d", said)
+    folder = here / "sweeps" / "counter_preset"
+    for name in ("full-box", "preset"):
+        assert f"picture: {Path('sweeps/counter_preset') / f'sweep_latency.{name}.png'}" in said
+        assert (folder / f"sweep_latency.{name}.svg").is_file()
+    runs, points = rows(folder / "runs.csv"), rows(folder / "points.csv")
+    for column in ("latency.preset.ms.p50", "latency.full-box.ms.max", "latency.full-box.lost_share"):
+        for number, point in enumerate(points):
+            values = [float(run[column]) for run in runs[3 * number : 3 * number + 3]]
+            assert float(point[column]) == pytest.approx(sum(values) / 3)
+    # Slower scans of the source make its word older, beyond the spread of the repeats.
+    assert float(points[0]["latency.preset.ms.p50_high"]) < float(points[1]["latency.preset.ms.p50_low"])
+    assert points[0]["latency.full-box.lost_share_low"] == ""  # never lost here is not never

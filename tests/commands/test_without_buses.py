@@ -63,9 +63,14 @@ def test_its_run_tells_what_there_is(alone: str, tmp_path: Path, capsys: pytest.
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "The scenario has no bus: every PLC ran by itself" in page
     assert main(["export", str(folder), "--to", "perfetto"]) == 0
+    assert main(["plot", str(folder), "--out", str(tmp_path / "pictures")]) == 0
+    assert [path.name for path in (tmp_path / "pictures").glob("*.png")] == ["latency_one.X0_to_one.Y0.png"]
     capsys.readouterr()
     for words, reason in (
-        (["plot", str(folder)], "this run has no bus, so no link scans and no response times to draw"),
+        (
+            ["plot", str(folder), "--kind", "histogram"],
+            "; without a bus: bussim watch SCENARIO --devices … --plot",
+        ),
         (["timeline", str(folder)], "names no bus; there is nothing to draw"),
         (["export", str(folder), "--to", "pcapng"], "the trace has no frame"),
         (["size", alone], "has no N:N link"),

@@ -32,6 +32,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ports = ["run", "nn_with_modbus", "--duration", "10s", "--trace", "--out", str(folder / "ports")]
     assert main(ports) == 0
     assert main(["report", str(folder / "ports"), "-o", str(folder / "ports.html")]) == 0
+    words = ["run", "counter_preset", "--duration", "10s", "--out"]
+    assert main([*words, str(folder / "words")]) == 0
+    assert main([*words, str(folder / "slower"), "--set", "plcs.line.scan.mean=20ms"]) == 0
+    both = [str(folder / "words"), str(folder / "slower")]
+    assert main(["report", *both, "-o", str(folder / "latency.html")]) == 0
     return folder
 
 
@@ -70,11 +75,18 @@ def assert_shows(text: str, value: Any, path: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("page", "runs"), [("one.html", ["press"]), ("two.html", ["press", "other"]), ("ports.html", ["ports"])]
+    ("page", "runs"),
+    [
+        ("one.html", ["press"]),
+        ("two.html", ["press", "other"]),
+        ("ports.html", ["ports"]),
+        ("latency.html", ["words", "slower"]),
+    ],
 )
 def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs: list[str]) -> None:
     show(window, pages / page)
     summaries = [json.loads((pages / run / "summary.json").read_text("utf-8")) for run in runs]
+    window.execute_script("for (const each of document.querySelectorAll('details')) each.open = true")
     cells = window.execute_script(
         "return [...document.querySelectorAll('td[data-path]')].map(c => [c.dataset.path, +c.dataset.run, c.innerText])"
     )
@@ -91,6 +103,13 @@ def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs
             assert f"/ports/{port}/transactions" in told
             assert any(path.startswith(f"/ports/{port}/polls/") for path in told)
         assert {f"/devices/{device}/requests" for device in summaries[0]["devices"]} <= told
+    elif page == "latency.html":
+        for run in (1, 2):
+            here = {path for path, number, _ in cells if number == run}
+            for name, key in (("full-box", "unseen"), ("preset", "delivered")):
+                entry = f"/latency/{name}"
+                assert {f"{entry}/{key}", f"{entry}/ms/p95", f"{entry}/parts_ms/wire/mean"} <= here
+                assert {f"{entry}/bound_ms/no error", f"{entry}/bound_ms/every retry spent"} <= here
     else:
         assert "/links/link/failed_attempts/1/01" in told
         assert "/plcs/press1/registers/D8180" in told
@@ -98,7 +117,7 @@ def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [400, 1280])
-@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html"])
+@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html", "latency.html"])
 def test_it_renders_without_an_error_and_asks_nobody(
     pages: Path, window: Any, page: str, width: int, dark: bool
 ) -> None:
@@ -147,6 +166,34 @@ def test_charts_zoom_and_tell_what_is_under_the_pointer(pages: Path, window: Any
         assert any("ms" in text for text in told), figure.text
 
 
+def test_parts_of_a_latency_are_told_under_the_pointer(pages: Path, window: Any) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    show(window, pages / "latency.html")
+    summary = json.loads((pages / "words" / "summary.json").read_text("utf-8"))
+    entry = summary["latency"]["preset"]
+    figures = window.find_elements("css selector", "#run1-latency figure")
+    histogram, parts = figures[-2:]
+    told: list[set[str]] = []
+    for figure in (histogram, parts):
+        plot = figure.find_element("css selector", ".u-over")
+        window.execute_script("arguments[0].scrollIntoView({block: 'center'})", plot)
+        size, found = plot.size, set()
+        for x in range(-size["width"] // 2 + 2, size["width"] // 2 - 1, 7):
+            ActionChains(window, duration=0).move_to_element_with_offset(plot, x, 0).perform()
+            tip = window.execute_script("return arguments[0].querySelector('.tip').textContent", figure)
+            found.add(tip)
+        told.append(found)
+    bound = f"at worst with no error: {entry['bound_ms']['no error']:.3f} ms"
+    assert all(any(bound in text for text in found) for found in told)
+    assert any(" readings" in text for text in told[0])
+    # The middle lane is the mean.
+    for part, words in (("wire", "on the wire"), ("destination", "waiting for the destination's scan")):
+        assert any(f"{words} {entry['parts_ms'][part]['mean']:.3f} ms" in text for text in told[1])
+    for figure in (histogram, parts):
+        assert bound in figure.find_element("css selector", ".legend").text
+
+
 def test_keyboard_alone_reaches_and_works_everything(pages: Path, window: Any) -> None:
     from selenium.webdriver.common.keys import Keys
 
@@ -179,7 +226,7 @@ def test_keyboard_alone_reaches_and_works_everything(pages: Path, window: Any) -
     assert window.execute_script("return arguments[0].toDataURL()", canvas) != before
 
 
-@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html"])
+@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html", "latency.html"])
 def test_a_screen_reader_finds_its_way(pages: Path, window: Any, page: str) -> None:
     show(window, pages / page)
     found = window.execute_script(
@@ -235,7 +282,7 @@ return found;
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html"])
+@pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html", "latency.html"])
 def test_text_stands_out_from_what_is_behind_it(pages: Path, window: Any, page: str, dark: bool) -> None:
     show(window, pages / page, dark=dark)
     found = window.execute_script(_CONTRAST)

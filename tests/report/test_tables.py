@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pandas as pd
@@ -10,10 +11,13 @@ import pytest
 
 import bussim
 from bussim.report import compare, settings, tables
-from bussim.report.charts import MOST_BINS, MOST_POINTS, histogram_chart, tail_chart
+from bussim.report.charts import MOST_BINS, MOST_POINTS, SCANS, histogram_chart, tail_chart
+from bussim.report.latency import in_words, latency_part, overlays, parts_data
+from bussim.report.parts import Charts
 from bussim.report.source import ExactLaw, Source
 from bussim.report.stations import measured_times, station_rows
 from bussim.results.histogram import BIN_TICKS, Histogram
+from bussim.results.latency_text import counts_in_words
 from bussim.results.record import RunRecord
 
 
@@ -155,7 +159,7 @@ def test_charts_carry_the_counts_and_the_law(source: Source) -> None:
 
 def test_a_histogram_is_a_table_too(source: Source) -> None:
     histogram = source.record.links["link"].scan_times.histogram
-    table = tables.histogram_data(histogram, "link")
+    table = tables.histogram_data(histogram, "link", SCANS)
     assert len(table.rows) <= 41
     assert sum(int(cells[0].text.replace(",", "")) for _, cells in table.rows) == histogram.count
 
@@ -172,6 +176,121 @@ def test_ports_of_two_runs_are_compared(source: Source) -> None:
     assert [cell.text for cell in cells["errors"]] == ["none", "none"]
     assert cells["ok"][1].path == "/ports/a.COM3/ok"
     assert compare.thing_tables([source, source]) == []
+
+
+@pytest.fixture(scope="module")
+def words() -> Source:
+    run = bussim.run(bussim.load("counter_preset", ["duration=10 s"]), rows=False)
+    return Source("words", "runs/words", run.record, "schema: 1\n")
+
+
+def test_bits_and_words_have_a_table_each(words: Source) -> None:
+    part = latency_part(words, Charts())
+    assert part is not None
+    bits, ages, worst = part.tables
+    ((name, cells),) = bits.rows
+    entry = words.summary["latency"]["full-box"]
+    assert name == "full-box"
+    assert bits.head[1:6] == [
+        "changes",
+        "arrived",
+        "never arrived",
+        "too short to be seen",
+        "under way at the end",
+    ]
+    shown = dict(zip(bits.head[1:], (cell.text for cell in cells), strict=True))
+    assert shown["arrived"] == str(entry["delivered"])
+    assert shown["longest"] == f"{entry['ms']['max']:.3f}"
+    assert shown["p99"] == "–"
+    ((name, cells),) = ages.rows
+    shown = dict(zip(ages.head[1:], (cell.text for cell in cells), strict=True))
+    assert name == "preset"
+    assert "never arrived" not in shown
+    assert shown["median"] == f"{words.summary['latency']['preset']['ms']['p50']:.3f}"
+    assert worst.head[:3] == ["entry", "no error", "1 lost reply"]
+    # Cases by their length, whatever their names say.
+    for _, cells in worst.rows:
+        values = [float(cell.text) for cell in cells]
+        assert values == sorted(values)
+
+
+def test_latencies_in_sentences(words: Source) -> None:
+    full, preset = (list(in_words(name, entry)) for name, entry in words.summary["latency"].items())
+    entry = words.summary["latency"]["preset"]
+    assert full[0].startswith("full-box, packer.M1064 to line.Y0, rising edge: it typically takes ")
+    assert preset == [
+        (
+            f"preset, line.D0 to packer.D0, age of the word whenever it is read: it is typically "
+            f"{entry['ms']['p50']:.1f} ms old, at most {entry['ms']['max']:.1f} ms, {entry['max_at_s']:.2f} s "
+            f"after the start ({counts_in_words(entry)})."
+        ),
+        (
+            f"At worst preset is as old as {entry['bound_ms']['no error']:.1f} ms with no error, "
+            f"{entry['bound_ms']['1 lost reply']:.0f} ms with 1 lost reply, "
+            f"{entry['bound_ms']['every retry spent']:.0f} ms with every retry spent."
+        ),
+    ]
+    nothing = {**words.summary["latency"]["full-box"], "delivered": 0, "lost": 2, "changes": 2}
+    nothing |= {"ms": dict.fromkeys(nothing["ms"]), "bound_ms": {}}
+    assert list(in_words("a", nothing)) == [
+        "a, packer.M1064 to line.Y0, rising edge: nothing arrived (2 changes: 0 arrived, 2 never arrived)."
+    ]
+
+
+def test_a_latency_is_drawn_with_its_parts_and_bounds(words: Source) -> None:
+    drawn = Charts()
+    part = latency_part(words, drawn)
+    assert part is not None
+    assert [entry.heading for entry in part.entries] == [
+        "full-box, packer.M1064 to line.Y0",
+        "preset, line.D0 to packer.D0",
+    ]
+    histogram, parts = drawn.payload[2:]
+    entry = words.summary["latency"]["preset"]
+    record = words.record.latency["preset"]
+    assert (histogram["time"], histogram["counted"]) == ("age of the word", "readings")
+    assert sum(count for _, count in histogram["series"][0]["bins"]) == entry["delivered"]
+    bound = entry["bound_ms"]["no error"]
+    assert histogram["bounds"] == parts["bounds"] == [[bound, f"at worst with no error: {bound:.3f} ms"]]
+    assert histogram["shown"] == (0.0, bound)
+    assert part.entries[1].charts[0].caption.startswith("Beyond this axis: at worst ")
+    assert parts["lanes"] == ["shortest", "mean", "longest"]
+    for lane, whole in enumerate((entry["ms"]["min"], entry["ms"]["mean"], entry["ms"]["max"])):
+        boxes = [box for box in parts["boxes"] if box[0] == lane]
+        assert boxes[0][1] == 0
+        assert all(left[2] == right[1] for left, right in pairwise(boxes))
+        assert boxes[-1][2] == pytest.approx(whole, abs=1e-5)
+    assert record.longest is not None
+    longest = dict(parts_data("preset", record, words.summary).rows)["longest"]
+    assert [cell.text for cell in longest[:-1]] == [f"{ticks / 72e3:.3f}" for ticks in record.longest.parts]
+
+
+def test_a_run_without_latencies_has_no_part_of_them(source: Source) -> None:
+    drawn = Charts()
+    assert latency_part(source, drawn) is None
+    assert overlays([source, source], drawn) == []
+    assert compare.latency_tables([source, source]) == []
+
+
+def test_latencies_of_two_runs_are_compared(words: Source) -> None:
+    slower = bussim.run(
+        bussim.load("counter_preset", ["duration=10 s", "plcs.line.scan.mean=20 ms"]), rows=False
+    )
+    other = Source("slower", "runs/slower", slower.record, "schema: 1\n")
+    tables_ = {table.caption: dict(table.rows) for table in compare.latency_tables([words, other])}
+    assert list(tables_) == ["full-box", "preset"]
+    first, second = tables_["preset"]["at worst with no error (ms)"]
+    assert float(second.text) > float(first.text)
+    assert second.differs
+    assert "never arrived" not in tables_["preset"]
+    drawn = Charts()
+    assert [chart.title for chart in overlays([words, other], drawn)] == [
+        "full-box, all runs",
+        "preset, all runs",
+    ]
+    assert [[series["label"] for series in chart["series"]] for chart in drawn.payload] == [
+        ["words", "slower"]
+    ] * 2
 
 
 def test_a_page_stays_small_whatever_the_runs_were() -> None:

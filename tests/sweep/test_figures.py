@@ -3,7 +3,15 @@ from __future__ import annotations
 import pytest
 
 from bussim import api
-from bussim.sweep.figures import LINK_FIGURES, figures_of, in_order, is_event_count, masters_in, rare_count_of
+from bussim.sweep.figures import (
+    LINK_FIGURES,
+    figures_of,
+    in_order,
+    is_event_count,
+    latencies_in,
+    masters_in,
+    rare_count_of,
+)
 from bussim.sweep.jobs import masters_of
 
 
@@ -86,6 +94,40 @@ def test_what_counts_events() -> None:
     ):
         assert is_event_count(f"press1.COM3.{name}")
     for name in ("link.scans", "link.bus_load", "link.scan_time_max_ms", "collisions.scans", "p.COM3.ok"):
+        assert not is_event_count(name)
+
+
+def test_latencies_give_their_times_and_shares() -> None:
+    summary = api.run(api.load("interlock", ["duration=20s"]), rows=False).summary
+    found = figures_of(summary, {})
+    entry = summary["latency"]["door-to-run"]
+    for key, value in entry["ms"].items():
+        assert found[f"latency.door-to-run.ms.{key}"] == value
+    assert found["latency.door-to-run.bound_ms.1 lost reply"] == entry["bound_ms"]["1 lost reply"] > 100
+    assert found["latency.door-to-run.parts_ms.turn.mean"] == entry["parts_ms"]["turn"]["mean"] > 0
+    assert "latency.door-to-run.max_at_s" not in found
+    names = ["latency.door-to-press1", "latency.door-to-feeder", "latency.door-to-run"]
+    assert latencies_in(found) == names
+
+
+def test_shares_are_of_the_changes_whose_fate_is_known() -> None:
+    bit = {"edge": "both", "changes": 50, "delivered": 30, "lost": 8, "unseen": 2, "open": 10}
+    word = {"edge": None, "changes": 9, "delivered": 700, "lost": 0, "unseen": 0, "open": 0}
+    nothing = {**bit, "changes": 10, "delivered": 0, "lost": 0, "unseen": 0}
+    times = {"ms": {"max": 60.5}, "parts_ms": {}}
+    latency = {"a.b": bit | times, "age": word | times, "none": nothing | times}
+    found = figures_of({"links": {}, "buses": {}, "ports": {}, "devices": {}, "latency": latency}, {})
+    assert (found["latency.a.b.lost_share"], found["latency.a.b.unseen_share"]) == (0.2, 0.05)
+    assert found["latency.none.lost_share"] is found["latency.none.unseen_share"] is None
+    assert {name: found[name] for name in found if name.startswith("latency.age.")} == {
+        "latency.age.changes": 9,
+        "latency.age.delivered": 700,
+        "latency.age.ms.max": 60.5,
+    }
+    assert latencies_in(found) == ["latency.a.b", "latency.age", "latency.none"]
+    for name in ("lost", "lost_share", "unseen", "unseen_share"):
+        assert is_event_count(f"latency.a.b.{name}")
+    for name in ("latency.a.delivered", "latency.lost", "latency.a.lost.ms.max", "p.COM3.lost"):
         assert not is_event_count(name)
 
 

@@ -8,9 +8,9 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from bussim.results.style import Picture
+from bussim.results.style import LAW, Picture
 from bussim.sweep.plan import Plan
-from bussim.sweep.plots import MASTER_PANELS, PANELS, draw, heat_maps, lines
+from bussim.sweep.plots import AGE_PANELS, LATENCY_PANELS, MASTER_PANELS, PANELS, draw, heat_maps, lines
 from bussim.sweep.tables import Table, points_table, runs_table
 from tests.results.test_plots import assert_legible, has
 
@@ -139,3 +139,35 @@ def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path
         assert set(panels(picture)) == set(MASTER_PANELS.values())
         assert has(picture, "not known at any point")  # the poll cycle
         assert_legible(picture)
+
+
+def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) -> None:
+    luck = random.Random(3)
+
+    def figures(run: int) -> dict[str, Any]:
+        times = {"p50": 40 + luck.random(), "p95": 50 + luck.random(), "p99": None, "max": 60 + luck.random()}
+        found: dict[str, Any] = {"link.scans": 100, "link.scan_time_mean_ms": 40 + luck.random()}
+        for name in ("latency.door", "latency.age"):
+            found |= {f"{name}.delivered": 90, **{f"{name}.ms.{key}": time for key, time in times.items()}}
+        found |= {"latency.door.lost": run, "latency.door.lost_share": run / 100}
+        return found | {"latency.door.bound_ms.no error": 70.5}
+
+    for vary in ([f"{RETRIES}=0:4:1"], [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"]):
+        plan = Plan(scenario, vary, repeat=2)
+        points = points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
+        paths = draw(plan, points, tmp_path)
+        assert {path.stem for path in paths} == {"sweep_link", "sweep_latency.door", "sweep_latency.age"}
+        for name, expected in (("latency.door", LATENCY_PANELS), ("latency.age", AGE_PANELS)):
+            picture = (lines if len(vary) == 1 else heat_maps)(plan, points, name)
+            assert set(panels(picture)) == set(expected.values())
+            assert has(picture, "not known at any point")  # p99
+            assert_legible(picture)
+    plan = Plan(scenario, [f"{RETRIES}=0:4:1"], repeat=2)
+    points = points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
+    picture = lines(plan, points, "latency.door")
+    share = panels(picture)[LATENCY_PANELS["lost_share"]]
+    assert list(share.lines[0].get_ydata()) == pytest.approx([0.005, 0.025, 0.045, 0.065, 0.085])
+    bounds = [line for line in panels(picture)[LATENCY_PANELS["ms.max"]].lines if line.get_color() == LAW]
+    assert [list(line.get_ydata()) for line in bounds] == [[70.5] * 5]
+    assert has(picture, "at worst with no error")
+    assert not has(lines(plan, points, "latency.age"), "at worst with no error")

@@ -52,6 +52,8 @@ _NS_PER_MS = 1_000_000
 _CLEARED_TIMERS = range(FIRST_RETENTIVE_TIMER)
 _CLEARED_COUNTERS = (range(100), range(200, 220))
 _END = -1
+#: M8000–M8003 in RUN.
+_FIRST_SCAN, _LATER_SCAN = b"\1\0\1\0", b"\1\0\0\1"
 Exit = Callable[[], int]
 
 
@@ -128,7 +130,7 @@ class ProgramRun:
             m[flag] = 0
         for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
             self._d[word] = 0
-        m[8000], m[8001], m[8002], m[8003] = 1, 0, 1, 0
+        m[8000:8004] = _FIRST_SCAN
         m[LINK_SETTINGS] = self.program.sets_link_at_step_0
         self.halted = 0
 
@@ -159,7 +161,7 @@ class ProgramRun:
         machine.now[0] = time = now - self._origin
         machine.scan[0] = number = machine.scan[0] + 1
         # Written anew each time: an index register may have led a program to them.
-        m[8000], m[8001], m[8002], m[8003] = 1, 0, number == 1, number > 1
+        m[8000:8004] = _FIRST_SCAN if number == 1 else _LATER_SCAN
         if number == 2:
             m[LINK_SETTINGS] = 0
         if self._has_masters:

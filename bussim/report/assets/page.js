@@ -49,6 +49,26 @@
     return splits;
   };
 
+  // Bounds stand upright in the law's colour, the least one thicker.
+  const uprights = (u, bounds) => {
+    const { ctx, bbox } = u;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.strokeStyle = css("--law");
+    bounds.forEach(([at], number) => {
+      const x = u.valToPos(at, "x", true);
+      ctx.lineWidth = (number ? 1.5 : 3) * devicePixelRatio;
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+    });
+    ctx.restore();
+  };
+  const boundsNear = (u, bounds, left) => bounds.filter(([at]) => Math.abs(u.valToPos(at, "x") - left) <= 4).map(([, text]) => text);
+
   // ---- what all charts have: zoom by keyboard, hover, size ----
   class Chart {
     constructor(figure, data) {
@@ -148,6 +168,7 @@
 
   // ---- histograms, aggregated anew for what is visible ----
   const MOST_BARS = 150;
+  const WHOLE = [0, 1, 2, 3, 4, 5, 6, 7, 8].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power)); // of counts
   const barWidth = (span, most) => {
     for (let decade = 1; ; decade *= 10)
       for (const width of [decade, 2 * decade, 5 * decade]) if (span <= width * most) return width;
@@ -173,8 +194,11 @@
       });
       const places = this.data.series.flatMap(({ bins }) => [bins[0][0], bins[bins.length - 1][0]]);
       const unit = this.data.bin_ms;
-      this.whole = padded((Math.min(...places) - 0.5) * unit, (Math.max(...places) + 0.5) * unit);
-      this.log = this.whole[1] - this.whole[0] > 5;
+      const { shown } = this.data;
+      this.whole = shown ? [shown[0], shown[1] + (shown[1] - shown[0]) * 0.03 + unit]
+        : padded((Math.min(...places) - 0.5) * unit, (Math.max(...places) + 0.5) * unit);
+      if (shown) this.view = this.whole;
+      this.log = !shown && this.whole[1] - this.whole[0] > 5;
       this.toggle("Logarithmic", this.log, (on) => { this.log = on; this.draw(); });
     }
     counted(number, from, to) { // samples in bins from…to-1
@@ -225,8 +249,8 @@
           y: { distr: this.log ? 3 : 1, log: 10, range: () => this.y },
         },
         axes: [
-          axis("link scan time (ms)", { values: plain }),
-          axis("", { size: 62, values: this.log ? decades : plain, ...(this.log ? { splits: () => powers(...this.y), filter: (u, all) => all } : {}) }),
+          axis(`${this.data.time} (ms)`, { values: plain }),
+          axis("", { size: 62, values: this.log ? decades : plain, ...(this.log || this.several ? {} : { incrs: WHOLE }), ...(this.log ? { splits: () => powers(...this.y), filter: (u, all) => all } : {}) }),
         ],
         series: [{}, ...series],
         hooks: {
@@ -239,7 +263,7 @@
             queueMicrotask(() => { u.setData(fresh, false); u.setScale("x", { min, max }); this.busy = false; });
           }],
           drawAxes: [(u) => this.caption(u)],
-          draw: [(u) => this.stairs(u)],
+          draw: [(u) => this.stairs(u), (u) => uprights(u, this.data.bounds)],
         },
       };
     }
@@ -272,7 +296,7 @@
       ctx.restore();
     }
     caption(u) {
-      const text = `${this.several ? "share of link scans" : "link scans"} per ${digits(this.barMs)} ms`;
+      const text = `${this.several ? "share of " : ""}${this.data.counted} per ${digits(this.barMs)} ms`;
       const { ctx } = u, ratio = devicePixelRatio;
       ctx.save();
       ctx.fillStyle = css("--ink");
@@ -286,8 +310,9 @@
     legend() {
       const colours = this.colours();
       const entries = this.data.series.map(({ label, count }, number) =>
-        [colours[number], this.several ? `${label}: ${digits(count)} link scans` : `counted: ${digits(count)} link scans`]);
+        [colours[number], this.several ? `${label}: ${digits(count)} ${this.data.counted}` : `counted: ${digits(count)} ${this.data.counted}`]);
       if (this.data.law.length) entries.push([css("--law"), `expected by the exact law${this.data.without}`]);
+      for (const [, text] of this.data.bounds) entries.push([css("--law"), text]);
       return entries;
     }
     tell(u, left) {
@@ -297,8 +322,9 @@
       const parts = [`${digits(x - half)} to ${digits(x + half)} ms`];
       this.data.series.forEach((series, number) => {
         const value = u.data[number + 1][index] ?? 0;
-        parts.push(this.several ? `${series.label}: ${digits(100 * value, 4)} %` : `${digits(value)} link scans`);
+        parts.push(this.several ? `${series.label}: ${digits(100 * value, 4)} %` : `${digits(value)} ${this.data.counted}`);
       });
+      parts.push(...boundsNear(u, this.data.bounds, left));
       if (this.data.law.length) parts.push(`expected ${digits(u.data[2][index] ?? 0, 1)}`);
       return parts.join(" · ");
     }
@@ -429,6 +455,7 @@
   // ---- the timeline, like a logic analyser ----
   class Timeline extends Chart {
     setUp() { this.whole = [0, this.data.span]; }
+    time() { return `ms after ${this.data.begin_s.toFixed(6)} s`; }
     content() { return [[0, this.data.span], [0, this.data.lanes.length]]; }
     options() {
       const count = this.data.lanes.length, narrow = this.width() < 600;
@@ -438,7 +465,7 @@
         cursor: { y: true },
         scales: { x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) }, y: { range: () => [0, count], dir: -1 } },
         axes: [
-          axis(`ms after ${this.data.begin_s.toFixed(6)} s`, { values: plain }),
+          axis(this.time(), { values: plain }),
           axis(null, { size: narrow ? 98 : 160, gap: 6, grid: { show: false }, ticks: { show: false },
             splits: () => this.data.lanes.map((_, lane) => lane + 0.5),
             values: () => this.data.lanes.map((name) => (name.length > most ? name.slice(0, most - 1) + "…" : name)) }),
@@ -450,6 +477,9 @@
     colour(kind) {
       const look = this.data.looks[kind];
       return look.grey ? grey(look.colour) : shown(look.colour);
+    }
+    ink(look) {
+      return look.hatch || (look.grey && isDark()) ? css("--ink") : look.colour === "#000000" && !isDark() ? "#ffffff" : "#000000";
     }
     shapes(u) {
       const { ctx, bbox } = u, ratio = devicePixelRatio, { min, max } = u.scales.x;
@@ -490,7 +520,7 @@
           ctx.fillStyle = css("--plot");
           ctx.fillRect(middle - room / 2 - 3 * ratio, top + 2 * ratio, room + 6 * ratio, high - 4 * ratio);
         }
-        ctx.fillStyle = look.hatch || (look.grey && isDark()) ? css("--ink") : look.colour === "#000000" && !isDark() ? "#ffffff" : "#000000";
+        ctx.fillStyle = this.ink(look);
         ctx.fillText(label, middle, centre);
       }
       for (const [lane, at, kind] of this.data.marks) {
@@ -534,7 +564,26 @@
     }
   }
 
-  const KINDS = { histogram: Histogram, tail: Tail, "over-run": OverRun, timeline: Timeline };
+  // ---- what latencies are made of: lanes of boxes as well ----
+  class Parts extends Timeline {
+    setUp() { this.view = this.whole = [0, this.data.span * 1.03]; }
+    time() { return "ms"; }
+    options() {
+      const options = super.options();
+      const count = this.data.lanes.length;
+      return { ...options, height: 40 * count + 62,
+        hooks: { draw: [...options.hooks.draw, (u) => uprights(u, this.data.bounds)] } };
+    }
+    // The same on a light page and a dark one: lighter blue is another part's.
+    colour(kind) { return this.data.looks[kind].colour; }
+    ink(look) { return look.colour === "#0072B2" ? "#ffffff" : "#000000"; }
+    legend() {
+      return [...super.legend(), ...this.data.bounds.map(([, text]) => [css("--law"), text])];
+    }
+    tell(u, left, top) { return [super.tell(u, left, top), ...boundsNear(u, this.data.bounds, left)].filter(Boolean).join(" · "); }
+  }
+
+  const KINDS = { histogram: Histogram, tail: Tail, "over-run": OverRun, timeline: Timeline, parts: Parts };
   for (const figure of document.querySelectorAll("figure[data-chart]")) {
     const data = payload.charts[Number(figure.dataset.chart)];
     drawn.set(figure, new KINDS[data.kind](figure, data));

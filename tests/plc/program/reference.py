@@ -437,10 +437,18 @@ class Reference:
 
     def sum(self, ops: list[str], size: int, sign: int) -> None:
         total = self.read(ops[0], size) + sign * self.read(ops[1], size)
+        half = 1 << size - 1
+        borrow, carry = total < -half, total >= half
+        if carry:
+            total %= half  # 32767 is followed by 0
+        elif borrow:
+            total = -((-total - half - 1) % half)  # so is -32768, downwards
         self.write(self.place(ops[2], size), total)
-        self.bits["M", 8020] = int(total % (1 << size) == 0)
-        self.bits["M", 8021] = int(total < -(1 << size - 1))
-        self.bits["M", 8022] = int(total >= 1 << size - 1)
+        self.bits["M", 8020], self.bits["M", 8021], self.bits["M", 8022] = (
+            int(total == 0),
+            int(borrow),
+            int(carry),
+        )
 
     def do_add(self, ops: list[str], size: int) -> None:
         self.sum(ops, size, 1)

@@ -1,0 +1,257 @@
+"""A report's part on latencies: sentences, tables, and of each entry its histogram and what it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from bussim.report import charts, tables
+from bussim.report.parts import Chart, Charts
+from bussim.report.source import Source
+from bussim.report.tables import NONE, Cell, Table, found, number, pointer
+from bussim.report.words import ms
+from bussim.results.latency import PARTS, LatencyRecord
+from bussim.results.latency_text import (
+    PART_NAMES,
+    counts_in_words,
+    edge_in_words,
+    shown_bounds,
+    told_bounds,
+)
+from bussim.units import milliseconds
+
+_COUNTS = {
+    "changes": "changes",
+    "delivered": "arrived",
+    "lost": "never arrived",
+    "unseen": "too short to be seen",
+    "open": "under way at the end",
+}
+_READINGS = {"changes": "changes of the source", "delivered": "readings"}
+_TIMES = {
+    "min": "shortest",
+    "p50": "median",
+    "mean": "mean",
+    "p95": "p95",
+    "p99": "p99",
+    "max": "longest",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LatencyEntry:
+    """One entry of a run's latencies, as the template shows it."""
+
+    heading: str
+    charts: Sequence[Chart]
+
+
+@dataclass(frozen=True, slots=True)
+class LatencyPart:
+    """A run's latencies, as the template shows them."""
+
+    said: Sequence[str]
+    tables: Sequence[Table]
+    entries: Sequence[LatencyEntry]
+
+
+def latency_part(source: Source, drawn: Charts) -> LatencyPart | None:
+    """The latencies of a run; None where it measures none."""
+    summary: Mapping[str, Any] = source.summary.get("latency") or {}
+    if not summary:
+        return None
+    some = [
+        figures(source, "Latency (ms)", _COUNTS, word=False),
+        figures(source, "Age of words when they are read (ms)", _READINGS, word=True),
+        bounds(source),
+    ]
+    return LatencyPart(
+        [sentence for name, entry in summary.items() for sentence in in_words(name, entry)],
+        [table for table in some if table.rows],
+        [
+            LatencyEntry(_heading(name, summary[name]), _charts(source, name, drawn))
+            for name, record in source.record.latency.items()
+            if record.histogram.count
+        ],
+    )
+
+
+# -- sentences -----------------------------------------------------------------------------------------
+
+
+def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
+    """An entry of the summary's latencies in sentences."""
+    word, times = entry["edge"] is None, entry["ms"]
+    label = f"{_heading(name, entry)}, {edge_in_words(entry)}"
+    if times["max"] is None:
+        yield f"{label}: nothing arrived ({counts_in_words(entry)})."
+        return
+    usual = times["p50"] if times["p50"] is not None else times["mean"]
+    how = (
+        f"is typically {ms(usual)} old, at most" if word else f"typically takes {ms(usual)}, the longest took"
+    )
+    when = f"{entry['max_at_s']:.2f} s after the start"
+    yield f"{label}: it {how} {ms(times['max'])}, {when} ({counts_in_words(entry)})."
+    cases = [f"{ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
+    if cases:
+        yield f"At worst {name} {'is as old as' if word else 'takes'} {', '.join(cases)}."
+
+
+def _heading(name: str, entry: Mapping[str, Any]) -> str:
+    way = f"{entry['from']} to {entry['to']}"
+    return way if name == way else f"{name}, {way}"
+
+
+# -- tables --------------------------------------------------------------------------------------------
+
+
+def figures(source: Source, caption: str, counts: Mapping[str, str], *, word: bool) -> Table:
+    """A row for each entry of one kind: what became of its changes, and how long they took."""
+    rows = []
+    for name, entry in source.summary["latency"].items():
+        if (entry["edge"] is None) != word:
+            continue
+        at = ("latency", name)
+        cells = [found(source.summary, *at, key) for key in counts]
+        cells += [found(source.summary, *at, "ms", key, decimals=3) for key in _TIMES]
+        cells.append(found(source.summary, *at, "max_at_s", decimals=3))
+        rows.append((name, cells))
+    head = ["entry", *counts.values(), *_TIMES.values(), "longest at (s)"]
+    return Table(caption, head, rows, "A dash: too few of them beyond it to tell.")
+
+
+def bounds(source: Source) -> Table:
+    """A row for each entry: what it may be at worst, in every case that has a bound."""
+    entries = source.summary["latency"]
+    cases = list(dict.fromkeys(case for entry in entries.values() for case in entry.get("bound_ms", {})))
+    cases.sort(key=lambda case: max(entry.get("bound_ms", {}).get(case, 0.0) for entry in entries.values()))
+    rows = []
+    for name, entry in entries.items():
+        known = entry.get("bound_ms", {})
+        cells = [
+            found(source.summary, "latency", name, "bound_ms", case, decimals=3)
+            if case in known
+            else Cell(NONE, title="no bound in closed form")
+            for case in cases
+        ]
+        if cells:
+            rows.append((name, cells))
+    note = (
+        "In closed form, for the stretches without faults. A frame that only the target misses, and a "
+        "program that passes a signal on later than in the scan that reads it, add to it."
+    )
+    return Table("At worst (ms)", ["entry", *cases], rows, note)
+
+
+def parts_data(name: str, record: LatencyRecord, summary: Mapping[str, Any]) -> Table:
+    """What the shortest, the mean and the longest one are made of, and the most that each part took."""
+    rows = []
+    for what, ticks in record.examples().items():
+        cells = [
+            Cell(
+                number(milliseconds(each), 3),
+                pointer("latency", name, "parts_ms", part, "mean") if what == "mean" else "",
+            )
+            for part, each in zip(PARTS, ticks, strict=True)
+        ]
+        rows.append((what, [*cells, Cell(number(milliseconds(sum(ticks)), 3))]))
+    most = [found(summary, "latency", name, "parts_ms", part, "max", decimals=3) for part in PARTS]
+    rows.append(("most of each part", [*most, Cell("")]))
+    head = ["", *(PART_NAMES[part] for part in PARTS), "together"]
+    return Table(f"What {name} is made of (ms)", head, rows)
+
+
+def compared(
+    sources: Sequence[Source],
+) -> Iterator[tuple[str, list[tuple[str, tuple[str, ...], int | None]]]]:
+    """What several runs are compared by, of each entry that two of them have: label, keys, decimals."""
+    every = [name for source in sources for name in source.summary.get("latency") or {}]
+    for name in dict.fromkeys(every):
+        told = [(source.summary.get("latency") or {}).get(name) for source in sources]
+        entries = [entry for entry in told if entry is not None]
+        if len(entries) < 2:
+            continue
+        at = ("latency", name)
+        words = all(entry["edge"] is None for entry in entries)
+        rows: list[tuple[str, tuple[str, ...], int | None]] = [
+            (label, (*at, key), None) for key, label in (_READINGS if words else _COUNTS).items()
+        ]
+        rows += [(f"{label} (ms)", (*at, "ms", key), 3) for key, label in _TIMES.items()]
+        rows += [(f"{PART_NAMES[part]}, mean (ms)", (*at, "parts_ms", part, "mean"), 3) for part in PARTS]
+        cases = dict.fromkeys(case for entry in entries for case in entry.get("bound_ms", {}))
+        rows += [(f"at worst with {case} (ms)", (*at, "bound_ms", case), 3) for case in cases]
+        yield name, rows
+
+
+# -- charts --------------------------------------------------------------------------------------------
+
+
+def _charts(source: Source, name: str, drawn: Charts) -> list[Chart]:
+    record, entry = source.record.latency[name], source.summary["latency"][name]
+    times = entry["ms"]
+    near = shown_bounds(entry, times["max"])
+    far = {case: bound for case, bound in told_bounds(entry).items() if case not in near}
+    longest = max([times["max"], *near.values()])
+    quantity = _quantity(record)
+    where = f"from {times['min']:.1f} to {times['max']:.1f} ms, mean {times['mean']:.1f} ms"
+    beyond = ", ".join(f"{bound:,.3f} ms with {case}" for case, bound in far.items())
+    marked = "".join(f"; at worst {bound:.1f} ms with {case}" for case, bound in near.items())
+    one = drawn.add(
+        charts.histogram_chart(
+            {source.label: record.histogram},
+            None,
+            f"Histogram of {name}",
+            quantity,
+            near,
+            (0.0, longest),
+        ),
+        f"Histogram of {record.histogram.count:,} {quantity.counted}, {quantity.time} {where}{marked}.",
+        tables.histogram_data(record.histogram, name, quantity),
+        f"Beyond this axis: at worst {beyond}." if beyond else "",
+    )
+    two = drawn.add(
+        charts.parts_chart(record, near, longest, f"What {name} is made of"),
+        f"The shortest, the mean and the longest {quantity.time} as bars of their parts: "
+        + "; ".join(
+            f"{PART_NAMES[part]} on average {found['mean']:.1f} ms"
+            for part, found in entry["parts_ms"].items()
+            if found["max"]
+        )
+        + ".",
+        parts_data(name, record, source.summary),
+        "Point at a part to read how long it took.",
+    )
+    return [one, two]
+
+
+def overlays(sources: Sequence[Source], drawn: Charts) -> list[Chart]:
+    """The histograms of each entry that more than one run has measured, on one axis."""
+    found = []
+    for name in dict.fromkeys(name for source in sources for name in source.record.latency):
+        records = {
+            source.label: record
+            for source in sources
+            if (record := source.record.latency.get(name)) is not None and record.histogram.count
+        }
+        if len(records) < 2 or len({record.word for record in records.values()}) > 1:
+            continue
+        quantity = _quantity(next(iter(records.values())))
+        found.append(
+            drawn.add(
+                charts.histogram_chart(
+                    {label: record.histogram for label, record in records.items()},
+                    None,
+                    f"{name}, all runs",
+                    quantity,
+                ),
+                f"Histograms of {name} of {', '.join(records)} on one axis.",
+                None,
+                f"Each run as the share of its own {quantity.counted}.",
+            )
+        )
+    return found
+
+
+def _quantity(record: LatencyRecord) -> charts.Quantity:
+    return charts.AGES if record.word else charts.LATENCIES

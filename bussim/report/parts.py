@@ -1,0 +1,31 @@
+"""What a report's page is put together from: its charts, numbered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from bussim.report.tables import Table
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A chart of the page: its heading, what a screen reader says of it, and its data as a table."""
+
+    number: int
+    title: str
+    description: str
+    data: Table | None = None
+    caption: str = ""
+
+
+@dataclass(slots=True)
+class Charts:
+    """Numbers the charts of a page and keeps what its script needs."""
+
+    payload: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, content: dict[str, Any], description: str, data: Table | None, caption: str = "") -> Chart:
+        """Take a chart of :mod:`bussim.report.charts` in."""
+        self.payload.append({**content, "description": description})
+        return Chart(len(self.payload) - 1, content["title"], description, data, caption)
