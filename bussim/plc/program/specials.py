@@ -21,7 +21,8 @@ class _Bit(NamedTuple):
     timers: range = range(0)  # the OUT of which timers it changes
 
 
-_BITS: dict[int, _Bit] = {
+#: By M's address.
+SPECIAL_BITS: dict[int, _Bit] = {
     8028: _Bit("which on some PLCs makes T32–T62 timers of 10 ms", timers=range(32, 63)),
     8031: _Bit("which clears what is not latched"),
     8032: _Bit("which clears what is latched"),
@@ -48,7 +49,7 @@ def not_simulated(instructions: Iterable[Instruction]) -> dict[int, str]:
         if at.spec.name == "OUT" and at.operands[0].kind == "T":
             timers.add(at.operands[0].address)
     found = {}
-    for address, bit in _BITS.items():
+    for address, bit in SPECIAL_BITS.items():
         anyhow = not (bit.instructions or bit.timers)
         if anyhow or bit.instructions & names or timers.intersection(bit.timers):
             hint = f"; {bit.hint}" if bit.hint else ""
