@@ -9,7 +9,6 @@ import pytest
 
 from bussim.plc.program.shapes import SHAPES, Atom, ToAct, ToCoil
 
-
 #: Each form as logic.
 SAYS: dict[str, Callable[..., object]] = {
     "*": lambda a: a,
