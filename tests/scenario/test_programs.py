@@ -289,6 +289,17 @@ def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: P
     ]
 
 
+def test_the_age_of_a_current_value(tmp_path: Path) -> None:
+    text = TEXT.replace("from: two.X0, to: one.M1064, edge: rising", "from: two.CN200, to: one.Z0")
+    found = load(folder(tmp_path, text))
+    assert (found.latency[0].source, found.latency[0].target) == ("CN200", "Z0")
+    assert "CN200" in found.plcs[1].observed
+    mixed = text.replace("two.CN200", "two.C200")
+    assert shown(problems(tmp_path, mixed), tmp_path) == [
+        "x.yaml:16:26: to is one.Z0: two.C200 is a bit and one.Z0 is a word, but a latency has two of a kind"
+    ]
+
+
 def test_a_programs_own_warnings_are_the_scenarios(tmp_path: Path) -> None:
     program = SLAVE.replace("END", "LD X1\nOUT M1064\nEND")
     found = load(folder(tmp_path, **{"two.il": program}))
