@@ -128,7 +128,8 @@ def _check_writes(member: Member, link: list[Member], report: Report) -> None:
 
     for place in foreign_blocks(member, link):
         for at in program.instructions:
-            found = next((extent for extent in extents(at) if extent.writes and _meets(extent, place)), None)
+            touched = extents(at, both_ways=program.turns_bmov)
+            found = next((extent for extent in touched if extent.writes and _meets(extent, place)), None)
             if found is None:
                 continue
             station = station_of(place)

@@ -267,6 +267,13 @@ def test_a_write_into_another_stations_block(tmp_path: Path) -> None:
     )
 
 
+def test_a_bmov_that_is_turned_round_writes_what_it_seems_to_read(tmp_path: Path) -> None:
+    program = SLAVE.replace("END", "BMOV D0 D40 K4\nEND")
+    assert warnings(tmp_path, **{"two.il": program}) == []
+    (found,) = warnings(tmp_path, **{"two.il": program.replace("BMOV", "SET M8024\nBMOV")})
+    assert found.startswith("two.il:7:1: two: BMOV writes D0 to D3, in the shared block of station 0 (one)")
+
+
 def test_latencies_that_nothing_brings_about(tmp_path: Path) -> None:
     text = TEXT.replace("    inputs: {X0: {square: 500 ms}}\n", "")
     assert shown(warnings(tmp_path, text), tmp_path) == [

@@ -11,6 +11,7 @@ from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.check import Extent, extents
 from bussim.plc.program.flow import FlowCheck, Stretch, cut
 from bussim.plc.program.ladder import Ladder
+from bussim.plc.program.machine import BACKWARDS
 from bussim.plc.program.source import Source
 from bussim.plc.program.specials import not_simulated
 
@@ -80,9 +81,22 @@ class Program:
         """Special bits, by M's address, that would change how the program runs and do not; each in words."""
         return not_simulated(self.instructions)
 
+    @property
+    def turns_bmov(self) -> bool:
+        """Whether it sets M8024, which makes BMOV write its source."""
+        return any(
+            extent.writes and extent.holds("M", BACKWARDS, word=False)
+            for at in self.instructions
+            if at.name not in ("RST", "ZRST")
+            for extent in extents(at)
+        )
+
     def writes(self) -> tuple[Extent, ...]:
         """What the program's instructions write, where no index register decides."""
-        return tuple(extent for at in self.instructions for extent in extents(at) if extent.writes)
+        both = self.turns_bmov
+        return tuple(
+            extent for at in self.instructions for extent in extents(at, both_ways=both) if extent.writes
+        )
 
 
 def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:

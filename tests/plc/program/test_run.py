@@ -227,6 +227,9 @@ def test_what_a_program_writes() -> None:
     )
     written = [(extent.letter, extent.first, extent.last) for extent in program.writes()]
     assert written == [("M", 5, 5), ("M", 8, 15), ("D", 10, 11), ("D", 20, 21), ("D", 40, 47)]
+    program = Program.parse("LD X0\nOUT M8024\nBMOV D0 D40 D9\nBMOV K1X0 D50 K1\nEND", "p")
+    written = [(extent.letter, extent.first, extent.last) for extent in program.writes()]
+    assert written == [("M", 8024, 8024), ("D", 0, 0), ("D", 40, 40), ("D", 50, 50)]
 
 
 @pytest.mark.parametrize(
