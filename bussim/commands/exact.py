@@ -78,8 +78,8 @@ def command(
     loaded = api.load(scenario, overrides, allow_code=allow_code)
     models = from_scenario(loaded, ignore_faults=ignore_faults)
     polls = _polls(loaded)
-    if not (models or polls):
-        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list")
+    if not (models or polls or loaded.latency):
+        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list nor a latency")
     if plot and not models:
         raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
     found = {bus: figures_of(model, request) for bus, model in models.items()}

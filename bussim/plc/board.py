@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Container, Mapping
-from fractions import Fraction
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master, MasterConfig
@@ -27,7 +26,7 @@ from bussim.plc.profiles import (
     Reply,
     attempts_per_poll,
 )
-from bussim.units import TICKS_PER_MS, round_half_up
+from bussim.units import TICKS_PER_MS
 
 #: D8180 counts in 10 ms.
 TIMEOUT_UNIT = 10 * TICKS_PER_MS
@@ -255,7 +254,8 @@ class LinkBoard:
         """A link scan time in the unit of D8201, rounded half up; 0 for none; at most 32767."""
         if ticks is None:
             return 0
-        return min(32767, round_half_up(Fraction(ticks, self._profile.link_scan_unit)))
+        unit = self._profile.link_scan_unit
+        return min(32767, (2 * ticks + unit) // (2 * unit))
 
     def registers(self) -> dict[str, int]:
         """Every link-related special device, by the PW10's name for it.

@@ -10,7 +10,7 @@ from bussim.units import TICKS_PER_SECOND as S
 
 
 def word(number: int, *values: int) -> Watched:
-    return Watched("a", f"D{number}", False, [S * (at + 1) for at in range(len(values))], list(values))
+    return Watched("a", f"D{number}", 16, [S * (at + 1) for at in range(len(values))], list(values))
 
 
 @pytest.mark.parametrize("values", [(), (0,), (7, 7), (0, 1), (65535,), (-32768, 32767), (1000, 1003)])
@@ -36,7 +36,7 @@ def test_the_picture_grows_no_taller_than_its_limit_and_says_what_it_shows() -> 
     assert picture.get_size_inches()[1] <= 22
     assert len(picture.axes) == number
     assert picture.title == f"title (the first {number} of 60)"
-    bits = [Watched("a", f"M{at}", True) for at in range(100)]
+    bits = [Watched("a", f"M{at}", 1) for at in range(100)]
     assert shown_devices(bits) > 95
     assert len(watch_picture(Watch(words[:5]), 0, S, "title", "about").axes) == 5
 

@@ -16,6 +16,7 @@ OUT_OF_RANGE = 6706
 ERROR, ERROR_LATCH = 8067, 8068
 ERROR_CODE, LATCHED_STEP, ERROR_STEP = 8067, 8068, 8069
 ZERO, BORROW, CARRY = 8020, 8021, 8022
+BACKWARDS = 8024  # BMOV moves from its destination to its source
 
 
 class Ports(Protocol):
@@ -74,6 +75,8 @@ class Machine:
         self.counter_input = bytearray(256)
         #: Told of every operation error: its code and the program step.
         self.failed: Callable[[int, int], None] | None = None
+        #: Of each timer and counter: whether an RST holds it.
+        self.held = {letter: bytearray(256) for letter in "TC"}
 
     def fail(self, code: int, step: int) -> None:
         """An operation error: M8067 and D8067, D8069; M8068 and D8068 keep the first one."""

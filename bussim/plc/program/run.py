@@ -15,8 +15,8 @@ scan follows until STOP→RUN, while its END goes on serving the link and the po
 holds; the scan in which it expired lasts as long as its instructions took until then.
 
 At STOP→RUN the outputs Y, the timers T0–T245 and the counters C0–C99 and C200–C219 are cleared, as are
-all memories of edges and the operation error (M8067 M8068, D8067–D8069). M, S and D keep what they
-have: a scenario's registers are set before RUN (assumed).
+all memories of edges, the holds of RST and the operation error (M8067 M8068, D8067–D8069). M, S and D
+keep what they have: a scenario's registers are set before RUN (assumed).
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class ProgramRun:
             for numbers in ranges:
                 for number in numbers:
                     contacts[number] = values[number] = 0
-        for memories in (machine.earlier, machine.counter_input, machine.saved):
+        for memories in (machine.earlier, machine.counter_input, machine.saved, *machine.held.values()):
             memories[:] = bytes(len(memories))
         machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 256
         machine.scan[0] = 0
