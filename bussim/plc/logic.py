@@ -147,8 +147,14 @@ class Logic:
             ahead = min(ahead, stimulus.next_change(now))
         self._next_change = ahead
 
-    def overrun(self, scan: int) -> None:
-        """The scan that begins lasts so many ticks: the watchdog (D8000) stops the program if too many."""
+    def overrun(self, scan: int) -> bool:
+        """The scan that begins lasts so many ticks: the watchdog (D8000) stops the program if too many.
+
+        Whether it stands still, for this reason or another.
+        """
         run = self._run
-        if run is not None and not run.halted and scan > self._memory.word("D", 8000) * 72_000:
+        if run is None:
+            return False
+        if not run.halted and scan > self._memory.word("D", 8000) * 72_000:
             run.halt()
+        return run.halted > 0

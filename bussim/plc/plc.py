@@ -351,8 +351,8 @@ class Plc:
         self.cycle.set_load(now, extra)
         if logic is not None:
             following = self.cycle.next_end(now + 1, now)
-            logic.overrun(following - now)
-            self._look_for_halt(now)
+            if logic.overrun(following - now):
+                self._look_for_halt(now)
             self._tell_inputs(now, following)
         return hints
 
