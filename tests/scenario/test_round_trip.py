@@ -139,7 +139,7 @@ def test_a_scenario_that_no_loader_made_cannot_be_written() -> None:
 
 
 #: How long an example takes is no verdict.
-PATIENT = settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
+PATIENT = settings(suppress_health_check=[HealthCheck.too_slow], deadline=None, max_examples=50)
 
 # Scenarios without mistakes, with most of what the form allows.
 
@@ -373,7 +373,7 @@ def _scenarios(draw: st.DrawFn) -> dict[str, Any]:
     }
 
 
-@settings(PATIENT, max_examples=60)
+@PATIENT
 @given(_scenarios())
 def test_any_scenario_is_the_same_after_writing_and_reading(data: dict[str, Any]) -> None:
     first = from_data(data)
