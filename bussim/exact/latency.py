@@ -106,8 +106,9 @@ class LatencyBound:
             return self.no_error
         longer = self.no_error + self.parameters + replies * self.silent
         if not self.answered:
-            # No more can be lost in the one scan that a master's data wait for.
-            return min(longer, self.every_retry)
+            # Of one scan: what is beyond the last retries leaves stations unanswered.
+            unanswered = max(0, replies - len(self.others) * (self.attempts - 1))
+            return min(longer - unanswered * min(self.others, default=0), self.every_retry)
         without = replies if self.probe else replies // self.attempts  # exchanges of the source
         return longer + without * (self.link_scan - self.answered + self.parameters)
 

@@ -87,6 +87,7 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     label = f"{_heading(name, entry)}, {edge_in_words(entry)}"
     if times["max"] is None:
         yield f"{label}: nothing arrived ({counts_in_words(entry)})."
+        yield from (f"{name}, at worst: {caveat}." for caveat in bound_caveats(entry))
         return
     usual = times["p50"] if times["p50"] is not None else times["mean"]
     how = (

@@ -105,6 +105,7 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f"  {counts_in_words(entry)}"
         times = entry["ms"]
         if times["max"] is None:
+            yield from _caveat_lines(entry)
             continue
         numbers = [("min", "min"), ("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
         shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
@@ -119,8 +120,13 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         if bounds:
             cases = ", ".join(f"{bound:.3f} with {case}" for case, bound in bounds.items())
             yield f"  at worst         {cases} (ms)"
-        for caveat in bound_caveats(entry):
-            yield f"  {'':<16} {caveat}"
+        yield from _caveat_lines(entry)
+
+
+def _caveat_lines(entry: Mapping[str, Any]) -> Iterator[str]:
+    bounded = "bound_ms" in entry and entry["ms"]["max"] is not None
+    for number, caveat in enumerate(bound_caveats(entry)):
+        yield f"  {'' if bounded or number else 'at worst':<16} {caveat}"
 
 
 def edge_in_words(entry: Mapping[str, Any]) -> str:
