@@ -59,7 +59,7 @@ def test_every_retry_is_the_worst_of_all_losses(line: Line) -> None:
 def test_the_cases_are_in_order(line: Line) -> None:
     for source in range(len(line.answered) + 1):
         cases = bound_of(line, source).cases()
-        assert list(cases)[0] == NO_ERROR
+        assert next(iter(cases)) == NO_ERROR
         assert list(cases)[-1] == EVERY_RETRY
         assert len(cases) == line.attempts + 2
         assert sorted(cases.values()) == list(cases.values())
