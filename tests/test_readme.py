@@ -10,7 +10,10 @@ import pytest
 import bussim
 from bussim.cli import COMMANDS
 from bussim.engines.nn.states import MASTER, mermaid
-from bussim.scenario.loader import loads
+from bussim.plc.program.catalog import SPECS
+from bussim.plc.program.specials import SPECIAL_BITS
+from bussim.scenario.loader import load, loads
+from bussim.scenario.program_schema import InputIn, LatencyIn
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
@@ -80,8 +83,48 @@ def test_the_examples_of_ports_and_devices_load() -> None:
     devices = next(block for block in blocks if "model: map" in block).removeprefix("devices:\n")
     more = ports.replace("buses:\n", "buses:\n  - {name: ovens}\n  - {name: belt}\n")
     found = loads(f"schema: 1\nname: readme\nduration: 5 s\n{more}{devices}")
-    assert [device.model for device in found.devices] == ["stepper", "map", "hmi", "free"]
+    assert [device.model for device in found.devices] == ["stepper", "map", "stepper", "hmi", "free"]
     assert [poll.name for poll in found.plcs[0].polls] == ["COM3 station 1 03 @22", "COM3 station 1 05 @7"]
     summary = bussim.run(found, rows=False).summary
     assert summary["ports"]["press1.COM3"]["timeouts"] == 0
     assert summary["devices"]["reader"]["sent"] == 5
+
+
+def programs_section() -> str:
+    return README.split("## Programs, and how long a signal takes")[1].split("\n## ")[0]
+
+
+def test_the_instructions_are_those_of_the_catalog() -> None:
+    """Contacts that compare are told by three examples."""
+    rows = re.findall(
+        r"^\| (contacts|coils|words|bits|order|ports) \| (.*) \|$", programs_section(), re.MULTILINE
+    )
+    told = {name for _, row in rows for part in re.findall(r"`([^`]*)`", row) for name in part.split()}
+    compared = {name for name, spec in SPECS.items() if spec.group == "comparison"}
+    assert told - compared == set(SPECS) - compared
+    assert told & compared
+
+
+def test_every_input_of_the_table_can_be_read(tmp_path: Path) -> None:
+    shown = re.findall(r"`(\{(?:pulse|square|random|times|csv): .*?\})`", programs_section())
+    kinds = set(InputIn.model_fields)
+    assert {text[1:].split(":")[0] for text in shown} == kinds
+    (tmp_path / "edges.csv").write_text("time_s,level\n1,1\n", encoding="utf-8")
+    inputs = "".join(f"      X{number:o}: {text}\n" for number, text in enumerate(shown))
+    text = f"schema: 1\nname: x\nduration: 1 s\nplcs:\n  - name: a\n    inputs:\n{inputs}"
+    (tmp_path / "x.yaml").write_text(text, encoding="utf-8")
+    assert len(load(tmp_path / "x.yaml").plcs[0].inputs) == len(shown)
+
+
+def test_the_special_bits_that_are_left_out_are_told() -> None:
+    row = next(line for line in programs_section().split("\n") if line.startswith("| left out"))
+    told: set[int] = set()
+    for first, last in re.findall(r"M(8\d{3})(?:–M(8\d{3}))?", row):
+        told |= set(range(int(first), int(last or first) + 1))
+    assert told == set(SPECIAL_BITS)
+
+
+def test_the_keys_of_a_latency_are_told() -> None:
+    keys = {info.alias or name for name, info in LatencyIn.model_fields.items()}
+    table = programs_section().split("| `latency:` | meaning |\n|---|---|\n")[1].split("\n\n")[0]
+    assert keys == {key for row in table.split("\n") for key in re.findall(r"`(\w+)", row.split("|")[1])}

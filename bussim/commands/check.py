@@ -6,6 +6,7 @@ import json
 
 import click
 
+from bussim.commands.scenario_options import code_option
 from bussim.errors import Problem, ScenarioError
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
@@ -16,11 +17,7 @@ from bussim.units import format_time
 @click.command()
 @click.argument("scenario", metavar="SCENARIO")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-@click.option(
-    "--allow-code",
-    is_flag=True,
-    help="Load the Python functions that the scenario names; they can do anything.",
-)
+@code_option
 def command(scenario: str, *, as_json: bool, allow_code: bool) -> None:
     """Name every mistake of a scenario with its line and column.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.scenario_options import code_option
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ _POINTS = 1200
 )
 @click.option("--plot", is_flag=True, help="Draw law and simulated histogram, as PNG and SVG.")
 @click.option("--out", metavar="DIR", help="Folder for the pictures (default: this one).")
+@code_option
 def command(
     scenario: str,
     *,
@@ -55,6 +57,7 @@ def command(
     overrides: tuple[str, ...],
     plot: bool,
     out: str | None,
+    allow_code: bool,
 ) -> None:
     """Work out link scan times, tails included, and Modbus poll cycles, without simulating.
 
@@ -72,11 +75,11 @@ def command(
         deadlines=tuple(_time("--deadline", text) for text in deadlines),
         mission=_time("--mission", mission),
     )
-    loaded = api.load(scenario, overrides)
+    loaded = api.load(scenario, overrides, allow_code=allow_code)
     models = from_scenario(loaded, ignore_faults=ignore_faults)
     polls = _polls(loaded)
-    if not (models or polls):
-        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list")
+    if not (models or polls or loaded.latency):
+        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list nor a latency")
     if plot and not models:
         raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
     found = {bus: figures_of(model, request) for bus, model in models.items()}

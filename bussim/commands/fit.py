@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,33 +10,17 @@ import click
 
 from bussim.commands.output import busy
 from bussim.commands.port_options import time_of
-from bussim.commands.recording import bus_of, is_recording, line_of, read
+from bussim.commands.recording import PROTOCOLS, is_recording, line_of
+from bussim.commands.scenario_options import code_option
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.line.characters import LineTiming
-    from bussim.live.fit.link import LinkEstimate
-    from bussim.live.fit.modbus import BusEstimate
-    from bussim.live.sniff.heard import Protocol
+    from bussim.commands.fit_recording import Fitted
     from bussim.results.record import RunRecord
     from bussim.scenario.model import Scenario
 
-_PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
 #: A longer recording is compared with a simulation of this length: ten minutes.
 _LONGEST_SIMULATED = "10 min"
-
-
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """What a recording told."""
-
-    bus: str
-    names: dict[int, str]
-    exact: bool
-    duration: int
-    link: LinkEstimate | None
-    ports: BusEstimate | None
-    measured: RunRecord
 
 
 @click.command()
@@ -46,7 +29,7 @@ class Fitted:
 @click.option("-o", "--output", metavar="FILE", help="Write the scenario with the estimates.")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
 @click.option(
-    "--protocol", type=click.Choice(_PROTOCOLS), default="auto", help="What is spoken (auto: recognised)."
+    "--protocol", type=click.Choice(PROTOCOLS), default="auto", help="What is spoken (auto: recognised)."
 )
 @click.option("-b", "baud", metavar="N", type=click.IntRange(1, 4_000_000), help="Rate, of what is no trace.")
 @click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits, of what is no trace.")
@@ -65,6 +48,7 @@ class Fitted:
 )
 @click.option("--plot", metavar="DIR", help="Folder for a picture of both histograms.")
 @click.option("--json", "as_json", is_flag=True, help="Print the estimates as JSON.")
+@code_option
 def command(
     trace: str,
     *,
@@ -83,6 +67,7 @@ def command(
     simulate: str,
     plot: str | None,
     as_json: bool,
+    allow_code: bool,
 ) -> None:
     """Estimate from a recording what the model needs, and compare it with a simulation.
 
@@ -90,6 +75,7 @@ def command(
     a sigrok session, raw bytes with timestamps. Estimated are turnarounds, the master's gap and
     overhead, loss and bit errors with their 95 % confidence intervals, and poll intervals.
     """
+    from bussim.commands.fit_recording import fit
     from bussim.commands.fit_show import comparison_of, show, to_json
     from bussim.live.sniff.heard import Protocol
 
@@ -101,7 +87,12 @@ def command(
     with busy(f"reading {trace}"):
         fitted = fit(trace, line, protocol=known, bus=bus, channel=channel, tolerance=tolerance)
     scenario = scenario_of(
-        fitted, base, name=f"fitted to {Path(trace).stem}", seed=seed, longest=time_of("--simulate", simulate)
+        fitted,
+        base,
+        name=f"fitted to {Path(trace).stem}",
+        seed=seed,
+        longest=time_of("--simulate", simulate),
+        allow_code=allow_code,
     )
     with busy("simulating the estimates"):
         simulated = _simulated(scenario, fitted, wanted=time_of("--simulate", simulate) > 0)
@@ -119,48 +110,9 @@ def command(
         click.echo(f"scenario: {target}")
 
 
-def fit(
-    source: str,
-    line: LineTiming,
-    *,
-    protocol: Protocol | None = None,
-    bus: str | None = None,
-    channel: str | None = None,
-    tolerance: str | None = None,
-) -> Fitted:
-    """The estimates of a recording. Raises UsageError if it cannot be read or tells nothing."""
-    from bussim.commands.fit_sink import FitSink
-    from bussim.line.characters import CharFormat, LineTiming
-    from bussim.live.recordings.sources import Kind, kind_of
-    from bussim.live.sniff.link import station_name
-    from bussim.live.sniff.listener import Listener
-    from bussim.units import TICKS_PER_MS
-
-    path, kind = Path(source), kind_of(Path(source))
-    names: dict[int, str] = {}
-    exact = kind in (Kind.SIGROK, Kind.PCAPNG)
-    if kind is Kind.TRACE:
-        known, exact = bus_of(source, bus)
-        bus, line = known.name, LineTiming(known.baud, CharFormat.parse(known.format))
-        names = {number: node for node, number in reversed(known.stations.items())}
-    gap = 20 * TICKS_PER_MS if kind is Kind.RAW else 0
-    if tolerance is not None:
-        gap = time_of("--tolerance", tolerance)
-    sink = FitSink(line, names.get(0, station_name(0)), bus or "line")
-    listener = Listener(bus or "line", line, sink, tolerance=gap, protocol=protocol, names=names)
-    duration = read(path, kind, listener, channel, None, sink.heard)
-    link, ports = sink.estimates()
-    if link is None and ports is None:
-        raise UsageError(
-            f"{source}: no exchange was recognised in {listener.characters:,} characters at {line.baud} bps "
-            f"{line.format}; rate and format are set by -b, -d, -P and -s, the protocol by --protocol"
-        )
-    totals = listener.totals(max(duration, listener.last))
-    measured = sink.run(totals, scenario="measured", seed=0)
-    return Fitted(listener.bus, names, exact, totals.duration, link, ports, measured)
-
-
-def scenario_of(fitted: Fitted, base: str | None, *, name: str, seed: int, longest: int) -> Scenario:
+def scenario_of(
+    fitted: Fitted, base: str | None, *, name: str, seed: int, longest: int, allow_code: bool = False
+) -> Scenario:
     """The scenario of the estimates, or ``base`` with them. Raises ScenarioError or UsageError."""
     from bussim import api
     from bussim.commands.fit_scenario import bus_scenario, link_scenario, put_link
@@ -171,13 +123,14 @@ def scenario_of(fitted: Fitted, base: str | None, *, name: str, seed: int, longe
     if base is not None:
         if fitted.link is None:
             raise UsageError("--scenario takes estimates of an N:N link; this recording is of a Modbus bus")
-        data = put_link(api.load(base), fitted.link, fitted.bus)
+        data = put_link(api.load(base, allow_code=allow_code), fitted.link, fitted.bus)
     elif fitted.link is not None:
         data = link_scenario(fitted.link, fitted.bus, fitted.names, name=name, duration=duration, seed=seed)
     else:
         assert fitted.ports is not None  # noqa: S101 - narrows the type
         data = bus_scenario(fitted.ports, fitted.bus, name=name, duration=duration, seed=seed)
-    return from_data(data, name=base or "<fit>")
+    folder = None if base is None else Path(base).parent
+    return from_data(data, name=base or "<fit>", allow_code=allow_code, folder=folder)
 
 
 def _target(output: str | None, *, force: bool) -> Path | None:

@@ -13,7 +13,7 @@ from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.units import milliseconds, seconds
 
 if TYPE_CHECKING:
-    from bussim.commands.fit import Fitted
+    from bussim.commands.fit_recording import Fitted
     from bussim.live.fit.turnaround import Law
     from bussim.results.record import RunRecord
 

@@ -205,7 +205,10 @@ def _nothing(records: Sequence[RunRecord], labels: Sequence[str], chosen: Sequen
         lists.append(f"{what}: {found}")
     wanted = [f"no {missing[option]}" for option in chosen]
     together = f"{', '.join(wanted[:-1])} and {wanted[-1]}" if len(wanted) > 1 else wanted[0]
-    return f"{together} {where} ({'; '.join(lists)})"
+    # A PLC that runs its program by itself has devices all the same.
+    alone = not any(run.summary["links"] or run.summary["buses"] for run in records)
+    hint = "; without a bus: bussim watch SCENARIO --devices … --plot FILE draws devices" if alone else ""
+    return f"{together} {where} ({'; '.join(lists)}){hint}"
 
 
 def _place(folders: Sequence[Path], out: str | None) -> Path:

@@ -3,52 +3,23 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.poll_plan import Plan, Planned
 from bussim.commands.port_options import format_of, options_of, port_options, time_of
+from bussim.commands.scenario_options import code_option
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.engines.modbus.adu import Mode
     from bussim.engines.modbus.pdu import Request
-    from bussim.engines.modbus.polls import Poll
-    from bussim.line.characters import LineTiming
-    from bussim.live.options import PortOptions
     from bussim.live.values import Form
 
 #: Read and write functions by data type; None: cannot be written.
 _FUNCTIONS = {"0": (1, 5, 15), "1": (2, None, None), "3": (4, None, None), "4": (3, 6, 16)}
 _MOST_BITS, _MOST_WORDS = 2000, 125
-
-
-@dataclass(frozen=True, slots=True)
-class Planned:
-    """A poll as it is asked for and shown."""
-
-    poll: Poll
-    name: str
-    first: int  # number of its first item as the user counts
-    form: Form | None  # None: coils
-    big: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """All that a poll session needs. Times in ticks."""
-
-    url: str
-    mode: Mode
-    line: LineTiming
-    polls: tuple[Planned, ...]
-    timeout: int
-    interval: int
-    rounds: int | None
-    options: PortOptions
-    turnaround: int | None = None  # after a broadcast; None: as usual
 
 
 @click.command()
@@ -88,6 +59,7 @@ class Plan:
 @click.option("--paced", is_flag=True, help="Space bytes at the line's rate.")
 @click.option("--csv", "csv", metavar="FILE", help="Also write every turn to a CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON, and nothing else.")
+@code_option
 @port_options
 @click.pass_context
 def command(
@@ -116,6 +88,7 @@ def command(
     paced: bool,
     csv: str | None,
     as_json: bool,
+    allow_code: bool,
     tolerance: str,
     echo: bool,
     rs485: str,
@@ -138,7 +111,9 @@ def command(
             raise UsageError("a scenario's poll list knows itself what to write: leave the VALUEs out")
         from bussim.commands.poll_scenario import plan_of
 
-        plan = plan_of(url, scenario, poll_list, rounds=1 if once else rounds, options=options)
+        plan = plan_of(
+            url, scenario, poll_list, rounds=1 if once else rounds, options=options, allow_code=allow_code
+        )
     else:
         from bussim.engines.modbus.adu import Mode
         from bussim.live.modbus import STANDARD_FORMATS, line_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from bussim.commands.poll import Plan, Planned
+from bussim.commands.poll_plan import Plan, Planned
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import WRITES
 from bussim.errors import UsageError
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 _MODES = {"modbus-rtu-master": Mode.RTU, "modbus-ascii-master": Mode.ASCII}
 
 
-def plan_of(url: str, file: str, node: str, *, rounds: int | None, options: PortOptions) -> Plan:
+def plan_of(
+    url: str, file: str, node: str, *, rounds: int | None, options: PortOptions, allow_code: bool
+) -> Plan:
     """The polls of a master of a scenario: ``press1.COM3``, or the name of an ``hmi`` device.
 
     Raises ScenarioError for a bad file, UsageError where there is no such master. A write takes its
@@ -33,7 +35,7 @@ def plan_of(url: str, file: str, node: str, *, rounds: int | None, options: Port
     from bussim import api
     from bussim.scenario.wording import suggest
 
-    scenario = api.load(file)
+    scenario = api.load(file, allow_code=allow_code)
     for device in scenario.devices:
         if device.name == node and isinstance(device.settings, HmiSettings):
             return _of_hmi(url, device, device.settings, rounds, options)

@@ -19,7 +19,7 @@ from bussim.results.tables import CsvTable
 from bussim.units import milliseconds, seconds
 
 if TYPE_CHECKING:
-    from bussim.commands.poll import Plan, Planned
+    from bussim.commands.poll_plan import Plan, Planned
 
 #: Exception codes in words (Modbus application protocol, section 7).
 _EXCEPTIONS = {

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from bussim.trace import TraceBus
 
 
+#: What may be spoken on a recorded line; auto: what is recognised.
+PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
+
+
 def bus_of(source: str, name: str | None) -> tuple[TraceBus, bool]:
     """The bus of a trace (of that name, else the first), and whether its times are exact."""
     from bussim.results.trace_file import read_trace

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.scenario_options import code_option
 from bussim.errors import ScenarioError, UsageError
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ _MOST_RUNS = 7
 )
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
 @click.option("--no-exact", is_flag=True, help="Without the exact law (it takes long on a noisy line).")
-def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bool) -> None:
+@code_option
+def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bool, allow_code: bool) -> None:
     """Report one run, or compare several, as one HTML page that needs no network.
 
     What was simulated, a verdict in words, histogram and exact law, the longest link scan as a
@@ -64,7 +66,9 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     with _progress(len(folders)) as step:
         for folder, record, label in zip(folders, records, labels, strict=True):
             step(f"reading {label}")
-            sources.append(_source(folder, record, label, shapes=shapes, exact=not no_exact))
+            sources.append(
+                _source(folder, record, label, shapes=shapes, exact=not no_exact, allow_code=allow_code)
+            )
         page = report_page(sources, ["bussim", "report", *runs])
     write_text(target, page)
     click.echo(target)
@@ -76,7 +80,9 @@ def _target(folders: Sequence[Path], out: str | None) -> Path:
     return folders[0] / "report.html" if len(folders) == 1 else Path("report.html")
 
 
-def _source(folder: Path, record: RunRecord, label: str, *, shapes: int, exact: bool) -> Source:
+def _source(
+    folder: Path, record: RunRecord, label: str, *, shapes: int, exact: bool, allow_code: bool
+) -> Source:
     from bussim.commands.output import traced_again
     from bussim.report.source import Source
     from bussim.report.stations import measured_times
@@ -88,7 +94,7 @@ def _source(folder: Path, record: RunRecord, label: str, *, shapes: int, exact: 
     no_law = ""
     if exact:
         try:
-            laws = _laws(folder)
+            laws = _laws(folder, allow_code=allow_code)
         except (ScenarioError, UsageError) as error:
             first = str(error).splitlines()[0]
             no_law = f"There is no exact law, since the scenario in the folder cannot be read: {first}"
@@ -141,14 +147,14 @@ def _scenario(folder: Path) -> str:
         raise UsageError(f"{path} cannot be read: {error}") from error
 
 
-def _laws(folder: Path) -> dict[str, ExactLaw]:
+def _laws(folder: Path, *, allow_code: bool) -> dict[str, ExactLaw]:
     """The law of every N:N link; of one that faults disturb, the law between them."""
     from bussim import api
     from bussim.exact.figures import Request, figures_of
     from bussim.exact.reading import from_scenario
     from bussim.results.files import SCENARIO
 
-    scenario = api.load(folder / SCENARIO)
+    scenario = api.load(folder / SCENARIO, allow_code=allow_code)
     undisturbed = from_scenario(scenario, ignore_faults=True)
     laws = {}
     for bus, model in from_scenario(scenario).items():

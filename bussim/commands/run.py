@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.scenario_options import code_option, values_of
+
 if TYPE_CHECKING:
     from bussim.api import Result
 
@@ -29,11 +31,7 @@ if TYPE_CHECKING:
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables."
 )
 @click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
-@click.option(
-    "--allow-code",
-    is_flag=True,
-    help="Load the Python functions that the scenario names; they can do anything.",
-)
+@code_option
 def command(
     scenario: str | None,
     *,
@@ -57,13 +55,9 @@ def command(
     from bussim.results.names import file_name
     from bussim.scenario import loader
     from bussim.scenario.builtin import DEFAULT
-    from bussim.scenario.overrides import Override
 
     source = DEFAULT if scenario is None else scenario
-    values: list[str | Override] = list(overrides)
-    for key, value in (("duration", duration), ("seed", seed)):
-        if value is not None:
-            values.append(Override(key, value, f"--{key} {value}"))
+    values = values_of(overrides, duration=duration, seed=seed)
     loaded = loader.load(source, values, allow_code=allow_code)
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
     try:

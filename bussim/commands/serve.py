@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bussim.commands.port_options import options_of, port_options, time_of
+from bussim.commands.scenario_options import code_option, values_of
 
 if TYPE_CHECKING:
     from bussim.results.files import RunFolder
@@ -36,11 +37,7 @@ if TYPE_CHECKING:
 )
 @click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON at the end.")
-@click.option(
-    "--allow-code",
-    is_flag=True,
-    help="Load the Python functions that the scenario names; they can do anything.",
-)
+@code_option
 @port_options
 def command(
     scenario: str,
@@ -70,13 +67,10 @@ def command(
     """
     from bussim.live.stopping import Stopping
     from bussim.scenario import loader
-    from bussim.scenario.overrides import Override
     from bussim.serve.places import places
     from bussim.serve.session import FOREVER, Session
 
-    values: list[str | Override] = list(overrides)
-    if seed is not None:
-        values.append(Override("seed", seed, f"--seed {seed}"))
+    values = values_of(overrides, seed=seed)
     loaded = loader.load(scenario, values, allow_code=allow_code)
     duration = FOREVER if limit is None else time_of("--for", limit)
     lines = places(loaded, nodes, ports)

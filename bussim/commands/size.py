@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.scenario_options import code_option
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ _FORMS = "errors<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500
     "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
 )
 @click.option("--out", metavar="DIR", help="Folder for size.json and the picture of the grid.")
+@code_option
 def command(
     scenario: str,
     *,
@@ -38,6 +40,7 @@ def command(
     check: bool,
     overrides: tuple[str, ...],
     out: str | None,
+    allow_code: bool,
 ) -> None:
     """Search all retries (D8179) and timeouts (D8180) of each link and recommend one setting.
 
@@ -52,7 +55,7 @@ def command(
     from bussim.exact.sizing import size
 
     wanted = _goals(goals)
-    loaded = api.load(scenario, overrides)
+    loaded = api.load(scenario, overrides, allow_code=allow_code)
     models = from_scenario(loaded, ignore_faults=True, bound_end=True)
     if not models:
         raise UsageError(f"{scenario} has no N:N link")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.port_options import options_of, port_options, time_of
-from bussim.commands.recording import bus_of, is_recording, line_of, read
+from bussim.commands.recording import PROTOCOLS, bus_of, is_recording, line_of, read
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,14 +22,12 @@ if TYPE_CHECKING:
     from bussim.live.sniff.listener import Listener
     from bussim.results.files import RunFolder
 
-_PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
-
 
 @click.command()
 @click.argument("source", metavar="URL|FILE")
 @click.option(
     "--protocol",
-    type=click.Choice(_PROTOCOLS),
+    type=click.Choice(PROTOCOLS),
     default="auto",
     show_default=True,
     help="What is spoken; auto: what is recognised.",

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bussim.commands.scenario_options import code_option, values_of
+
 if TYPE_CHECKING:
     from bussim.sweep.result import SweepResult
 
@@ -68,6 +70,7 @@ _SHOWN_OF_LATENCY = {
 )
 @click.option("--json", "as_json", is_flag=True, help="Print means and confidence intervals as JSON.")
 @click.option("--force", is_flag=True, help="Replace the folder of another sweep, or run this one again.")
+@code_option
 def command(
     scenario: str,
     *,
@@ -82,6 +85,7 @@ def command(
     out: str | None,
     as_json: bool,
     force: bool,
+    allow_code: bool,
 ) -> None:
     """Run a scenario at every point of a grid.
 
@@ -95,13 +99,8 @@ def command(
       --vary plcs.press2.scan.mean=5ms,10ms,20ms
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
     from bussim.results.names import file_name
-    from bussim.scenario.overrides import Override
     from bussim.sweep.run import run_sweep
 
-    sets: list[str | Override] = list(overrides)
-    for key, value in (("duration", duration), ("seed", seed)):
-        if value is not None:
-            sets.append(Override(key, value, f"--{key} {value}"))
     target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)
     try:
         with _progress_bar() as progress:
@@ -110,11 +109,12 @@ def command(
                 vary,
                 out=target,
                 repeat=repeat,
-                sets=sets,
+                sets=values_of(overrides, duration=duration, seed=seed),
                 workers=workers,
                 scheduler=scheduler,
                 same_luck=same_luck,
                 force=force,
+                allow_code=allow_code,
                 numbered=out is None and not force,
                 progress=progress,
             )

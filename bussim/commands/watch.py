@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.scenario_options import code_option, values_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,17 +33,13 @@ _MOST_DEVICES = 100
     "--plot", "plot_file", metavar="FILE", help="Draw bits as lanes and words as steps (.png, .svg)."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print every change as JSON.")
-@click.option("--signed", is_flag=True, help="Words from -32768 to 32767 instead of 0 to 65535.")
+@click.option("--signed", is_flag=True, help="Words with their sign, from -32768 to 32767.")
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
 @click.option(
     "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
 )
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
-@click.option(
-    "--allow-code",
-    is_flag=True,
-    help="Load the Python functions that the scenario names; they can do anything.",
-)
+@code_option
 def command(
     scenario: str,
     *,
@@ -60,18 +57,16 @@ def command(
 ) -> None:
     """Simulate, and show chosen devices of PLCs over time: at every END at which one has changed.
 
-    SCENARIO is a file or the name of a built-in scenario. X and Y are numbered in octal; T and C mean
-    their contacts.
+    SCENARIO is a file or the name of a built-in scenario. Devices are X and Y (numbered in octal), M, S
+    and D; T0 and C0 are the contacts of timers and counters, TN0 and CN0 their current values (CN200 and
+    up have 32 bits), V0 to V7 and Z0 to Z7 the index registers.
     """
     from bussim.commands.output import checked_target, write_text
     from bussim.scenario import loader
-    from bussim.scenario.overrides import Override
     from bussim.units import seconds
     from bussim.version import __version__
 
-    given: list[str | Override] = list(overrides)
-    if seed is not None:
-        given.append(Override("seed", seed, f"--seed {seed}"))
+    given = values_of(overrides, seed=seed)
     loaded = loader.load(scenario, given, allow_code=allow_code)
     watched = _watched(loaded, devices)
     begin, end = _window(loaded, since, until)
@@ -83,7 +78,8 @@ def command(
     if signed:
         for each in watched:
             if not each.bit:
-                each.values[:] = [(value ^ 0x8000) - 0x8000 for value in each.values]
+                half = 1 << each.width - 1
+                each.values[:] = [(value ^ half) - half for value in each.values]
     table, picture = targets
     if table is not None:
         write_text(table, _csv(watch, begin, end))
@@ -117,18 +113,23 @@ def _watched(scenario: Scenario, devices: str) -> list[Watched]:
 
     known = [plc.name for plc in scenario.plcs]
     found: dict[str, Watched] = {}
-    for part in devices.split(","):
-        text = part.strip()
+    parts = [part.strip() for part in devices.split(",")]
+    if parts == [""]:
+        raise UsageError(f"--devices is empty; write such as {known[0]}.D8201")
+    for number, text in enumerate(parts, 1):
+        if not text:
+            before = f" behind {shorten(parts[number - 2])}" if number > 1 else ""
+            raise UsageError(f"--devices: place {number} of {len(parts)} is empty{before}; remove a comma")
         plc, dot, name = text.partition(".")
         if not dot:
             raise UsageError(f"--devices has {shorten(repr(text))}; write such as {known[0]}.D8201")
         if plc not in known:
             raise UsageError(f"--devices has {shorten(text)}, but {plc} is no PLC; {suggest(plc, known)}")
         try:
-            device = parse_device(name)
+            device = parse_device(name[:100], observed=True)
         except ValueError as error:
             raise UsageError(f"--devices: the device of {plc} {error}") from None
-        each = Watched(plc, str(device), not device.is_word)
+        each = Watched(plc, str(device), device.width)
         found.setdefault(each.name, each)
     if len(found) > _MOST_DEVICES:
         raise UsageError(f"--devices has {len(found)} devices, allowed {_MOST_DEVICES}")

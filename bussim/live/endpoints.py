@@ -30,7 +30,7 @@ from serial.rs485 import RS485Settings
 
 from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
-from bussim.live.options import Direction, PortOptions
+from bussim.live.options import LUMP, Direction, PortOptions
 
 if sys.platform == "win32":
     _SETTING_ERRORS: tuple[type[Exception], ...] = ()
@@ -43,8 +43,6 @@ else:
 #: Errors that mean that a port is gone (SerialException is an OSError).
 LOST_ERRORS: tuple[type[Exception], ...] = (OSError, *_SETTING_ERRORS)
 
-#: Bytes read at once. More stay with the system, so that memory is bounded whatever comes.
-LUMP = 4096
 #: Seconds between two looks at a port that cannot be waited for.
 _LOOK = 0.0005
 #: Seconds after which a write that makes no progress is given up.

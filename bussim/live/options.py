@@ -7,6 +7,9 @@ from enum import StrEnum
 
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
+#: Bytes that a port reads at once. More stay with the system: memory is bounded whatever comes.
+LUMP = 4096
+
 
 class Direction(StrEnum):
     """Who switches an RS485 driver on and off."""

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from bussim.errors import UsageError
-from bussim.live.endpoints import LUMP
+from bussim.live.options import LUMP
 
 assert sys.platform != "win32"  # noqa: S101 - tells the type checker; nothing imports this there
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Container, Mapping
-from fractions import Fraction
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master, MasterConfig
@@ -27,7 +26,7 @@ from bussim.plc.profiles import (
     Reply,
     attempts_per_poll,
 )
-from bussim.units import TICKS_PER_MS, round_half_up
+from bussim.units import TICKS_PER_MS
 
 #: D8180 counts in 10 ms.
 TIMEOUT_UNIT = 10 * TICKS_PER_MS
@@ -141,6 +140,10 @@ class LinkBoard:
         # The latest link scan times that were shown, in ticks and in the unit of D8201.
         self._times: tuple[int | None, int | None] = (None, None)
         self._shown = (0, 0)
+        # The latest counts and codes that were shown, as words of memory too.
+        self._counts: list[int] = []
+        self._codes: list[int] = []
+        self._count_words = self._code_words = array("H")
         self.place: BlockPlace | None = None
         #: Whether it takes no part in the link because its parameters are bad.
         self.refusing = False
@@ -229,23 +232,30 @@ class LinkBoard:
 
     def _publish_status(self, status: LinkStatus) -> None:
         words, bits = self._memory.words("D"), self._memory.bits("M")
-        first, flags = self._registers.first_word, self._registers.flags
+        first, first_flag = self._registers.first_word, self._registers.first_flag
         times = (status.current, status.longest)
         if times != self._times:
             self._times = times
             self._shown = (self.in_units(status.current), self.in_units(status.longest))
         words[first], words[first + 1] = self._shown
-        words[first + _COUNTS : first + _COUNTS + STATIONS] = array("H", status.counts)
-        words[first + _CODES : first + _CODES + STATIONS] = array("H", status.codes)
-        for address, flag in zip(flags, status.flags, strict=False):
-            bits[address] = flag
-        bits[flags[STATIONS]] = status.running
+        if status.counts != self._counts:
+            self._counts = list(status.counts)
+            self._count_words = array("H", self._counts)
+        if status.codes != self._codes:
+            self._codes = list(status.codes)
+            self._code_words = array("H", self._codes)
+        # Written anew each time: a program may have written there.
+        words[first + _COUNTS : first + _COUNTS + STATIONS] = self._count_words
+        words[first + _CODES : first + _CODES + STATIONS] = self._code_words
+        bits[first_flag : first_flag + STATIONS] = bytes(status.flags)
+        bits[self._registers.running] = status.running
 
     def in_units(self, ticks: int | None) -> int:
         """A link scan time in the unit of D8201, rounded half up; 0 for none; at most 32767."""
         if ticks is None:
             return 0
-        return min(32767, round_half_up(Fraction(ticks, self._profile.link_scan_unit)))
+        unit = self._profile.link_scan_unit
+        return min(32767, (2 * ticks + unit) // (2 * unit))
 
     def registers(self) -> dict[str, int]:
         """Every link-related special device, by the PW10's name for it.
@@ -260,6 +270,7 @@ class LinkBoard:
         found[f"D{SERIAL_ERROR}"] = memory.word("D", SERIAL_ERROR)
         found[f"M{SERIAL_ERROR}"] = memory.get(Device("M", SERIAL_ERROR))
         found[f"M{M_PORT}"] = memory.get(Device("M", M_PORT))
-        for number, address in enumerate(devices.flags):
-            found[f"M{8183 + number}"] = memory.get(Device("M", address))
+        for number in range(STATIONS):
+            found[f"M{8183 + number}"] = memory.get(Device("M", devices.first_flag + number))
+        found["M8191"] = memory.get(Device("M", devices.running))
         return found

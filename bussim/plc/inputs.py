@@ -14,6 +14,8 @@ from typing import Protocol
 
 #: A change: when, and to what level.
 Change = tuple[int, int]
+#: A tick that no run reaches.
+NEVER = 1 << 62
 
 
 class Stimulus(Protocol):
@@ -24,6 +26,9 @@ class Stimulus(Protocol):
 
     def changes(self, since: int, until: int) -> list[Change]:
         """The changes after ``since`` up to ``until``. Never called for a time before an earlier call's."""
+
+    def next_change(self, tick: int) -> int:
+        """When it changes first after a tick, :data:`NEVER` if not; not before an earlier ``until``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +64,18 @@ class Pulse:
             ]
         return found
 
+    def next_change(self, tick: int) -> int:
+        """See the protocol."""
+        number = self._number(tick)
+        off = self.at + number * (self.every or 0) + self.width
+        if number >= 0 and tick < off:
+            return off
+        if number < 0:
+            return self.at
+        if self.every is None or (self.times is not None and number + 1 >= self.times):
+            return NEVER
+        return self.at + (number + 1) * self.every
+
 
 @dataclass(frozen=True, slots=True)
 class Square:
@@ -83,6 +100,14 @@ class Square:
             number += 1
         return found
 
+    def next_change(self, tick: int) -> int:
+        """See the protocol."""
+        if tick < self.at:
+            return self.at
+        begun = tick - (tick - self.at) % self.period
+        off = begun + (self.period + 1) // 2
+        return off if tick < off else begun + self.period
+
 
 @dataclass(frozen=True, slots=True)
 class Times:
@@ -98,6 +123,11 @@ class Times:
         """See the protocol."""
         first, last = bisect_right(self.ticks, since), bisect_right(self.ticks, until)
         return [(self.ticks[number], (number & 1) ^ 1) for number in range(first, last)]
+
+    def next_change(self, tick: int) -> int:
+        """See the protocol."""
+        place = bisect_right(self.ticks, tick)
+        return self.ticks[place] if place < len(self.ticks) else NEVER
 
 
 class Random:
@@ -144,6 +174,12 @@ class Random:
             self._level = gone[-1][1]
             del self._ahead[: len(gone)]
         return found
+
+    def next_change(self, tick: int) -> int:
+        """See the protocol."""
+        while self._ahead[-1][0] <= tick:
+            self._draw()
+        return next(change for change, _ in self._ahead if change > tick)
 
 
 @dataclass(frozen=True, slots=True)

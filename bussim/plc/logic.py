@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from bussim.plc.inputs import Change, Stimulus
+from bussim.plc.inputs import NEVER, Change, Stimulus
 from bussim.plc.memory import BlockPlace, Device, Memory, SharedAreas
 from bussim.plc.ports.rs2 import Drive, Rs2
 from bussim.plc.program.program import Program
@@ -71,6 +71,7 @@ class Logic:
         self._memory = memory
         self._inputs = dict(inputs)
         self._sampled_at = now
+        self._next_change = -1  # when an input changes next; before the first sampling: look at them all
         self._ports = _Ports(drive, set_up)
         self._run = (
             ProgramRun(program, memory, times=times, ports=self._ports, power_on=now)
@@ -111,20 +112,28 @@ class Logic:
 
     def scan(self, now: int) -> int:
         """A scan begins: sample the inputs and carry the program out; returns its instruction time."""
-        memory = self._memory
-        self.changes.clear()
-        for device, stimulus in self._inputs.items():
-            changes = stimulus.changes(self._sampled_at, now)
-            if changes or self._sampled_at == now:
-                memory.set(device, changes[-1][1] if changes else stimulus.level(now))
-            if changes:
-                self.changes.append((device, changes))
+        if self.changes:
+            self.changes.clear()
+        if now >= self._next_change:
+            self._sample(now)
         self._sampled_at = now
         if self._run is None:
             return 0
         spent = self._run.scan(now)
         self._ports.scan_over(now)
         return spent
+
+    def _sample(self, now: int) -> None:
+        first, ahead = self._next_change < 0, NEVER
+        for device, stimulus in self._inputs.items():
+            changes = stimulus.changes(self._sampled_at, now)
+            if changes:
+                self._memory.set(device, changes[-1][1])
+                self.changes.append((device, changes))
+            elif first:
+                self._memory.set(device, stimulus.level(now))
+            ahead = min(ahead, stimulus.next_change(now))
+        self._next_change = ahead
 
     def overrun(self, scan: int) -> None:
         """The scan that begins lasts so many ticks: the watchdog (D8000) stops the program if too many."""

@@ -1,4 +1,8 @@
-"""Device memory: X Y M S T C D by address, with the FX's ranges; X and Y are numbered in octal."""
+"""Device memory: X Y M S T C D by address, with the FX's ranges; X and Y are numbered in octal.
+
+T and C name the contacts of timers and counters; whoever observes a PLC names their current values TN
+and CN, as programming tools do, and the index registers V and Z.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +21,7 @@ BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "T": ((0, 255),),
     "C": ((0, 255),),
 }
-#: Word devices. T and C are the current values; C200–C255 have 32 bits. The index registers V and Z
-#: belong to programs only: a scenario cannot name them.
+#: Word devices. T and C are the current values; C200–C255 have 32 bits.
 WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "D": ((0, 8255),),
     "T": ((0, 255),),
@@ -27,8 +30,17 @@ WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
 FIRST_LONG_COUNTER = 200
 #: V0–V7 and Z0–Z7.
 INDEX_REGISTERS = 8
+#: Words that can be observed and that nothing but a program sets: current values, index registers.
+OBSERVED_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
+    "TN": ((0, 255),),
+    "CN": ((0, 255),),
+    "V": ((0, INDEX_REGISTERS - 1),),
+    "Z": ((0, INDEX_REGISTERS - 1),),
+}
 
-_NAME = re.compile(r"([XYMSTCD])([0-9]{1,5})")
+_NAME = re.compile(r"([XYMSTCD]|TN|CN|V|Z)([0-9]{1,5})")
+_SLIPS = str.maketrans("OIL", "011")  # letters that are taken for digits
+_LETTERS = "XYMSTCD"
 _OCTAL = "XY"
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
 #: The eight bits of every byte, lowest first.
@@ -46,31 +58,61 @@ class Device(NamedTuple):
 
     @property
     def is_word(self) -> bool:
-        """Whether a bare name means a word (D); T and C mean both, here their contact."""
-        return self.letter == "D"
+        """Whether the name means a word (D TN CN V Z); T and C mean their contact."""
+        return self.letter not in BIT_RANGES
+
+    @property
+    def width(self) -> int:
+        """Its bits: 1, 16, or the 32 of C200–C255's values."""
+        if not self.is_word:
+            return 1
+        return 32 if self.letter == "CN" and self.address >= FIRST_LONG_COUNTER else 16
 
 
-def _ranges_text(letter: str) -> str:
-    ranges = BIT_RANGES.get(letter) or WORD_RANGES[letter]
-    return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
+def _ranges_of(letter: str) -> tuple[tuple[int, int], ...]:
+    return BIT_RANGES.get(letter) or OBSERVED_RANGES.get(letter) or WORD_RANGES[letter]
 
 
-def parse_device(name: str) -> Device:
+def parse_device(name: str, *, observed: bool = False) -> Device:
     """The device of a name such as ``D8201``, ``M1064`` or ``X17`` (octal). Upper case only.
 
-    Raises ValueError with a message for the user.
+    ``observed``: also TN0–TN255, CN0–CN255, V0–V7 and Z0–Z7. Raises ValueError with a message for the user.
     """
+    letters = " ".join((*_LETTERS, *OBSERVED_RANGES)) if observed else " ".join(_LETTERS)
     match = _NAME.fullmatch(name)
     if match is None:
-        raise ValueError(f"is {name!r}, not a device; write a letter of X Y M S T C D and a number")
+        near = _near(name, observed=observed)
+        hint = f"; did you mean {near}?" if near else f"; write a letter of {letters} and a number"
+        raise ValueError(f"is {name!r}, not a device{hint}")
     letter, digits = match.groups()
+    if letter in OBSERVED_RANGES and not observed:
+        raise ValueError(f"is {name!r}, which can only be observed; allowed are {letters}")
     if letter in _OCTAL and not set(digits) <= set("01234567"):
-        raise ValueError(f"is {name!r}, but {letter} is numbered in octal (no 8 or 9)")
-    address = int(digits, 8 if letter in _OCTAL else 10)
-    ranges = BIT_RANGES.get(letter) or WORD_RANGES[letter]
-    if not any(first <= address <= last for first, last in ranges):
-        raise ValueError(f"is {name!r}, allowed {_ranges_text(letter)}")
-    return Device(letter, address)
+        point = Device(letter, int(digits))
+        raise ValueError(
+            f"is {name!r}, but {letter} is numbered in octal (no 8 or 9); "
+            f"point {int(digits)} of {letter} is {point}"
+        )
+    device = Device(letter, int(digits, 8 if letter in _OCTAL else 10))
+    ranges = _ranges_of(letter)
+    if not any(first <= device.address <= last for first, last in ranges):
+        allowed = ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
+        raise ValueError(f"is {name!r}, allowed {allowed}")
+    return device
+
+
+def _near(name: str, *, observed: bool) -> str | None:
+    """The device that a name may mean: small letters, letters for digits, a programming tool's TS."""
+    upper = "".join(name.split()).upper()
+    contact = re.sub("^([TC])S", r"\1", upper)
+    repaired = [text[:at] + text[at:].translate(_SLIPS) for text in (upper, contact) for at in (1, 2)]
+    for guess in (upper, contact, *repaired):
+        if guess != name and _NAME.fullmatch(guess):
+            try:
+                return str(parse_device(guess, observed=observed))
+            except ValueError:
+                continue
+    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +126,7 @@ class BlockPlace:
 
     def holds(self, device: Device) -> bool:
         """Whether a device lies in it."""
-        if device.is_word:
+        if device.letter == "D":
             return self.word <= device.address < self.word + self.words
         return device.letter == "M" and self.bit <= device.address < self.bit + self.bits
 
@@ -106,6 +148,7 @@ class Memory:
             "V": array("H", bytes(2 * INDEX_REGISTERS)),
             "Z": array("H", bytes(2 * INDEX_REGISTERS)),
         }
+        self._words |= {"TN": self._words["T"], "CN": self._words["C"]}
 
     def bits(self, letter: str) -> bytearray:
         """All bits of a letter by address, 0 or 1 each: the memory itself, for whoever must be fast.
@@ -115,21 +158,23 @@ class Memory:
         return self._bits[letter]
 
     def words(self, letter: str) -> array[int]:
-        """All words of a letter (D T C V Z) by address: the memory itself."""
+        """All words of a letter (D V Z; T or TN, C or CN) by address: the memory itself."""
         return self._words[letter]
 
     def get(self, device: Device) -> int:
-        """The value of a bit (of T and C: the contact) or of a D word."""
-        if device.is_word:
-            return self._words["D"][device.address]
-        return self._bits[device.letter][device.address]
+        """The value of a bit (of T and C: the contact) or of a word (D TN CN V Z)."""
+        letter, address = device
+        bits = self._bits.get(letter)
+        return self._words[letter][address] if bits is None else bits[address]
 
     def set(self, device: Device, value: int) -> None:
-        """Set a bit (any value but 0 is 1) or a D word (its low 16 bits)."""
-        if device.is_word:
-            self._words["D"][device.address] = value & 0xFFFF
+        """Set a bit (any value but 0 is 1) or a word (its low bits)."""
+        letter, address = device
+        bits = self._bits.get(letter)
+        if bits is None:
+            self._words[letter][address] = value & ((1 << device.width) - 1)
         else:
-            self._bits[device.letter][device.address] = 1 if value else 0
+            bits[address] = 1 if value else 0
 
     def word(self, letter: str, address: int) -> int:
         """A word device: D, or the current value of T or C."""

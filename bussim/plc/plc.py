@@ -294,7 +294,7 @@ class Plc:
         if self.state is not PlcState.RUN:
             return None
         if self.every_end:
-            return self.cycle.next_end(max(self._done + 1, now), now)
+            return self.cycle.next_end(self._done + 1 if self._done >= now else now, now)
         wanted: int | None = None
         for board in self._board_list:
             tick = board.wanted_end(now)

@@ -78,19 +78,20 @@ class LinkDevices:
     """Where a family keeps the special devices of the link.
 
     ``first_word`` is the address of the device that the PW10 calls D8201 (18 words follow in the
-    same order); ``flags`` are the addresses of what it calls M8183 (master's error), M8184–M8190
-    (slaves' errors) and M8191 (link running).
+    same order), ``first_flag`` of what it calls M8183 (master's error; M8184–M8190, the slaves', follow)
+    and ``running`` of M8191 (link running).
     """
 
     first_word: int
-    flags: tuple[int, ...]
+    first_flag: int
+    running: int
 
 
 #: D8201–D8218 and M8183–M8191 (PW10, section 7.5).
-_PW10_DEVICES = LinkDevices(8201, tuple(range(8183, 8192)))
+_PW10_DEVICES = LinkDevices(8201, 8183, 8191)
 #: D201–D218 and M503–M511 (FX, for the FX1S): M504 is the master's error, M505–M511 the slaves',
 #: M503 the running link.
-_FX1S_DEVICES = LinkDevices(201, (504, 505, 506, 507, 508, 509, 510, 511, 503))
+_FX1S_DEVICES = LinkDevices(201, 504, 503)
 
 
 @dataclass(frozen=True, slots=True)

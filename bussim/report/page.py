@@ -17,7 +17,7 @@ from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.source import Source
 from bussim.report.tables import Table
-from bussim.report.words import expected, health, ports, seen
+from bussim.report.words import alone, expected, health, ports, seen
 from bussim.results.plots import run_labels
 from bussim.results.style import RUNS
 from bussim.results.timeline import fault_spans
@@ -143,7 +143,7 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
         links,
         buses,
         latency_part(source, drawn),
-        ports(summary),
+        [*alone(summary), *ports(summary)],
         [table for table in whole if table is not None and table.rows],
         _faults(source),
         summary["warnings"],

@@ -156,6 +156,13 @@ def ports(summary: Mapping[str, Any]) -> list[str]:
     return said
 
 
+def alone(summary: Mapping[str, Any]) -> list[str]:
+    """That a run had no bus, which explains what its page lacks."""
+    if summary["links"] or summary["buses"] or not summary["plcs"]:
+        return []
+    return ["The scenario has no bus: every PLC ran by itself, and there were no link scans."]
+
+
 def ms(value: float) -> str:
     """Milliseconds for a sentence: three significant digits and at most three decimals."""
     if value >= 1000:

@@ -25,6 +25,20 @@ def port_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield from _device(name, device)
 
 
+def alone_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Lines about the PLCs of a run without any bus; none in another run."""
+    if summary["links"] or summary["buses"] or not summary["plcs"]:
+        return
+    yield ""
+    yield "no bus: every PLC runs by itself"
+    for name, plc in summary["plcs"].items():
+        scan = plc["scan_ms"]
+        if scan["mean"] is None:
+            yield f"{name}: no scan was finished"
+        else:
+            yield f"{name}: PLC scan mean {scan['mean']:.3f}, max {scan['max']:.3f} ms"
+
+
 def _bus(name: str, bus: Mapping[str, Any]) -> str:
     words = [
         f"{bus['baud']} {bus['format']}",

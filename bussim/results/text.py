@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bussim.results.latency_text import latency_lines
 from bussim.results.numbers import counted
-from bussim.results.port_text import port_lines
+from bussim.results.port_text import alone_lines, port_lines
 from bussim.results.record import RunRecord
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def show_result(console: Console, record: RunRecord, station_names: Mapping[str,
     for bus, link in summary["links"].items():
         console.print()
         _show_link(console, record, bus, link, station_names.get(bus, {}))
-    for line in (*port_lines(summary), *latency_lines(summary)):
+    for line in (*alone_lines(summary), *port_lines(summary), *latency_lines(summary)):
         _say(console, line)
     if summary["warnings"]:
         console.print()

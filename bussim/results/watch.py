@@ -14,13 +14,18 @@ from bussim.trace import DeviceValueRecord
 
 @dataclass(slots=True)
 class Watched:
-    """One device. ``ticks`` and ``values`` are its changes, in order; before the first it is 0."""
+    """One device of ``width`` bits. ``ticks`` and ``values`` are its changes; 0 before the first."""
 
     plc: str
     device: str
-    bit: bool
+    width: int
     ticks: list[int] = field(default_factory=list)
     values: list[int] = field(default_factory=list)
+
+    @property
+    def bit(self) -> bool:
+        """Whether it is a bit, not a word."""
+        return self.width == 1
 
     @property
     def name(self) -> str:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.engines.modbus.adu import BROADCAST, Mode, adu_chars
+from bussim.engines.modbus.framing import reply_times
 from bussim.engines.modbus.pdu import EXCEPTION_SIZE, READS, Request, response_size
 from bussim.engines.modbus.server import SPACES, Space
 from bussim.scenario.code import Code
-from bussim.scenario.device_schema import LxIn, SlaveIn
+from bussim.scenario.device_schema import DeviceIn, LxIn, SlaveIn
 from bussim.scenario.nodes import Directory, Node, Role
 from bussim.scenario.places import Report
 from bussim.scenario.poll_schema import TransactionIn
@@ -89,10 +90,15 @@ class Answers:
 
     def _map(self, slave: Node) -> AreaMap | None:
         if slave.name not in self._maps:
-            from bussim.scenario.maps import register_map
-
-            self._maps[slave.name] = None if slave.path in self._broken else register_map(slave, self._code)
+            self._maps[slave.name] = None if slave.path in self._broken else self._map_of(slave.device)
         return self._maps[slave.name]
+
+    def _map_of(self, device: DeviceIn | None) -> AreaMap | None:
+        """The map of a device, or of a PLC's port."""
+        from bussim.scenario.build_devices import settings_of
+        from bussim.scenario.register_maps import plc_map, register_map
+
+        return plc_map({}) if device is None else register_map(settings_of(device, (), self._code))
 
     def _check_time(
         self,
@@ -140,6 +146,7 @@ def _response_time(slave: Node, pdu_size: int) -> tuple[int, int]:
     elif slave.member is not None:
         scan = slave.member.plc.scan
         waiting = slave.member.longest_scan if slave.member.takes_part else scan.mean + scan.jitter
-    heard = profile.framing(mode, slave.timing).quiet if mode is Mode.RTU else 0
-    least = max(delay, heard) + slave.timing.characters(adu_chars(mode, pdu_size))
-    return least, least + jitter + waiting
+    framing = profile.framing(mode, slave.timing)
+    _, (least, most) = reply_times(framing, delay=delay, jitter=jitter, end=waiting)
+    sent = slave.timing.characters(adu_chars(mode, pdu_size))
+    return least + sent, most + sent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.stepper.axis import Switch
@@ -58,22 +58,24 @@ def device_of(
         timing=own_line(given, line),
         delay=slave.delay if slave is not None and slave.delay is not None else delay,
         jitter=slave.jitter if slave is not None else 0,
-        settings=_settings(given, polls, code),
+        settings=settings_of(given, polls, code),
         power_on=power_on,
     )
 
 
-def _settings(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> DeviceSettings:
+def settings_of(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> DeviceSettings:
+    """What is peculiar to its model. Raises ValueError for a function of the user that cannot be had."""
     if isinstance(given, LxIn):
         return LxSettings(Scan(given.scan.mean, given.scan.jitter), raw_devices(given.registers))
     if isinstance(given, V80In):
         return V80Settings(_items(given))
     if isinstance(given, StepperIn):
         switches = tuple(Switch(switch.input, switch.low, switch.high) for switch in given.switches)
-        registers = {
-            name: value & ((1 << 16 * BY_NAME[name].words) - 1) for name, value in given.registers.items()
-        }
-        return StepperSettings(stepper_profile(given), switches, registers)
+        steps = tuple(_parameters(step) for step in given.steps)
+        registers = _parameters(given.registers)
+        if steps:
+            registers.setdefault("total_steps", len(steps))
+        return StepperSettings(stepper_profile(given), switches, registers, steps)
     if isinstance(given, MapIn):
         return MapSettings(entries(given, code), functions(given))
     if isinstance(given, HmiIn):
@@ -82,6 +84,11 @@ def _settings(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> De
     if isinstance(given, FreeIn):
         return FreeSettings(tuple(_saying(saying) for saying in given.says))
     raise AssertionError(f"no device is made of model {given.model}")
+
+
+def _parameters(given: Mapping[str, int]) -> dict[str, int]:
+    """Parameters of a stepper controller as its registers hold them."""
+    return {name: value & ((1 << 16 * BY_NAME[name].words) - 1) for name, value in given.items()}
 
 
 def _items(given: V80In) -> dict[tuple[Space, int], int]:

@@ -49,7 +49,7 @@ def canonical(
         "observe": [str(point) for point in document.observe],
         "latency": [_latency(entry) for entry in latency],
     }
-    for key in ("devices", "observe", "latency"):
+    for key in ("buses", "devices", "observe", "latency"):
         if not written[key]:
             del written[key]
     return written

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -13,14 +13,18 @@ class Code:
     """Finds ``module:function``. ``allowed``: the user has said --allow-code.
 
     Modules are looked for beside the scenario (``folder``), where the program was started, and then
-    wherever Python finds its own; one that is loaded stays loaded.
+    wherever Python finds its own; one that is loaded stays loaded. ``places`` are the folders of the
+    first two, as another process has them.
     """
 
-    def __init__(self, *, allowed: bool = False, folder: Path | None = None) -> None:
+    def __init__(
+        self, *, allowed: bool = False, folder: Path | None = None, places: tuple[str, ...] | None = None
+    ) -> None:
         self.allowed = allowed
-        self._places = (
-            [str(place.resolve()) for place in (folder, Path.cwd()) if place is not None] if allowed else []
-        )
+        if places is None:
+            here = (folder, Path.cwd()) if allowed else ()
+            places = tuple(str(place.resolve()) for place in here if place is not None)
+        self.places = places
         self._found: dict[str, Callable[[int], int]] = {}
 
     def find(self, name: str) -> Callable[[int], int]:
@@ -30,6 +34,16 @@ class Code:
         if name not in self._found:
             self._found[name] = self._load(name)
         return self._found[name]
+
+    def texts(self) -> dict[str, str]:
+        """What the modules say whose functions were found, as far as they are written in Python."""
+        import inspect
+
+        found = {}
+        for module in sorted({name.partition(":")[0] for name in self._found}):
+            with suppress(OSError, TypeError, KeyError):  # it has no text, or none that is kept
+                found[module] = inspect.getsource(sys.modules[module])
+        return found
 
     def _load(self, name: str) -> Callable[[int], int]:
         module, _, function = name.partition(":")
@@ -49,7 +63,7 @@ class Code:
 
     @contextmanager
     def _path(self) -> Iterator[None]:
-        added = [place for place in self._places if place not in sys.path]
+        added = [place for place in self.places if place not in sys.path]
         sys.path[:0] = added
         try:
             yield

@@ -179,6 +179,7 @@ def _check_stepper(entry: Entry[DeviceIn], device: DeviceIn, report: Report) -> 
         return
     saved = [name for name, register in BY_NAME.items() if register.group in SAVED]
     allowed = [name for name in saved if name not in _ELSEWHERE]
+    of_steps = [name for name in saved if BY_NAME[name].group is Group.STEP]
     for name, value in device.registers.items():
         path = (*entry.path, "registers", name)
         if name in _ELSEWHERE:
@@ -186,15 +187,29 @@ def _check_stepper(entry: Entry[DeviceIn], device: DeviceIn, report: Report) -> 
         elif name not in allowed:
             known = "is not saved by the controller" if name in BY_NAME else "is no register"
             report.error(path, f"{known}; {suggest(name, allowed)}", key=True)
+        elif device.steps and name in of_steps:
+            report.error(path, "excludes steps, which are all steps of the program", key=True)
         else:
-            register = BY_NAME[name]
-            low = -(1 << 31) if name in SIGNED else register.low
-            if not low <= value <= register.high:
-                report.error(path, f"is {value}, allowed {low}..{register.high} ({register.number})")
+            _check_parameter(path, name, value, report)
+    for number, step in enumerate(device.steps):
+        for name, value in step.items():
+            path = (*entry.path, "steps", number, name)
+            if name in of_steps:
+                _check_parameter(path, name, value, report)
+            else:
+                known = "belongs to no step" if name in BY_NAME else "is no register"
+                report.error(path, f"{known}; {suggest(name, of_steps)}", key=True)
     coil = device.profile.save_coil if device.profile is not None else None
     taken = next((known.name for known in COILS if known.number == coil and known.name != "save"), None)
     if taken is not None:
         report.error((*entry.path, "profile", "save_coil"), f"is {coil}, the coil of {taken}")
+
+
+def _check_parameter(path: Path, name: str, value: int, report: Report) -> None:
+    register = BY_NAME[name]
+    low = -(1 << 31) if name in SIGNED else register.low
+    if not low <= value <= register.high:
+        report.error(path, f"is {value}, allowed {low}..{register.high} ({register.number})")
 
 
 # -- map -----------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.devices.stepper.profile import StepOutput
-from bussim.devices.stepper.registers import INPUTS
+from bussim.devices.stepper.registers import INPUTS, MAX_STEPS
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
 from bussim.scenario.fields import (
     Baud,
@@ -107,9 +107,10 @@ class StepperProfileIn(Model):
 
 
 class StepperIn(SlaveIn):
-    """A stepper motor controller; its saved parameters by name."""
+    """A stepper motor controller; its saved parameters by name, those of its program step by step."""
 
     registers: dict[str, _Long] = Field({})
+    steps: Annotated[list[dict[str, _Long]], Field(max_length=MAX_STEPS)] = Field([])
     switches: Annotated[list[SwitchIn], Field(max_length=50)] = Field([])
     profile: StepperProfileIn | None = None
 

@@ -276,14 +276,14 @@ class PlcPoint(NamedTuple):
 
 
 def plc_device() -> Kind:
-    """A device of a PLC, such as press1.D8201."""
+    """A device of a PLC that can be observed, such as press1.D8201 or press1.TN0."""
 
     def check(value: object) -> PlcPoint:
         plc, dot, device = value.partition(".") if isinstance(value, str) else ("", "", "")
         if not dot or not _NAME.fullmatch(plc):
             raise fail(f"{_found(value)}, expected a device of a PLC such as press1.D8201")
         try:
-            return PlcPoint(plc, parse_device(device[:100]))
+            return PlcPoint(plc, parse_device(device[:100], observed=True))
         except ValueError as error:
             raise fail(f"is {value}, whose device {error}") from None
 

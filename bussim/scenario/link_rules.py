@@ -54,7 +54,9 @@ def check_links(draft: Draft, members: list[Member], report: Report) -> None:
             plc.lost("nn", "registers", "ports", "profile") for plc in draft.plcs
         )
         if not on_link and whole:
-            report.warn(entry.path, f"no PLC is on {bus.name}: nothing happens there")
+            alone = any(member.plc.program is not None or member.plc.inputs for member in members)
+            besides = "; programs run all the same" if alone else ""
+            report.warn(entry.path, f"no PLC is on {bus.name}: nothing is sent there{besides}")
         elif len(on_link) <= MAX_STATIONS and whole:
             _check_link(bus.name, on_link, report)
             _check_sources(on_link, report)

@@ -1,9 +1,8 @@
-"""From a device's entry to its register map: for the builder, and to judge what polls ask for."""
+"""From a device's entry to what its register map is made of."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput, StepperProfile
 from bussim.devices.user import Entry
@@ -11,28 +10,8 @@ from bussim.devices.values import Computed, Fixed, Noise, Sweep, Value
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.scenario.code import Code
 from bussim.scenario.device_rules import SPACES
-from bussim.scenario.device_schema import ItemIn, MapIn, StepperIn, V80In
+from bussim.scenario.device_schema import ItemIn, MapIn, StepperIn
 from bussim.scenario.fields import exact
-from bussim.scenario.nodes import Node
-
-if TYPE_CHECKING:
-    from bussim.devices.areas import AreaMap
-
-
-def register_map(slave: Node, code: Code) -> AreaMap:
-    """A map with a slave's addresses, functions and limits; its values do not matter."""
-    from bussim.devices.lx import LxMap
-    from bussim.devices.stepper.device import Stepper
-    from bussim.devices.user import UserMap
-    from bussim.devices.v80 import V80
-    from bussim.plc.memory import Memory
-
-    device = slave.device
-    if isinstance(device, MapIn):
-        return UserMap(entries(device, code), functions(device))
-    if isinstance(device, StepperIn):
-        return Stepper(profile=stepper_profile(device))
-    return V80() if isinstance(device, V80In) else LxMap(Memory())
 
 
 def stepper_profile(given: StepperIn) -> StepperProfile:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem, ProgramError
@@ -14,12 +12,11 @@ from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
 from bussim.plc.memory import parse_device
 from bussim.plc.profiles import Profile
 from bussim.scenario.files import Files
+from bussim.scenario.input_table import read_times
 from bussim.scenario.places import Path, Report
-from bussim.scenario.program_schema import MAX_TIMES, InputIn, ProgramIn
+from bussim.scenario.program_schema import InputIn, ProgramIn
 from bussim.scenario.register_rules import named_device
 from bussim.scenario.schema import PlcIn
-from bussim.scenario.wording import show
-from bussim.units import TICKS_PER_SECOND, round_half_up
 
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
@@ -27,8 +24,6 @@ if TYPE_CHECKING:
 #: A program's text, comments and all; a run's scenario holds all of them.
 MAX_PROGRAM = 128 * 1024
 MAX_CSV = 1024 * 1024
-
-_SECONDS = re.compile(r"[+]?([0-9]{1,9}(\.[0-9]{0,12})?|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,37 +163,6 @@ def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpe
         except ValueError as error:
             report.error((*path, "csv"), str(error))
             return None
-        times = _times_of(text, given.csv, report)
+        times = read_times(text, given.csv, report)
         return Times(times) if times is not None else None
     return None  # what it was to be is reported
-
-
-def _times_of(text: str, file: str, report: Report) -> tuple[int, ...] | None:
-    """The times of a CSV file: seconds in the first column, below a heading or not."""
-    times: list[int] = []
-    wrong = False
-    for number, line in enumerate(text.splitlines(), 1):
-        cell = re.split(r"[,;\t]", line, maxsplit=1)[0].strip().strip('"')
-        if not cell or cell.startswith("#"):
-            continue
-        if _SECONDS.fullmatch(cell) is None:
-            if number == 1:
-                continue  # the heading
-            message = f"is {show(cell)}, expected a time in seconds such as 1.25"
-        else:
-            tick = round_half_up(Fraction(cell) * TICKS_PER_SECOND)
-            if times and tick <= times[-1]:
-                message = f"{cell} s is not later than the time before; times must rise"
-            elif len(times) == MAX_TIMES:
-                message = f"more than {MAX_TIMES} times"
-            else:
-                times.append(tick)
-                continue
-        report.foreign(Problem(file, number, 1, message), fatal=True)
-        wrong = True
-        if len(report.errors) > 100 or len(times) == MAX_TIMES:
-            break
-    if not times and not wrong:
-        report.foreign(Problem(file, 0, 0, "has no times"), fatal=True)
-        wrong = True
-    return None if wrong else tuple(times)

@@ -11,7 +11,14 @@ from bussim.scenario.fields import PlcPoint
 from bussim.scenario.link_rules import foreign_blocks, own_block, station_of
 from bussim.scenario.places import Path, Report
 from bussim.scenario.program_schema import LatencyIn
-from bussim.scenario.seats import NN_KEYS, PORT_DEVICE, Member, friendly_registers, raw_registers
+from bussim.scenario.seats import (
+    NN_KEYS,
+    PORT_DEVICE,
+    Member,
+    device_name,
+    friendly_registers,
+    raw_registers,
+)
 from bussim.scenario.validate import Draft, Entry
 from bussim.scenario.wording import show, suggest
 
@@ -33,6 +40,7 @@ def check_programs(members: Sequence[Member], report: Report) -> None:
         # A line costs its indentation as well.
         total += len(program.text.encode()) + 8 * program.text.count("\n")
         _check_settings(member, report)
+        _check_specials(member, report)
         _check_ports(member, report)
         if member.takes_part and member.bus is not None:
             link = [other for other in members if other.takes_part and other.bus == member.bus]
@@ -72,6 +80,18 @@ def _check_settings(member: Member, report: Report) -> None:
             )
 
 
+def _check_specials(member: Member, report: Report) -> None:
+    """Special bits that the scenario sets, that would change how the program runs, and that do not."""
+    program = member.logic.program
+    if program is None:
+        return
+    idle = {f"M{address}": message for address, message in program.not_simulated().items()}
+    for name, value in member.plc.registers.items():
+        message = idle.get(device_name(name) or "")
+        if value and message is not None:
+            report.warn((*member.path, "registers", name), f"{member.name}: {message}", key=True)
+
+
 def _check_ports(member: Member, report: Report) -> None:
     """Ports that a CPAVL sets up and the scenario does not connect; keys that it overrules."""
     program = member.logic.program
@@ -108,7 +128,8 @@ def _check_writes(member: Member, link: list[Member], report: Report) -> None:
 
     for place in foreign_blocks(member, link):
         for at in program.instructions:
-            found = next((extent for extent in extents(at) if extent.writes and _meets(extent, place)), None)
+            touched = extents(at, both_ways=program.turns_bmov)
+            found = next((extent for extent in touched if extent.writes and _meets(extent, place)), None)
             if found is None:
                 continue
             station = station_of(place)

@@ -146,10 +146,11 @@ def _check_plc(
         key = "registers" if given in raw_registers(plc) else "program"
         selected = member.registers.get(PORT_DEVICE, 0)
         example = next((bus.name for bus in buses if bus.value is not None and bus.value.nn), "link")
+        and_bus = "" if buses else f" and buses: [{{name: {example}, nn: true}}]"
         report.mistake(
             (*entry.path, key),
             f"{plc.name} sets {given} and so takes part in N:N on {member.port} (M8179 is {selected}), "
-            f"but ports does not tell the bus; write ports: {{{member.port}: {{bus: {example}}}}}",
+            f"but ports does not tell the bus; write ports: {{{member.port}: {{bus: {example}}}}}{and_bus}",
         )
     return member
 

@@ -52,7 +52,7 @@ class DocumentIn(Model):
     name: Annotated[str, title()]
     duration: Positive
     seed: Annotated[int, whole(0, 2**63 - 1)] = 1
-    buses: list[Any]
+    buses: list[Any] = Field(default_factory=list)  # none: PLCs by themselves
     plcs: list[Any]
     devices: list[Any] = Field(default_factory=list)
     noise: list[Any] = Field(default_factory=list)

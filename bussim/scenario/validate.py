@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound=Model)
 
 #: Sections that may stand empty, as when all of their entries are commented out.
-_EMPTY_LISTS = frozenset({"devices", "polls", "noise", "faults", "observe", "latency"})
+_EMPTY_LISTS = frozenset({"buses", "devices", "polls", "noise", "faults", "observe", "latency"})
+#: Keys of entries that name a bus, by section.
+_NEED_BUSES = {"plcs": ("nn", "ports"), "devices": ("bus",), "noise": ("bus",), "faults": ("cable_cut",)}
 _EMPTY_MAPPINGS = frozenset({"registers", "ports", "sources", "inputs"})
 
 
@@ -86,7 +88,8 @@ def read_draft(data: object, report: Report) -> Draft:
         report.mistake((), f"a scenario is a mapping with {DocumentIn.example}; this is {show(data)}")
         return draft
     draft.document, _ = _read(DocumentIn, data, (), report)
-    draft.buses = _section(lambda _: BusIn, data, ("buses",), (1, MAX_BUSES), report)
+    draft.buses = _section(lambda _: BusIn, data, ("buses",), (0, MAX_BUSES), report)
+    _check_buses_given(data, report)
     least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
     draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (least, MAX_PLCS), report)
     if data.get("devices"):
@@ -101,6 +104,22 @@ def read_draft(data: object, report: Report) -> Draft:
         if isinstance(owner.raw, dict) and owner.raw.get("polls"):
             draft.polls[owner.path] = _polls(owner, report)
     return draft
+
+
+def _check_buses_given(data: dict[Any, Any], report: Report) -> None:
+    """PLCs may run their programs by themselves; what is wired to something, or disturbs it, needs a bus."""
+    if data.get("buses"):
+        return
+    for section, keys in _NEED_BUSES.items():
+        entries = data.get(section)
+        for index, entry in enumerate(entries if isinstance(entries, list) else []):
+            key = next((key for key in keys if isinstance(entry, dict) and entry.get(key)), None)
+            if key is not None:
+                path = (section, index, key)
+                found = "is empty" if "buses" in data else "is missing"
+                who = report.places.full_name(path)
+                report.error(("buses",), f"{found}, but {who} {report.places.where(path)} needs one")
+                return
 
 
 def _polls(owner: Entry[Any], report: Report) -> list[Entry[TransactionIn]]:

@@ -31,7 +31,7 @@ class Way:
     @property
     def word(self) -> bool:
         """Whether the age of a word is measured."""
-        return parse_device(self.entry.source).is_word
+        return parse_device(self.entry.source, observed=True).is_word
 
 
 def ways(scenario: Scenario) -> tuple[Way, ...]:
@@ -65,4 +65,12 @@ def _way(scenario: Scenario, entry: Latency) -> Way:
     block = MODES[mode]
     place = block_place(station, block.bits, block.words, target.profile.word_spacing)
     frame = NN_LINE.characters(data_chars(mode))
-    return Way(entry, source, target, bus, seats, frame, direct=place.holds(parse_device(entry.target)))
+    return Way(
+        entry,
+        source,
+        target,
+        bus,
+        seats,
+        frame,
+        direct=place.holds(parse_device(entry.target, observed=True)),
+    )

@@ -14,13 +14,13 @@ from bussim.sim.serial.node import SerialNode
 from bussim.trace import FrameRecord
 
 if TYPE_CHECKING:
-    from bussim.serve.lines import LeadsOut
+    from bussim.serve.open_line import OpenLine
 
 
 class Journal:
     """Cuts what comes into frames and tells the line's sink. Memory is bounded whatever comes."""
 
-    def __init__(self, line: LeadsOut, timing: LineTiming, tolerance: int) -> None:
+    def __init__(self, line: OpenLine, timing: LineTiming, tolerance: int) -> None:
         self._line = line
         self._timing = timing
         self._tolerance = tolerance

@@ -6,13 +6,14 @@ from collections.abc import Hashable, Mapping, Sequence
 
 from bussim.engines.nn.frames import DATA, ENQ, KIND_NAMES, PARAMETERS, POLL, SOH, STX, Frame
 from bussim.line.characters import LineTiming
+from bussim.serve.open_line import OpenLine
 from bussim.serve.way import Way
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
 from bussim.sim.nn.reporter import Reporter
 from bussim.sim.serial.bus import SerialBus
-from bussim.sim.wire.line import Line, Witness
+from bussim.sim.wire.line import Witness
 from bussim.sim.wire.node import Node
 from bussim.sim.wire.transmission import Transmission, WireFrame
 from bussim.trace import Sink
@@ -21,21 +22,13 @@ _LINK_KINDS = {ENQ: KIND_NAMES[POLL], STX: KIND_NAMES[DATA], SOH: KIND_NAMES[PAR
 _STRANGERS_LUCK = "outside"
 
 
-class LeadsOut(Line):
+class LeadsOut(OpenLine):
     """What every line with a way out does otherwise.
 
     Nobody knows what was really sent outside: a frame from there is never taken for an undetected error.
     """
 
     way: Way
-
-    def outsider(self, station: int) -> str:
-        """The name of a station that is not on this line."""
-        return f"station {station}"
-
-    def listen_to_all(self) -> None:
-        """Something comes that is no node's: whoever waits for silence hears it as it comes."""
-        self._all_listen_alone()
 
     # -- what its nodes send ------------------------------------------------------------------------
 
@@ -150,7 +143,7 @@ class OutsideLinkBus(LeadsOut, LinkBus):
         return (*super().seats, *self._outsiders)
 
     def outsider(self, station: int) -> str:
-        """See the class."""
+        """See the base class; by a name that the class was given."""
         name = self._strangers.get(station)
         if name is None:
             name = self._strangers[station] = f"station {station} outside"

@@ -30,7 +30,7 @@ from bussim.sim.wire.node import Node
 from bussim.sim.wire.transmission import Transmission
 
 if TYPE_CHECKING:
-    from bussim.serve.lines import LeadsOut
+    from bussim.serve.open_line import OpenLine
 
 
 class Way:
@@ -38,7 +38,7 @@ class Way:
 
     def __init__(self, wire: Wire, kernel: Kernel) -> None:
         self.wire = wire
-        self.line: LeadsOut
+        self.line: OpenLine
         self.stranger: Stranger
         self._kernel = kernel
         self._arrivals = Arrivals(wire.timing)
@@ -51,7 +51,7 @@ class Way:
         self._spoke = False  # a node of this line has sent since
         self.journal: Journal | None = None
 
-    def attach(self, line: LeadsOut, kernel: Kernel) -> None:
+    def attach(self, line: OpenLine, kernel: Kernel) -> None:
         """This is the way out of a line whose nodes are not seated yet."""
         self.line = line
         self.stranger = Stranger(line, kernel)

@@ -340,7 +340,7 @@ def _plc(spec: model.Plc, streams: Streams, *, linked: bool) -> Plc:
             parse_device(name): _stimulus(spec.name, name, given, streams)
             for name, given in spec.inputs.items()
         },
-        observed=map(parse_device, spec.observed),
+        observed=[parse_device(name, observed=True) for name in spec.observed],
     )
 
 

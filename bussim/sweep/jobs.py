@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
+from bussim.scenario.code import Code
 from bussim.scenario.files import Files
 from bussim.scenario.model import Scenario
 from bussim.scenario.overrides import Override
@@ -19,7 +20,9 @@ class Job:
     """A run: the scenario's ``text`` and ``name``, what is set in it, and the seed (None: its own).
 
     It carries all that it needs, so that the process that runs it needs no file: ``files`` are those
-    that the scenario names, with their texts. ``version`` is that of the bussim which asks for it.
+    that the scenario names, with their texts. Only the user's functions have to be where it runs:
+    ``code`` are the folders to look in (None: there must be none). ``version`` is that of the bussim
+    which asks for it.
     """
 
     run: int
@@ -29,6 +32,7 @@ class Job:
     seed: int | None
     version: str = __version__
     files: tuple[tuple[str, str], ...] = ()
+    code: tuple[str, ...] | None = None
 
 
 class Outcome(NamedTuple):
@@ -47,7 +51,7 @@ def run_job(job: Job) -> Outcome:
         error = f"the worker has bussim {__version__}, the sweep is made by {job.version}; install the same"
         return Outcome(job.run, None, error)
     try:
-        scenario = _scenario(job.text, job.name, job.files, job.overrides)
+        scenario = _scenario(job.text, job.name, job.files, job.code, job.overrides)
         if job.seed is not None:
             scenario = replace(scenario, seed=job.seed)
         summary = api.run(scenario, rows=False).summary
@@ -68,11 +72,17 @@ def masters_of(scenario: Scenario) -> dict[str, str]:
 # The repeats of a point follow each other, and mostly meet the same process.
 @lru_cache(maxsize=8)
 def _scenario(
-    text: str, name: str, files: tuple[tuple[str, str], ...], overrides: tuple[Override, ...]
+    text: str,
+    name: str,
+    files: tuple[tuple[str, str], ...],
+    code: tuple[str, ...] | None,
+    overrides: tuple[Override, ...],
 ) -> Scenario:
-    return _template(text, name, files).examine(overrides).get()
+    return _template(text, name, files, code).examine(overrides).get()
 
 
 @lru_cache(maxsize=2)
-def _template(text: str, name: str, files: tuple[tuple[str, str], ...]) -> Template:
-    return Template(text, name, Files(None, dict(files)))
+def _template(
+    text: str, name: str, files: tuple[tuple[str, str], ...], code: tuple[str, ...] | None
+) -> Template:
+    return Template(text, name, Files(None, dict(files)), Code(allowed=code is not None, places=code or ()))

@@ -8,6 +8,7 @@ from typing import Any
 
 from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.scenario import builtin, loader
+from bussim.scenario.code import Code
 from bussim.scenario.files import Files
 from bussim.scenario.overrides import Override
 from bussim.scenario.wording import shorten
@@ -44,6 +45,7 @@ class Plan:
         sets: Sequence[str | Override] = (),
         repeat: int = 1,
         same_luck: bool = False,
+        allow_code: bool = False,
     ) -> None:
         self.sets = tuple(Override.parse(each) if isinstance(each, str) else each for each in sets)
         self.axes = parse_axes(vary, [override.key for override in self.sets])
@@ -55,12 +57,13 @@ class Plan:
             raise UsageError(
                 "--vary seed and --repeat exclude each other: with --repeat every run has a seed of its own"
             )
-        self.base = loader.load(source, self.sets)
+        self.base = loader.load(source, self.sets, allow_code=allow_code)
         path, self.name = builtin.locate(os.fspath(source))
         self._text = path.read_text(encoding="utf-8-sig")
         self._files = Files(path.parent)
-        self._template = Template(self._text, self.name, self._files)
-        self._template.examine(self.sets)  # reads the files that the scenario names
+        self._code = Code(allowed=allow_code, folder=path.parent)
+        self._template = Template(self._text, self.name, self._files, self._code)
+        self._template.examine(self.sets)  # reads the files and functions that the scenario names
         self._check_keys()
 
     @property
@@ -95,13 +98,16 @@ class Plan:
             self._overrides(self.points[point]),
             self.seed(run),
             files=tuple(sorted(self._files.texts.items())),
+            code=self._code.places if self._code.allowed else None,
         )
 
     def _source(self) -> Any:
-        """The scenario as plain data, and what the files say that it names."""
+        """The scenario as plain data, and what the files and modules say that it names."""
         data = self._template.data(self.sets)
         if isinstance(data, dict) and self._files.texts:
             data["files"] = dict(sorted(self._files.texts.items()))
+        if isinstance(data, dict) and (code := self._code.texts()):
+            data["code"] = code
         return data
 
     def in_words(self, run: int) -> str:

@@ -37,6 +37,7 @@ def run_sweep(
     same_luck: bool = False,
     force: bool = False,
     numbered: bool = False,
+    allow_code: bool = False,
     progress: Progress | None = None,
 ) -> SweepResult:
     """Run a scenario at every point of a grid, ``repeat`` times with independent seeds.
@@ -54,10 +55,13 @@ def run_sweep(
     replaces another sweep's folder and makes a whole one again; with ``numbered`` the next free of
     ``out-2``, ``out-3`` is taken instead, see :attr:`SweepResult.folder`.
 
+    Functions of the user that the scenario names are loaded only with ``allow_code``, in every process
+    that simulates: from the scenario's folder, the current one, or where Python finds its own.
+
     Raises ScenarioError that names every bad point, UsageError for other mistakes, before anything
     is run or written; RunError if a run or writing fails.
     """
-    plan = Plan(scenario, vary, sets=sets, repeat=repeat, same_luck=same_luck)
+    plan = Plan(scenario, vary, sets=sets, repeat=repeat, same_luck=same_luck, allow_code=allow_code)
     executor = open_executor(workers, scheduler)
     with SweepFolder(Path(out), plan.manifest(), force=force, numbered=numbered) as folder:
         before = plan.runs

@@ -7,6 +7,7 @@ from typing import Any
 
 from bussim.errors import UsageError
 from bussim.scenario import yaml
+from bussim.scenario.code import Code
 from bussim.scenario.files import Files
 from bussim.scenario.loader import Examined, _judge
 from bussim.scenario.overrides import Override, apply_overrides
@@ -14,13 +15,14 @@ from bussim.scenario.places import Places
 
 
 class Template:
-    """The text of a scenario, with ``name`` for messages, and the files that it names.
+    """The text of a scenario, with ``name`` for messages, and the files and functions that it names.
 
     Reading YAML takes most of the time of loading; a sweep does it once a process.
     """
 
-    def __init__(self, text: str, name: str, files: Files | None = None) -> None:
+    def __init__(self, text: str, name: str, files: Files | None = None, code: Code | None = None) -> None:
         self._files = files
+        self._code = code
         self._data, self._places, self._problems = yaml.read(text, name)
 
     def data(self, overrides: Iterable[Override]) -> Any:
@@ -34,7 +36,7 @@ class Template:
         """
         given = list(overrides)
         places = self._copy_of_places()
-        examined = _judge(_copied(self._data), places, list(self._problems), given, files=self._files)
+        examined = _judge(_copied(self._data), places, list(self._problems), given, self._code, self._files)
         left = set(places.labels.values())
         lost = [override for override in given if override.label not in left]
         if lost:

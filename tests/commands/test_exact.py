@@ -139,3 +139,34 @@ def test_simulation_agrees_with_the_law() -> None:
     verdict = verify(bussim.load("electrical_noise"), "link", 0, 50 * 72_000, None)
     assert verdict.agrees
     assert verdict.errors > 100  # without retries the noise is seen, so the agreement says something
+
+
+CALLING = """\
+schema: 1
+name: sensors
+duration: 1 s
+buses: [{name: line, baud: 9600}, {name: link, nn: true}]
+devices:
+  - {name: sensor, model: map, bus: line, station: 2, registers: [{address: 0, call: 'exact_sensor:level'}]}
+  - {name: panel, model: hmi, bus: line, polls: [{station: 2, function: 3, address: 0}]}
+plcs:
+  - {name: one, nn: {bus: link, port: COM4, station: 0, slaves: 1, retries: 3, timeout: 50 ms}}
+  - {name: two, nn: {bus: link, port: COM4, station: 1}}
+"""
+
+
+@pytest.mark.parametrize("command", [["exact"], ["size", "--goal", "errors<=1/y"]])
+def test_functions_of_the_user_take_a_permission(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("exact_sensor.py").write_text("def level(tick):\n    return 1\n")
+    Path("x.yaml").write_text(CALLING)
+    asked = [*command, "x.yaml", "--json"]
+    assert main(asked) == 2
+    assert "--allow-code" in capsys.readouterr().err
+    assert main([*asked, "--allow-code"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["links"]["link"]
+    if command == ["exact"]:
+        assert found["polls"]["panel"]["valid"] is True

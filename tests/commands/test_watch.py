@@ -54,12 +54,80 @@ def test_signed_words(capsys: pytest.CaptureFixture[str]) -> None:
         assert json.loads(capsys.readouterr().out)["devices"]["press1.D0"]["changes"][0][1] == value
 
 
+MONITORED = """\
+schema: 1
+name: monitored
+duration: 3 s
+buses: [{name: link, nn: true}]
+plcs:
+  - name: one
+    scan: 10 ms
+    program: |
+      LD  M8002
+      MOV K-3 Z1
+      MOV K4 V7
+      DMOV K-2 C200
+      LD  M8000
+      OUT T0 K100
+      LD  M8013
+      OUT C1 K2
+      OUT C200 K9
+      END
+observe: [one.TN0]
+"""
+
+
+def test_current_values_and_index_registers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A timer of 100 ms counts to 29 in 3 s; the clock of 1 s gives three edges, the counter stops at 2."""
+    (tmp_path / "m.yaml").write_text(MONITORED, encoding="utf-8")
+    devices = "one.TN0,one.T0,one.CN1,one.C1,one.CN200,one.V7,one.Z1"
+    words = ["watch", str(tmp_path / "m.yaml"), "--devices", devices, "--json"]
+    last = {}
+    for option in ([], ["--signed"]):
+        assert main([*words, *option]) == 0
+        found = json.loads(capsys.readouterr().out)["devices"]
+        last[bool(option)] = {
+            name: entry["changes"][-1:] and entry["changes"][-1][1] for name, entry in found.items()
+        }
+        assert [found[name]["kind"] for name in devices.split(",")] == ["word", "bit", "word", "bit"] + [
+            "word"
+        ] * 3
+        assert [value for _, value in found["one.TN0"]["changes"]] == list(range(1, 30))
+    assert last[False] == {
+        "one.TN0": 29,
+        "one.T0": [],
+        "one.CN1": 2,
+        "one.C1": 1,
+        "one.CN200": 1,
+        "one.V7": 4,
+        "one.Z1": 65533,
+    }
+    assert last[True]["one.Z1"] == -3
+    assert main(words) == 0
+    long = [value for _, value in json.loads(capsys.readouterr().out)["devices"]["one.CN200"]["changes"]]
+    assert long == [(1 << 32) - 2, (1 << 32) - 1, 0, 1][-len(long) :]
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--devices", "D0"], "--devices has 'D0'; write such as line.D8201"),
         (["--devices", "pack.D0"], "--devices has pack.D0, but pack is no PLC; did you mean packer?"),
         (["--devices", "line.X8"], "--devices: the device of line is 'X8', but X is numbered in octal"),
+        (["--devices", "line.X9"], "point 9 of X is X11"),
+        (["--devices", ""], "--devices is empty; write such as line.D8201"),
+        (["--devices", " "], "--devices is empty; write such as line.D8201"),
+        (
+            ["--devices", "line.D0,,line.D1"],
+            "--devices: place 2 of 3 is empty behind line.D0; remove a comma",
+        ),
+        (["--devices", ",line.D1"], "--devices: place 1 of 2 is empty; remove a comma"),
+        (
+            ["--devices", "line.tn0"],
+            "--devices: the device of line is 'tn0', not a device; did you mean TN0?",
+        ),
+        (["--devices", "line.Q1"], "write a letter of X Y M S T C D TN CN V Z and a number"),
+        (["--devices", "line.Z8"], "--devices: the device of line is 'Z8', allowed Z0–Z7"),
         (["--devices", "line.D0", "--from", "5"], "--from is 5, a time without a unit"),
         (
             ["--devices", "line.D0", "--from", "2 s", "--to-time", "1 s"],

@@ -52,7 +52,7 @@ class Heard:
 
 
 def scenario(
-    stations: int = 3, profile: object = "pw10", duration: str = "300 s", timeout: str = "50 ms", **more: Any
+    stations: int = 3, profile: object = "pw10", duration: str = "150 s", timeout: str = "50 ms", **more: Any
 ) -> dict[str, Any]:
     nn = {
         "mode": more.pop("mode", 2),
@@ -107,8 +107,8 @@ CASES: dict[str, dict[str, Any]] = {
     "the master's receiver": scenario(3, noise=[{"bus": "link", "station": "p0", "ber": 5e-4}]),
     "a slave's receiver": scenario(3, noise=[{"bus": "link", "station": "p2", "ber": 8e-4}]),
     "a slave's sender": scenario(3, noise=[{"bus": "link", "station": "p2", "direction": "tx", "ber": 5e-4}]),
-    "short bursts": scenario(3, noise=[burst("500 ms", "20 ms", 1e-2)], duration="500 s"),
-    "long bursts": scenario(3, noise=[burst("2 s", "200 ms", 3e-3)], duration="500 s"),
+    "short bursts": scenario(3, noise=[burst("500 ms", "20 ms", 1e-2)], duration="300 s"),
+    "long bursts": scenario(3, noise=[burst("2 s", "200 ms", 3e-3)], duration="300 s"),
     "a dead station": scenario(3, noise=[{"bus": "link", "ber": 2e-4}], faults=[{"power_off": "p1"}]),
     "a dead station, probed": scenario(
         3, PROBE, noise=[{"bus": "link", "ber": 3e-4}], faults=[{"power_off": "p1"}]
@@ -122,7 +122,7 @@ CASES: dict[str, dict[str, Any]] = {
         3,
         noise=[{"bus": "link", "ber": 2e-4}],
         faults=[{"at": "0 s", "clock_ppm": {"station": "p1", "ppm": 10_000}}],
-        duration="150 s",
+        duration="60 s",
     ),
     "a station that is never polled": scenario(
         3,

@@ -15,6 +15,7 @@ from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat
 from bussim.live.served import ServedSlave
+from tests.live.exercises import be_refused, minimal_write_and_read_back, write_and_read_back
 from tests.live.peers import minimal_master, pymodbus_master
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
@@ -35,16 +36,9 @@ def test_pymodbus_uses_every_function_and_reads_back_what_it_wrote(served: Serve
         assert isinstance(v80, V80)
         v80.set(Space.INPUTS, 4, 1)
         v80.set(Space.INPUT_REGISTERS, 9, 4711)
-        assert client.write_coil(3, True, device_id=1).isError() is False
-        assert client.write_coils(10, [True, False, True, True] * 5, device_id=1).isError() is False
-        assert client.write_register(5, 65535, device_id=1).isError() is False
-        assert client.write_registers(20, list(range(100, 223)), device_id=1).isError() is False
-        assert client.read_coils(3, count=1, device_id=1).bits[0] is True
-        assert client.read_coils(10, count=20, device_id=1).bits[:20] == [True, False, True, True] * 5
+        write_and_read_back(client)
         assert client.read_discrete_inputs(0, count=8, device_id=1).bits == [i == 4 for i in range(8)]
         assert client.read_input_registers(9, count=1, device_id=1).registers == [4711]
-        assert client.read_holding_registers(5, count=1, device_id=1).registers == [65535]
-        assert client.read_holding_registers(20, count=123, device_id=1).registers == list(range(100, 223))
         assert client.read_holding_registers(20, count=1, device_id=17).registers == [0]
     finally:
         client.close()
@@ -53,37 +47,13 @@ def test_pymodbus_uses_every_function_and_reads_back_what_it_wrote(served: Serve
 def test_pymodbus_is_refused_by_exceptions(served: ServedSlave) -> None:
     client = pymodbus_master(served.device, served.mode)
     try:
-        assert client.read_holding_registers(9999, count=1, device_id=1).exception_code == 2
-        assert client.read_coils(0, count=1025, device_id=1).exception_code == 3
-        assert client.mask_write_register(address=1, device_id=1).exception_code == 1
-        assert client.read_holding_registers(0, count=1, device_id=1).registers == [0]
+        be_refused(client)
     finally:
         client.close()
 
 
 def test_minimalmodbus_uses_every_function_and_reads_back_what_it_wrote(served: ServedSlave) -> None:
-    station = minimal_master(served.device, served.mode)
-    try:
-        station.write_bit(3, 1)
-        station.write_bits(10, [1, 0, 1, 1] * 4)
-        station.write_register(5, 1234, functioncode=6)
-        station.write_registers(20, [7, 8, 9])
-        station.write_long(40, -5, signed=True)
-        station.write_float(50, 1.5)
-        station.write_string(60, "press", 4)
-        assert station.read_bit(3, functioncode=1) == 1
-        assert station.read_bits(10, 16, functioncode=1) == [1, 0, 1, 1] * 4
-        assert station.read_bit(3, functioncode=2) == 0
-        assert station.read_register(5) == 1234
-        assert station.read_register(5, functioncode=4) == 0
-        assert station.read_registers(20, 3) == [7, 8, 9]
-        assert station.read_long(40, signed=True) == -5
-        assert station.read_float(50) == 1.5
-        assert station.read_string(60, 4).startswith("press")
-        with pytest.raises(Exception, match="illegal data address"):
-            station.read_register(10000)
-    finally:
-        station.serial.close()
+    minimal_write_and_read_back(minimal_master(served.device, served.mode))
 
 
 def test_500_transactions_without_an_error(served: ServedSlave) -> None:

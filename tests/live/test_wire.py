@@ -6,14 +6,11 @@ import errno
 import os
 import socket
 import sys
-import threading
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 import serial
-import serial.rfc2217
 
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.errors import UsageError
@@ -23,10 +20,11 @@ from bussim.live.options import Direction, PortOptions
 from bussim.live.served import ServedSlave
 from bussim.live.wire import Wire
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from tests.live.peers import PATIENCE
+from tests.live.rfc2217 import remote
 
 LINE = LineTiming(115200, CharFormat(8, "N", 1))
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
-PATIENCE = 10.0
 REQUEST = encode_adu(Mode.RTU, 1, bytes((3, 0, 0, 0, 2))).chars
 ANSWER = encode_adu(Mode.RTU, 1, bytes((3, 4, 0, 0, 0, 0))).chars
 
@@ -253,83 +251,22 @@ def test_a_served_slave_survives_the_loss_of_its_connection() -> None:
     assert slave.wire.counts.losses >= 2
 
 
-class FakePort:
-    """A serial port that notes what it is asked for."""
-
-    def __init__(self) -> None:
-        self.asked: dict[str, Any] = {}
-        self.written = bytearray()
-        self.rts = self.dtr = True
-        self.cts = self.dsr = self.ri = self.cd = False
-        self.break_condition = False
-        self.in_waiting = 0
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)
-        if name in ("baudrate", "bytesize", "parity", "stopbits"):
-            self.asked[name] = value
-
-    baudrate, bytesize, parity, stopbits = 300, 8, "N", 1
-    rtscts = dsrdtr = xonxoff = False
-
-    def reset_input_buffer(self) -> None:
-        """Nothing waits."""
-
-    def reset_output_buffer(self) -> None:
-        """Nothing waits."""
-
-    def write(self, data: bytes) -> int:
-        self.written += data
-        return len(data)
-
-
 @pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
 @pytest.mark.parametrize(
     ("baud", "fmt"), [(38400, "7E1"), (9600, "8N1"), (19200, "8O2"), (4800, "7O2"), (115200, "8E1")]
 )
 def test_rfc2217_asks_for_exactly_this_line(baud: int, fmt: str) -> None:
-    """pyserial's PortManager, which nobody here wrote, over a port that notes what it is told."""
-    fake = FakePort()
-    server = socket.create_server(("127.0.0.1", 0))
-    server.settimeout(PATIENCE)
-    done = threading.Event()
-
-    def serve() -> None:
-        connection, _ = server.accept()
-        connection.settimeout(0.05)
-
-        class Network:
-            def write(self, data: bytes) -> None:
-                connection.sendall(data)
-
-        manager = serial.rfc2217.PortManager(fake, Network())
-        while not done.is_set():
-            try:
-                data = connection.recv(1024)
-            except TimeoutError:
-                continue
-            except OSError:
-                break
-            if not data:
-                break
-            fake.write(b"".join(manager.filter(data)))
-        connection.close()
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    wire = Wire(f"rfc2217://127.0.0.1:{server.getsockname()[1]}", LineTiming(baud, CharFormat.parse(fmt)))
-    try:
-        wire.open()
-        assert not wire.instant
-        wire.write(b"\x01\xff\x02")
-        until = time.monotonic() + PATIENCE
-        while len(fake.written) < 3 and time.monotonic() < until:
-            time.sleep(0.01)
-    finally:
-        wire.close()
-        done.set()
-        thread.join()
-        server.close()
+    with remote() as (url, fake):
+        wire = Wire(url, LineTiming(baud, CharFormat.parse(fmt)))
+        try:
+            wire.open()
+            assert not wire.instant
+            wire.write(b"\x01\xff\x02")
+            until = time.monotonic() + PATIENCE
+            while len(fake.written) < 3 and time.monotonic() < until:
+                time.sleep(0.01)
+        finally:
+            wire.close()
     assert fake.asked == {
         "baudrate": baud,
         "bytesize": int(fmt[0]),

@@ -32,7 +32,13 @@ def test_names(name: str, device: Device) -> None:
         ("D8256", "D0–D8255"),
         ("M3072", "M8000–M8255"),
         ("M7999", "M0–M3071"),
-        ("X8", "octal"),
+        ("X8", "octal (no 8 or 9); point 8 of X is X10"),
+        ("X9", "point 9 of X is X11"),
+        ("DO", "did you mean D0?"),
+        (" m 12", "did you mean M12?"),
+        ("TS3", "did you mean T3?"),
+        ("TN3", "can only be observed"),
+        ("V0", "can only be observed"),
         ("Y400", "Y0–Y377"),
         ("T256", "T0–T255"),
         ("Q1", "X Y M S T C D"),
@@ -46,6 +52,53 @@ def test_bad_names_say_what_is_allowed(name: str, says: str) -> None:
     with pytest.raises(ValueError, match="is ") as caught:
         parse_device(name)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "device", "width"),
+    [
+        ("TN255", Device("TN", 255), 16),
+        ("CN199", Device("CN", 199), 16),
+        ("CN200", Device("CN", 200), 32),
+        ("V7", Device("V", 7), 16),
+        ("Z0", Device("Z", 0), 16),
+        ("D5", Device("D", 5), 16),
+        ("T5", Device("T", 5), 1),
+        ("C200", Device("C", 200), 1),
+    ],
+)
+def test_what_can_be_observed(name: str, device: Device, width: int) -> None:
+    assert parse_device(name, observed=True) == device
+    assert (str(device), device.width, device.is_word) == (name, width, width > 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("V8", "V0–V7"),
+        ("TN256", "TN0–TN255"),
+        ("tn5", "did you mean TN5?"),
+        ("CNO", "did you mean CN0?"),
+        ("CS4", "did you mean C4?"),
+        ("V", "X Y M S T C D TN CN V Z"),
+    ],
+)
+def test_what_cannot_be_observed(name: str, says: str) -> None:
+    with pytest.raises(ValueError, match="is ") as caught:
+        parse_device(name, observed=True)
+    assert says in str(caught.value)
+
+
+def test_current_values_and_index_registers_by_name() -> None:
+    memory = Memory()
+    memory.set_word("T", 3, 7)
+    memory.set_word("C", 200, 1 << 31)
+    memory.words("V")[2] = 9
+    names = ("TN3", "CN200", "V2", "T3", "Z2")
+    assert [memory.get(parse_device(name, observed=True)) for name in names] == [7, 1 << 31, 9, 0, 0]
+    memory.set(Device("CN", 200), -1)
+    memory.set(Device("TN", 3), -1)
+    assert (memory.word("C", 200), memory.word("T", 3)) == ((1 << 32) - 1, 0xFFFF)
 
 
 @given(st.sampled_from("XYMST"), st.integers(0, 255), st.integers(-5, 70_000))

@@ -299,7 +299,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         added("  - {name: press4, registers: {D9000: 1, X8: 1, Q1: 1}}\n"),
         [
             "x.yaml:12:32: a device of registers is 'D9000', allowed D0–D8255",
-            "x.yaml:12:42: a device of registers is 'X8', but X is numbered in octal (no 8 or 9)",
+            "x.yaml:12:42: a device of registers is 'X8', but X is numbered in octal (no 8 or 9); point 8 of X is X10",
             "x.yaml:12:49: a device of registers is 'Q1', not a device; write a letter of X Y M S T C D and a number",
         ],
     ),

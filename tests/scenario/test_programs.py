@@ -124,7 +124,7 @@ def test_every_kind_of_input(tmp_path: Path) -> None:
         "{X0: {square: {period: 1 s, at: 20 ms}}, X1: {pulse: {width: 50 ms, every: 2 s, at: 1 s, times: 3}}, "
         "X10: {random: {on: 1 s, off: 2 s}}, X2: {times: [1 s, 1200 ms]}, X3: {csv: edges.csv}}",
     )
-    (tmp_path / "edges.csv").write_text("time (s),what\n0.5,door\n\n1.25\n2e0;x\n", encoding="utf-8")
+    (tmp_path / "edges.csv").write_text("# recorded\ntime (s)\n0.5\n\n1.25\n2e0\n", encoding="utf-8")
     found = load(folder(tmp_path, text))
     assert found.plcs[1].inputs == {
         "X0": Square(S, 20 * MS),
@@ -197,7 +197,7 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
         ("program: one.il", "program: {name: one.il}", "x.yaml:9:15: program.name is not a key here; allowed are file, text"),
         ("program: one.il", "program: 5", "x.yaml:9:14: program is 5, expected the name of a file such as press1.il, or the program's lines as a block (program: |)"),
         ("X0: {square: 500 ms}", "Y0: {square: 500 ms}", "x.yaml:13:14: inputs.Y0 is no input: Y cannot be driven here, only X"),
-        ("X0: {square: 500 ms}", "X8: {square: 500 ms}", "x.yaml:13:14: a device of inputs is 'X8', but X is numbered in octal (no 8 or 9)"),
+        ("X0: {square: 500 ms}", "X8: {square: 500 ms}", "x.yaml:13:14: a device of inputs is 'X8', but X is numbered in octal (no 8 or 9); point 8 of X is X10"),
         ("{square: 500 ms}", "{sqare: 500 ms}", "x.yaml:13:19: inputs.X0.sqare is not a key here; did you mean square?"),
         ("{square: 500 ms}", "{square: 500}", "x.yaml:13:27: inputs.X0.square is 500, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 500 ms"),
         ("{square: 500 ms}", "{pulse: {width: 2 s, every: 1 s}}", "x.yaml:13:46: inputs.X0.pulse.every must be more than width"),
@@ -206,7 +206,10 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
         ("{square: 500 ms}", "{square: 1 s, times: [1 s]}", "x.yaml:13:39: inputs.X0.times excludes square in the same entry"),
         ("{square: 500 ms}", "{csv: no.csv}", "x.yaml:13:24: inputs.X0.csv is no.csv, but there is no such file beside the scenario"),
         ("[one.M1064]", "[on.M1064]", "x.yaml:14:11: observe.0 is 'on.M1064', but on is no PLC; did you mean one?"),
-        ("[one.M1064]", "[one.Q4]", "x.yaml:14:11: observe.0 is one.Q4, whose device is 'Q4', not a device; write a letter of X Y M S T C D and a number"),
+        ("[one.M1064]", "[one.Q4]", "x.yaml:14:11: observe.0 is one.Q4, whose device is 'Q4', not a device; write a letter of X Y M S T C D TN CN V Z and a number"),
+        ("[one.M1064]", "[one.V8]", "x.yaml:14:11: observe.0 is one.V8, whose device is 'V8', allowed V0–V7"),
+        ("[one.M1064]", "[one.TS0]", "x.yaml:14:11: observe.0 is one.TS0, whose device is 'TS0', not a device; did you mean T0?"),
+        ("name: two\n", "name: two\n    registers: {CN1: 5}\n", "x.yaml:11:17: a device of registers is 'CN1', which can only be observed; allowed are X Y M S T C D"),
         ("[one.M1064]", "[M1064]", "x.yaml:14:11: observe.0 is 'M1064', expected a device of a PLC such as press1.D8201"),
         ("to: one.M1064", "to: one.D0", "x.yaml:16:24: to is one.D0: two.X0 is a bit and one.D0 is a word, but a latency has two of a kind"),
         ("to: one.M1064", "to: one.X4", "x.yaml:16:24: to is one.X4, an input: no program can set it"),
@@ -219,18 +222,6 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
 def test_a_mistake(tmp_path: Path, old: str, new: str, expected: str) -> None:
     assert old in TEXT
     assert expected in shown(problems(tmp_path, TEXT.replace(old, new, 1)), tmp_path)
-
-
-def test_mistakes_in_a_table_of_times(tmp_path: Path) -> None:
-    (tmp_path / "edges.csv").write_text("1\n1\nx\n3\n", encoding="utf-8")
-    assert problems(tmp_path, TEXT.replace("{square: 500 ms}", "{csv: edges.csv}")) == [
-        "edges.csv:2:1: 1 s is not later than the time before; times must rise",
-        "edges.csv:3:1: is 'x', expected a time in seconds such as 1.25",
-    ]
-    (tmp_path / "edges.csv").write_text("seconds\n", encoding="utf-8")
-    assert problems(tmp_path, TEXT.replace("{square: 500 ms}", "{csv: edges.csv}")) == [
-        "edges.csv: has no times"
-    ]
 
 
 def test_sizes_are_bounded(tmp_path: Path) -> None:
@@ -276,10 +267,43 @@ def test_a_write_into_another_stations_block(tmp_path: Path) -> None:
     )
 
 
+def test_a_bmov_that_is_turned_round_writes_what_it_seems_to_read(tmp_path: Path) -> None:
+    program = SLAVE.replace("END", "BMOV D0 D40 K4\nEND")
+    assert warnings(tmp_path, **{"two.il": program}) == []
+    (found,) = warnings(tmp_path, **{"two.il": program.replace("BMOV", "SET M8024\nBMOV")})
+    assert found.startswith("two.il:7:1: two: BMOV writes D0 to D3, in the shared block of station 0 (one)")
+
+
 def test_latencies_that_nothing_brings_about(tmp_path: Path) -> None:
     text = TEXT.replace("    inputs: {X0: {square: 500 ms}}\n", "")
     assert shown(warnings(tmp_path, text), tmp_path) == [
         "x.yaml:15:12: nothing drives two.X0: give two inputs for it"
+    ]
+
+
+def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: Path) -> None:
+    text = TEXT.replace(
+        "name: two\n",
+        "name: two\n    registers: {M8034: 1, M8033: 0, M8160: 1, M8161: 1, M08024: 1}\n",
+    )
+    swapped = SLAVE.replace("END", "XCHP D40 D41\nEND")
+    assert shown(warnings(tmp_path, text, **{"two.il": swapped}), tmp_path) == [
+        f"x.yaml:{place}: two: M{bit}, which {what}, is not simulated: it changes nothing here"
+        for place, bit, what in (
+            ("11:17", 8034, "switches all outputs off"),
+            ("11:37", 8160, "makes XCH swap bytes"),
+        )
+    ]
+
+
+def test_the_age_of_a_current_value(tmp_path: Path) -> None:
+    text = TEXT.replace("from: two.X0, to: one.M1064, edge: rising", "from: two.CN200, to: one.Z0")
+    found = load(folder(tmp_path, text))
+    assert (found.latency[0].source, found.latency[0].target) == ("CN200", "Z0")
+    assert "CN200" in found.plcs[1].observed
+    mixed = text.replace("two.CN200", "two.C200")
+    assert shown(problems(tmp_path, mixed), tmp_path) == [
+        "x.yaml:16:26: to is one.Z0: two.C200 is a bit and one.Z0 is a word, but a latency has two of a kind"
     ]
 
 

@@ -113,7 +113,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         changed("plcs:", "  - {name: spare}\n  - {name: spare2, nn: true}\nplcs:"),
         [
             "6:5: nothing is on spare: no port of a PLC and no device",
-            "7:5: no PLC is on spare2: nothing happens there",
+            "7:5: no PLC is on spare2: nothing is sent there",
         ],
     ),
     "after the end": (

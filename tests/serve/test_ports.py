@@ -2,58 +2,13 @@
 
 from __future__ import annotations
 
-import socket
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import pytest
-import serial.rfc2217
 
 from bussim.errors import UsageError
 from bussim.scenario.loader import load, loads
 from bussim.serve.places import places, servables
-from tests.live.test_wire import PATIENCE, FakePort
+from tests.live.rfc2217 import remote
 from tests.serve.serving import HEAD, SLAVES, Serving
-
-
-@contextmanager
-def remote() -> Iterator[tuple[str, FakePort]]:
-    """pyserial's PortManager, which nobody here wrote, over a port that notes what it is told."""
-    fake = FakePort()
-    server = socket.create_server(("127.0.0.1", 0))
-    server.settimeout(PATIENCE)
-    done = threading.Event()
-
-    def serve() -> None:
-        connection, _ = server.accept()
-        connection.settimeout(0.05)
-
-        class Network:
-            def write(self, data: bytes) -> None:
-                connection.sendall(data)
-
-        manager = serial.rfc2217.PortManager(fake, Network())
-        while not done.is_set():
-            try:
-                data = connection.recv(1024)
-            except TimeoutError:
-                continue
-            except OSError:
-                break
-            if not data:
-                break
-            fake.write(b"".join(manager.filter(data)))
-        connection.close()
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    try:
-        yield f"rfc2217://127.0.0.1:{server.getsockname()[1]}", fake
-    finally:
-        done.set()
-        thread.join()
-        server.close()
 
 
 @pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own

@@ -61,7 +61,7 @@ def watched(text: str) -> dict[str, Watched]:
     record = Recorder(traced=False)
     simulate(replace(scenario, plcs=plcs), record)
     watch = Watch(
-        [Watched(*name.split("."), bit=not parse_device(name.partition(".")[2]).is_word) for name in DEVICES]
+        [Watched(*name.split("."), width=parse_device(name.partition(".")[2]).width) for name in DEVICES]
     )
     for value in record.values:
         watch.take(value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from bussim.devices.stepper.registers import BY_NAME, MAX_STEPS, REGISTERS, Group, Register
 
 _SAVED = (Group.BASIC, Group.PROJECT)
@@ -37,6 +39,14 @@ class Parameters:
     def step(self, number: int) -> dict[str, int]:
         """The registers of a program step (1–33) by name."""
         return self._steps[number - 1]
+
+    def preset(self, values: Mapping[str, int], steps: Sequence[Mapping[str, int]] = ()) -> None:
+        """Save values by name, and those of the first program steps. Raises KeyError for what is none."""
+        for name, value in values.items():
+            self[name] = value
+        for number, step in enumerate(steps, 1):
+            self.step(number).update(step)
+        self.save()
 
     def save(self) -> None:
         """Keep what survives a power cycle: basic and project parameters and the steps."""

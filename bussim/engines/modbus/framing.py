@@ -57,6 +57,11 @@ class Framing:
     quiet: int
     inner: int
 
+    @property
+    def closing(self) -> int:
+        """The silence before a whole frame counts as over; in ASCII its last character says so."""
+        return self.quiet if self.mode is Mode.RTU else 0
+
     @classmethod
     def rtu(cls, timing: LineTiming, rule: GapRule = STANDARD_GAPS) -> Framing:
         """RTU at a rate and format. Raises ValueError unless the format has 8 data bits."""
@@ -81,3 +86,15 @@ class Framing:
     def reader(self) -> Reader:
         """A new reader for what this port hears."""
         return AsciiReader(self.quiet) if self.mode is Mode.ASCII else RtuReader(self.quiet, self.inner)
+
+
+def reply_times(
+    framing: Framing, *, delay: int, jitter: int = 0, end: int = 0
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """When a slave takes its values, and when its reply begins: least and most ticks from a request's end.
+
+    ``end`` is how long it may wait for its END (0: it has no scan), ``delay`` its least time from the
+    request's end to the reply, during which it may be waiting for END, ``jitter`` what is added at most.
+    """
+    heard = framing.closing
+    return (heard, heard + end), (max(heard, delay), max(heard + end, delay) + jitter)

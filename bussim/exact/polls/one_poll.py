@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from bussim.engines.modbus.adu import BROADCAST, Mode
 from bussim.engines.modbus.codes import MEANINGS
-from bussim.engines.modbus.framing import Framing
+from bussim.engines.modbus.framing import Framing, reply_times
 from bussim.engines.modbus.master import refusal
 from bussim.engines.modbus.pdu import MAX_PDU, READS, WRITES, Request, encode_request, response_size
 from bussim.exact.polls.model import PollModel
@@ -86,7 +86,7 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
         span = _ms_span(Span(answer.least - sent, answer.most - sent))
         late = "never comes in time" if always else "may come too late"
         return f"the answer of {slave.name} takes {span} from the request's end on: it {late}"
-    quiet = exactly(master.framing.quiet if master.framing.mode is Mode.RTU else 0)
+    quiet = exactly(master.framing.closing)
     # Who takes its values early waits for its delay to be over.
     early = max(served.least, sent + slave.delay) - served.least
     after = early + slave.spread + slave.extra.most + answered + quiet.most
@@ -96,10 +96,9 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
 
 def _answer(slave: SlaveModel, sent: int, answered: int) -> tuple[Span, Span]:
     """When a slave takes its values, and when its answer ends, from the request's first edge."""
-    heard = sent + (slave.framing.quiet if slave.framing.mode is Mode.RTU else 0)
-    served = Span(heard, heard + slave.end)
-    begins = Span(max(served.least, sent + slave.delay), max(served.most, sent + slave.delay) + slave.spread)
-    return served, begins + slave.extra + exactly(answered)
+    served, begins = reply_times(slave.framing, delay=slave.delay, jitter=slave.spread, end=slave.end)
+    after = exactly(sent)
+    return after + Span(*served), after + Span(*begins) + slave.extra + exactly(answered)
 
 
 def _model(

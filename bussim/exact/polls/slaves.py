@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bussim.devices.areas import AreaMap
-from bussim.devices.lx import LxMap
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.stepper.device import Stepper
-from bussim.devices.user import UserMap
-from bussim.devices.v80 import V80
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.pdu import READS, ExceptionResponse, Request
 from bussim.engines.modbus.server import SPACES, serve
 from bussim.exact.polls.pace import Span, exactly
 from bussim.line.characters import LineTiming
-from bussim.plc.memory import Memory
-from bussim.scenario.model import BusDevice, LxSettings, MapSettings, StepperSettings, V80Settings
+from bussim.scenario.model import BusDevice, LxSettings
+from bussim.scenario.register_maps import register_map
 
 _NOTHING = exactly(0)
 
@@ -76,7 +72,7 @@ class SlaveModel:
 
 def device_model(device: BusDevice, *, extra: Span, off: bool) -> SlaveModel | None:
     """A device as slave; None for one that is none, or whose mode is impossible on its line."""
-    found = _map(device)
+    found = register_map(device.settings)
     if found is None or device.station is None:
         return None
     try:
@@ -100,15 +96,3 @@ def device_model(device: BusDevice, *, extra: Span, off: bool) -> SlaveModel | N
         extra=extra,
         off=off,
     )
-
-
-def _map(device: BusDevice) -> AreaMap | None:
-    """A map with a device's addresses, functions and limits; its values do not matter."""
-    settings = device.settings
-    if isinstance(settings, MapSettings):
-        return UserMap(settings.entries, settings.functions)
-    if isinstance(settings, StepperSettings):
-        return Stepper(profile=settings.profile)
-    if isinstance(settings, V80Settings):
-        return V80()
-    return LxMap(Memory()) if isinstance(settings, LxSettings) else None

@@ -1,10 +1,11 @@
 """ADD SUB MUL DIV INC DEC NEG CMP ZCP on signed 16- and 32-bit values.
 
 FX programming manual, FNC 10, 11, 20–25 and 29.
-ADD and SUB set M8020 (the result is 0), M8021 (it went below the least value) and M8022 (above the
-greatest); the result that is stored wraps round. INC and DEC wrap round and touch no flag. DIV drops
-the fraction; the remainder has the sign of the dividend. A division by 0, or of the least value by -1,
-is an error (6706).
+ADD and SUB set M8020 (0 is stored), M8021 (the result is below the least value) and M8022 (above the
+greatest). A result beyond a limit keeps the sign of that limit: what follows 32767 is 0, 1, 2 …, and what
+lies below -32768 is 0, -1, -2 … (notes on ADD, and its comparison with INC and DEC). INC and DEC wrap round
+and touch no flag. DIV drops the fraction; the remainder has the sign of the dividend. A division by 0, or
+of the least value by -1, is an error (6706).
 """
 
 from __future__ import annotations
@@ -30,29 +31,41 @@ def add(machine: Machine, at: Instruction) -> Act:
     first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
     write = writer(machine, at.operands[2], wide=wide)
     flags = machine.bits["M"]
-    mask = 0xFFFFFFFF if wide else 0xFFFF
-    most = mask >> 1
-    least = -most - 1
+    most = 0x7FFFFFFF if wide else 0x7FFF
     sign = 1 if at.spec.name == "ADD" else -1
 
     def act() -> None:
         total = first() + sign * second()
-        write(total)
-        flags[ZERO] = not total & mask
-        flags[BORROW] = total < least
-        flags[CARRY] = total > most
+        write(_kept(total, most))
+        _tell(flags, total, most)
 
     return act
+
+
+def _kept(total: int, most: int) -> int:
+    """What is stored of a result."""
+    if total > most:
+        return total - most - 1
+    return total + most + 2 if total < -most - 1 else total
+
+
+def _tell(flags: bytearray, total: int, most: int) -> None:
+    flags[ZERO] = not _kept(total, most)
+    flags[BORROW] = total < -most - 1
+    flags[CARRY] = total > most
 
 
 def _add_words(flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int) -> Act:
     # Patterns with their sign bit turned over are the values plus 32768.
     def act() -> None:
         total = (a[i] ^ 0x8000) + (b[j] ^ 0x8000)
-        c[k] = result = total & 0xFFFF
-        flags[ZERO] = not result
-        flags[BORROW] = total < 0x8000
-        flags[CARRY] = total > 0x17FFF
+        if 0x8000 <= total <= 0x17FFF:  # nearly always
+            c[k] = result = total & 0xFFFF
+            flags[ZERO] = not result
+            flags[BORROW] = flags[CARRY] = 0
+        else:
+            c[k] = _kept(total - 0x10000, 0x7FFF) & 0xFFFF
+            _tell(flags, total - 0x10000, 0x7FFF)
 
     return act
 
@@ -62,10 +75,13 @@ def _subtract_words(
 ) -> Act:
     def act() -> None:
         total = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
-        c[k] = result = total & 0xFFFF
-        flags[ZERO] = not result
-        flags[BORROW] = total < -0x8000
-        flags[CARRY] = total > 0x7FFF
+        if -0x8000 <= total <= 0x7FFF:
+            c[k] = result = total & 0xFFFF
+            flags[ZERO] = not result
+            flags[BORROW] = flags[CARRY] = 0
+        else:
+            c[k] = _kept(total, 0x7FFF) & 0xFFFF
+            _tell(flags, total, 0x7FFF)
 
     return act
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bussim.plc.memory import FIRST_LONG_COUNTER, Device
 from bussim.plc.program.catalog import Form, Instruction, Role, Slot
@@ -176,9 +176,14 @@ def _extent_problem(name: str, operand: Operand, extent: Extent) -> str | None:
     return None
 
 
-def extents(instruction: Instruction) -> list[Extent]:
-    """What an instruction touches whose operands have no index; of an indexed one nothing is known."""
+def extents(instruction: Instruction, *, both_ways: bool = False) -> list[Extent]:
+    """What an instruction touches whose operands have no index; of an indexed one nothing is known.
+
+    ``both_ways``: M8024 may make a BMOV write its source.
+    """
     found = _extents(instruction.form, instruction.operands)
+    if both_ways and instruction.spec.name == "BMOV" and found[0] is not None and found[0].letter != "X":
+        found[0] = replace(found[0], writes=True)
     kept = [
         extent
         for extent, operand in zip(found, instruction.operands, strict=True)

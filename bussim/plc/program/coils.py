@@ -7,9 +7,13 @@ but T192–T199 (the timers of subroutines) go on.
 Counters count rising edges of their OUT's condition. A 16-bit counter stops at its preset; a 32-bit
 one runs on (and round, at ±2³¹), its contact going on where it comes up to the preset and off where it
 goes down below it.
+RST of a timer or counter is a coil too: while its condition is on, and where a jump then leaves it out,
+the timer or counter is held: it neither counts nor closes. The hold lasts until an RST of it is
+carried out with its condition off, or until RUN (FX3 programming manual, 7.13 and 8.1.1). ZRST holds nothing.
 Where the manual is silent, assumed: a timer's contact, once on, stays until the timer is reset, and
 the timer counts no further; a preset of 0 or less is reached at once; at RUN every condition counts as
-having been off before.
+having been off before; a held counter follows its input, so that one that has come on during the hold
+is no edge after it.
 """
 
 from __future__ import annotations
@@ -64,7 +68,7 @@ def bind_reset(machine: Machine, at: Instruction) -> Output:
     device = at.operands[0]
     number = device.address
     if device.kind in ("T", "C"):
-        return Level(reset(machine, device.letter, number, number))
+        return Drive(_reset_coil(machine, device.letter, number))
     if device.kind in ("D", "V", "Z"):
         words = machine.words[device.letter]
 
@@ -78,6 +82,17 @@ def bind_reset(machine: Machine, at: Instruction) -> Output:
         bits[number] = 0
 
     return Level(act)
+
+
+def _reset_coil(machine: Machine, letter: str, number: int) -> Take:
+    clear, held = reset(machine, letter, number, number), machine.held[letter]
+
+    def take(on: int) -> None:
+        held[number] = on
+        if on:
+            clear()
+
+    return take
 
 
 def reset(machine: Machine, letter: str, first: int, last: int) -> Act:
@@ -130,7 +145,7 @@ def once(machine: Machine, at: Instruction, level: Level) -> Drive:
 
 def _timer(machine: Machine, number: int, preset: Operand) -> Take:
     contacts, values = machine.bits["T"], machine.words["T"]
-    driven, pulses = machine.timer_scan, machine.timer_pulse
+    driven, pulses, held = machine.timer_scan, machine.timer_pulse, machine.held["T"]
     now, scan = machine.now, machine.scan
     presets, place = word_of(machine, preset)
     unit = unit_of(number)
@@ -139,9 +154,9 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
     patience = 1 << 62 if number in SUBROUTINE_TIMERS else 1
 
     def take(on: int) -> None:
-        if not on:
+        if not on or held[number]:
             driven[number] = 0
-            if not retentive:
+            if not (on or retentive):
                 contacts[number] = 0
                 values[number] = 0
             return
@@ -165,11 +180,12 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
 
 
 def _counter(machine: Machine, number: int, preset: Operand) -> Take:
-    contacts, values, earlier = machine.bits["C"], machine.words["C"], machine.counter_input
+    contacts, values = machine.bits["C"], machine.words["C"]
+    earlier, held = machine.counter_input, machine.held["C"]
     presets, place = word_of(machine, preset)
 
     def take(on: int) -> None:
-        if on > earlier[number] and not contacts[number]:
+        if on > earlier[number] and not contacts[number] and not held[number]:
             value = values[number]
             if value < 0x7FFF:
                 value += 1
@@ -182,12 +198,13 @@ def _counter(machine: Machine, number: int, preset: Operand) -> Take:
 
 
 def _long_counter(machine: Machine, number: int, preset: Operand) -> Take:
-    contacts, values, earlier = machine.bits["C"], machine.words["C"], machine.counter_input
+    contacts, values = machine.bits["C"], machine.words["C"]
+    earlier, held = machine.counter_input, machine.held["C"]
     flags, down = machine.bits["M"], DOWN_FLAGS + number
     limit_of = value_reader(machine, preset, wide=True)
 
     def take(on: int) -> None:
-        if on > earlier[number]:
+        if on > earlier[number] and not held[number]:
             step = -1 if flags[down] else 1
             pattern = (values[number] + step) % _LONG
             values[number] = pattern

@@ -15,6 +15,7 @@ OUT_OF_RANGE = 6706
 ERROR, ERROR_LATCH = 8067, 8068
 ERROR_CODE, LATCHED_STEP, ERROR_STEP = 8067, 8068, 8069
 ZERO, BORROW, CARRY = 8020, 8021, 8022
+BACKWARDS = 8024  # BMOV moves from its destination to its source
 
 
 class Ports(Protocol):
@@ -71,6 +72,8 @@ class Machine:
         self.timer_pulse = [0] * 256
         #: Of each counter: the condition of its OUT when last carried out.
         self.counter_input = bytearray(256)
+        #: Of each timer and counter: whether an RST holds it.
+        self.held = {letter: bytearray(256) for letter in "TC"}
 
     def fail(self, code: int, step: int) -> None:
         """An operation error: M8067 and D8067, D8069; M8068 and D8068 keep the first one."""

@@ -1,6 +1,7 @@
 """MOV CML XCH BMOV FMOV BCD BIN and the logic of words (FX programming manual, FNC 12–19, 26–28).
 
-Not simulated: M8024, which reverses BMOV, and M8160, which makes XCH swap bytes.
+Not simulated: M8160, which makes XCH swap bytes. Where the manual is silent, assumed: a BMOV that M8024
+reverses has the limits of one that is written the other way round, and X cannot be its destination.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable
 from bussim.plc.memory import FIRST_LONG_COUNTER
 from bussim.plc.program.access import finder, pack, plain, reader, spread, value_reader, writer
 from bussim.plc.program.catalog import Instruction
-from bussim.plc.program.machine import Machine, OperationError
+from bussim.plc.program.machine import BACKWARDS, Machine, OperationError
 from bussim.plc.program.operands import Operand
 from bussim.plc.program.outputs import Act
 
@@ -201,8 +202,23 @@ def block_writer(machine: Machine, operand: Operand, *, wide: bool = False) -> C
 
 
 def move_block(machine: Machine, at: Instruction) -> Act:
-    """BMOV: n words (or groups) on, as if all were read before the first is written."""
+    """BMOV: n words (or groups) on, as if all were read before the first is written; M8024: the other way."""
     source, target, count = at.operands
+    onwards, back = (_move_block(machine, *way, count) for way in ((source, target), (target, source)))
+    flags = machine.bits["M"]
+
+    def act() -> None:
+        if flags[BACKWARDS]:
+            if source.letter == "X":
+                raise OperationError
+            back()
+        else:
+            onwards()
+
+    return act
+
+
+def _move_block(machine: Machine, source: Operand, target: Operand, count: Operand) -> Act:
     counted = count_reader(machine, count, 1, 512)
     read, write = block_reader(machine, source), block_writer(machine, target)
     spent, each = machine.spent, machine.times.each

@@ -11,7 +11,9 @@ from bussim.plc.program.catalog import Instruction
 from bussim.plc.program.check import Extent, extents
 from bussim.plc.program.flow import FlowCheck, Stretch, cut
 from bussim.plc.program.ladder import Ladder
+from bussim.plc.program.machine import BACKWARDS
 from bussim.plc.program.source import Source
+from bussim.plc.program.specials import not_simulated
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
@@ -75,9 +77,26 @@ class Program:
         first = self.instructions[0]
         return first.name == "LD" and first.operands[0].device == Device("M", LINK_SETTINGS)
 
+    def not_simulated(self) -> dict[int, str]:
+        """Special bits, by M's address, that would change how the program runs and do not; each in words."""
+        return not_simulated(self.instructions)
+
+    @property
+    def turns_bmov(self) -> bool:
+        """Whether it sets M8024, which makes BMOV write its source."""
+        return any(
+            extent.writes and extent.holds("M", BACKWARDS, word=False)
+            for at in self.instructions
+            if at.name not in ("RST", "ZRST")
+            for extent in extents(at)
+        )
+
     def writes(self) -> tuple[Extent, ...]:
         """What the program's instructions write, where no index register decides."""
-        return tuple(extent for at in self.instructions for extent in extents(at) if extent.writes)
+        both = self.turns_bmov
+        return tuple(
+            extent for at in self.instructions for extent in extents(at, both_ways=both) if extent.writes
+        )
 
 
 def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
@@ -87,7 +106,12 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
         return Problem(name, at.line, at.column, message)
 
     coils: dict[Device, Instruction] = {}
+    idle = not_simulated(instructions)
     for at in instructions:
+        if at.name not in ("RST", "ZRST"):
+            written = [extent for extent in extents(at) if extent.writes]
+            for address in [one for one in idle if any(each.holds("M", one, word=False) for each in written)]:
+                yield warn(at, idle.pop(address))  # once
         if at.name in ("OUT", "PLS", "PLF"):
             device = at.operands[0].device
             if device in coils:

@@ -11,8 +11,8 @@ the watchdog's time in ms, M8061 and D8061 = 6105 when it has expired. M8038 is 
 its contact is the program's first step.
 
 At STOP→RUN the outputs Y, the timers T0–T245 and the counters C0–C99 and C200–C219 are cleared, as are
-all memories of edges and the operation error (M8067 M8068, D8067–D8069). M, S and D keep what they
-have: a scenario's registers are set before RUN (assumed).
+all memories of edges, the holds of RST and the operation error (M8067 M8068, D8067–D8069). M, S and D
+keep what they have: a scenario's registers are set before RUN (assumed).
 """
 
 from __future__ import annotations
@@ -52,6 +52,8 @@ _NS_PER_MS = 1_000_000
 _CLEARED_TIMERS = range(FIRST_RETENTIVE_TIMER)
 _CLEARED_COUNTERS = (range(100), range(200, 220))
 _END = -1
+#: M8000–M8003 in RUN.
+_FIRST_SCAN, _LATER_SCAN = b"\1\0\1\0", b"\1\0\0\1"
 Exit = Callable[[], int]
 
 
@@ -120,7 +122,7 @@ class ProgramRun:
             for numbers in ranges:
                 for number in numbers:
                     contacts[number] = values[number] = 0
-        for memories in (machine.earlier, machine.counter_input, machine.saved):
+        for memories in (machine.earlier, machine.counter_input, machine.saved, *machine.held.values()):
             memories[:] = bytes(len(memories))
         machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 256
         machine.scan[0] = 0
@@ -128,7 +130,7 @@ class ProgramRun:
             m[flag] = 0
         for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
             self._d[word] = 0
-        m[8000], m[8001], m[8002], m[8003] = 1, 0, 1, 0
+        m[8000:8004] = _FIRST_SCAN
         m[LINK_SETTINGS] = self.program.sets_link_at_step_0
         self.halted = 0
 
@@ -159,7 +161,7 @@ class ProgramRun:
         machine.now[0] = time = now - self._origin
         machine.scan[0] = number = machine.scan[0] + 1
         # Written anew each time: an index register may have led a program to them.
-        m[8000], m[8001], m[8002], m[8003] = 1, 0, number == 1, number > 1
+        m[8000:8004] = _FIRST_SCAN if number == 1 else _LATER_SCAN
         if number == 2:
             m[LINK_SETTINGS] = 0
         if self._has_masters:

@@ -1,16 +1,20 @@
 """The commonest conditions together with what they drive, in one closure each.
 
-A call costs as much as three contacts, and nine rungs in ten of a real program are one of these: up
-to four contacts in series or parallel, a self-holding contact with its interlocks, two branches. Each
-shape comes in three uses: a condition that is asked, a coil, an action while the condition is on.
+A call costs as much as three contacts, and nine rungs in ten of a real program are one of these: every
+arrangement of up to four contacts. What they answer together is worked out once, for all of their
+levels, as a tree of pairs: the first contact's level picks one of two branches, the next one's goes on
+from there. Looking contacts up in it takes no longer on the average than asking them one after another
+until the answer is known, whatever the arrangement, and it makes a closure depend on their number only.
+Each number comes in three uses: a condition that is asked, a coil, an action while the condition is on.
 What has no shape here is put together from closures by ``conditions``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 Test = Callable[[], int]
 Step = Callable[[], None]
@@ -44,361 +48,131 @@ class ToAct:
 Use = ToCoil | ToAct | None
 #: Makes a closure of a shape's contacts in order: a Test without use, else a Step.
 Maker = Callable[[Sequence[Atom], Use], Callable[[], int | None]]
+#: A pair of trees for the level of a contact; of none left: 0 or 1.
+Tree = Any
 
 
-def _one(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    ((a, i, x),) = atoms
+def _one(tree: Tree, atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
+    ((a, i, _),) = atoms
     if isinstance(use, ToCoil):
         bits, at = use.bits, use.at
 
         def coil() -> None:
-            bits[at] = a[i] ^ x
+            bits[at] = tree[a[i]]
 
         return coil
     if isinstance(use, ToAct):
         act, spent, extra = use.act, use.spent, use.extra
 
         def step() -> None:
-            if a[i] ^ x:
+            if tree[a[i]]:
                 spent[0] += extra
                 act()
 
         return step
-    return (lambda: a[i] ^ 1) if x else (lambda: a[i])
+    return lambda: tree[a[i]]
 
 
-def _series_2(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y) = atoms
+def _two(tree: Tree, atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
+    (a, i, _), (b, j, _) = atoms
     if isinstance(use, ToCoil):
         bits, at = use.bits, use.at
 
         def coil() -> None:
-            bits[at] = a[i] ^ x and b[j] ^ y
+            bits[at] = tree[a[i]][b[j]]
 
         return coil
     if isinstance(use, ToAct):
         act, spent, extra = use.act, use.spent, use.extra
 
         def step() -> None:
-            if a[i] ^ x and b[j] ^ y:
+            if tree[a[i]][b[j]]:
                 spent[0] += extra
                 act()
 
         return step
-    return lambda: a[i] ^ x and b[j] ^ y
+    return lambda: tree[a[i]][b[j]]
 
 
-def _series_3(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z) = atoms
+def _three(tree: Tree, atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
+    (a, i, _), (b, j, _), (c, k, _) = atoms
     if isinstance(use, ToCoil):
         bits, at = use.bits, use.at
 
         def coil() -> None:
-            bits[at] = a[i] ^ x and b[j] ^ y and c[k] ^ z
+            bits[at] = tree[a[i]][b[j]][c[k]]
 
         return coil
     if isinstance(use, ToAct):
         act, spent, extra = use.act, use.spent, use.extra
 
         def step() -> None:
-            if a[i] ^ x and b[j] ^ y and c[k] ^ z:
+            if tree[a[i]][b[j]][c[k]]:
                 spent[0] += extra
                 act()
 
         return step
-    return lambda: a[i] ^ x and b[j] ^ y and c[k] ^ z
+    return lambda: tree[a[i]][b[j]][c[k]]
 
 
-def _series_4(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
+def _four(tree: Tree, atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
+    (a, i, _), (b, j, _), (c, k, _), (d, m, _) = atoms
     if isinstance(use, ToCoil):
         bits, at = use.bits, use.at
 
         def coil() -> None:
-            bits[at] = a[i] ^ x and b[j] ^ y and c[k] ^ z and d[m] ^ w
+            bits[at] = tree[a[i]][b[j]][c[k]][d[m]]
 
         return coil
     if isinstance(use, ToAct):
         act, spent, extra = use.act, use.spent, use.extra
 
         def step() -> None:
-            if a[i] ^ x and b[j] ^ y and c[k] ^ z and d[m] ^ w:
+            if tree[a[i]][b[j]][c[k]][d[m]]:
                 spent[0] += extra
                 act()
 
         return step
-    return lambda: a[i] ^ x and b[j] ^ y and c[k] ^ z and d[m] ^ w
+    return lambda: tree[a[i]][b[j]][c[k]][d[m]]
 
 
-def _parallel_2(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
+_BY_NUMBER = (_one, _two, _three, _four)
 
-        def coil() -> None:
-            bits[at] = a[i] ^ x or b[j] ^ y
 
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
+def _make(form: str, atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
+    tree = _tree(form, tuple(atom.inverted for atom in atoms))
+    return _BY_NUMBER[len(atoms) - 1](tree, atoms, use)
 
-        def step() -> None:
-            if a[i] ^ x or b[j] ^ y:
-                spent[0] += extra
-                act()
 
-        return step
-    return lambda: a[i] ^ x or b[j] ^ y
+@cache
+def _tree(form: str, inverted: tuple[int, ...], levels: tuple[int, ...] = ()) -> Tree:
+    """What a form's contacts answer, behind those whose ``levels`` are known."""
+    if len(levels) < len(inverted):
+        return _tree(form, inverted, (*levels, 0)), _tree(form, inverted, (*levels, 1))
+    signs = iter(form)
+    asked = (level ^ turned for level, turned in zip(levels, inverted, strict=True))
+    return _value(next(signs), signs, asked)
 
 
-def _parallel_3(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = a[i] ^ x or b[j] ^ y or c[k] ^ z
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if a[i] ^ x or b[j] ^ y or c[k] ^ z:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: a[i] ^ x or b[j] ^ y or c[k] ^ z
-
-
-def _parallel_4(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = a[i] ^ x or b[j] ^ y or c[k] ^ z or d[m] ^ w
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if a[i] ^ x or b[j] ^ y or c[k] ^ z or d[m] ^ w:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: a[i] ^ x or b[j] ^ y or c[k] ^ z or d[m] ^ w
-
-
-def _held(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x or b[j] ^ y) and c[k] ^ z
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x or b[j] ^ y) and c[k] ^ z:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x or b[j] ^ y) and c[k] ^ z
-
-
-def _held_twice(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x or b[j] ^ y) and c[k] ^ z and d[m] ^ w
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x or b[j] ^ y) and c[k] ^ z and d[m] ^ w:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x or b[j] ^ y) and c[k] ^ z and d[m] ^ w
-
-
-def _three_held(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x or b[j] ^ y or c[k] ^ z) and d[m] ^ w
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x or b[j] ^ y or c[k] ^ z) and d[m] ^ w:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x or b[j] ^ y or c[k] ^ z) and d[m] ^ w
-
-
-def _set_or_held(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x and b[j] ^ y) or c[k] ^ z
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x and b[j] ^ y) or c[k] ^ z:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x and b[j] ^ y) or c[k] ^ z
-
-
-def _set_or_either(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x and b[j] ^ y) or c[k] ^ z or d[m] ^ w
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x and b[j] ^ y) or c[k] ^ z or d[m] ^ w:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x and b[j] ^ y) or c[k] ^ z or d[m] ^ w
-
-
-def _series_or_held(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x and b[j] ^ y and c[k] ^ z) or d[m] ^ w
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x and b[j] ^ y and c[k] ^ z) or d[m] ^ w:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x and b[j] ^ y and c[k] ^ z) or d[m] ^ w
-
-
-def _branches(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x and b[j] ^ y) or (c[k] ^ z and d[m] ^ w)
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x and b[j] ^ y) or (c[k] ^ z and d[m] ^ w):
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x and b[j] ^ y) or (c[k] ^ z and d[m] ^ w)
-
-
-def _pairs(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = (a[i] ^ x or b[j] ^ y) and (c[k] ^ z or d[m] ^ w)
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if (a[i] ^ x or b[j] ^ y) and (c[k] ^ z or d[m] ^ w):
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: (a[i] ^ x or b[j] ^ y) and (c[k] ^ z or d[m] ^ w)
-
-
-def _set_held(atoms: Sequence[Atom], use: Use) -> Callable[[], int | None]:
-    (a, i, x), (b, j, y), (c, k, z), (d, m, w) = atoms
-    if isinstance(use, ToCoil):
-        bits, at = use.bits, use.at
-
-        def coil() -> None:
-            bits[at] = ((a[i] ^ x and b[j] ^ y) or c[k] ^ z) and d[m] ^ w
-
-        return coil
-    if isinstance(use, ToAct):
-        act, spent, extra = use.act, use.spent, use.extra
-
-        def step() -> None:
-            if ((a[i] ^ x and b[j] ^ y) or c[k] ^ z) and d[m] ^ w:
-                spent[0] += extra
-                act()
-
-        return step
-    return lambda: ((a[i] ^ x and b[j] ^ y) or c[k] ^ z) and d[m] ^ w
+def _value(sign: str, signs: Iterator[str], asked: Iterator[int]) -> int:
+    """The value of the part of a form that begins with ``sign``."""
+    if sign == "*":
+        return next(asked)
+    next(signs)  # the bracket
+    values = []
+    while (inner := next(signs)) != ")":
+        values.append(_value(inner, signs, asked))
+    return int(all(values) if sign == "&" else any(values))
 
 
 #: The shapes by their form: ``*`` a contact, ``&(…)`` a series, ``|(…)`` parallels, the more complex
 #: parts in front (contacts may change places: asking one changes nothing).
 SHAPES: dict[str, Maker] = {
-    "*": _one,
-    "&(**)": _series_2,
-    "&(***)": _series_3,
-    "&(****)": _series_4,
-    "|(**)": _parallel_2,
-    "|(***)": _parallel_3,
-    "|(****)": _parallel_4,
-    "&(|(**)*)": _held,
-    "&(|(**)**)": _held_twice,
-    "&(|(***)*)": _three_held,
-    "|(&(**)*)": _set_or_held,
-    "|(&(**)**)": _set_or_either,
-    "|(&(***)*)": _series_or_held,
-    "|(&(**)&(**))": _branches,
-    "&(|(**)|(**))": _pairs,
-    "&(|(&(**)*)*)": _set_held,
+    form: partial(_make, form)
+    for form in (
+        *("*", "&(**)", "|(**)"),
+        *("&(***)", "&(|(**)*)", "|(***)", "|(&(**)*)"),
+        *("&(****)", "&(|(**)**)", "&(|(***)*)", "&(|(**)|(**))", "&(|(&(**)*)*)"),
+        *("|(****)", "|(&(**)**)", "|(&(***)*)", "|(&(**)&(**))", "|(&(|(**)*)*)"),
+    )
 }

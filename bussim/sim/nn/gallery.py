@@ -36,6 +36,7 @@ class Gallery:
         "_longest_at",
         "_outcome",
         "_pending_counter",
+        "_stale",
         "_watchdog",
         "by_station",
         "members",
@@ -52,6 +53,7 @@ class Gallery:
         self._longest_at = 0
         self._block_size = -1
         self._watchdog = 0
+        self._stale = False  # something was heard since the members' engines were brought up to date
         self._take(Listening(NOBODY, 0, 0, 0, 0, None, 0))
 
     def _take(self, state: Listening) -> None:
@@ -110,6 +112,9 @@ class Gallery:
 
     def sync(self) -> None:
         """Bring every member's engine up to date."""
+        if not self._stale:
+            return
+        self._stale = False
         state = Listening(
             self.pending,
             self._pending_counter,
@@ -138,6 +143,7 @@ class Gallery:
 
         If not, nothing has changed: dissolve and tell everybody.
         """
+        self._stale = True
         kind = frame.kind
         if kind == POLL:
             pending, station = self.pending, frame.station

@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from bussim.devices.lx import LxMap
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.stepper.device import Stepper
 from bussim.devices.stepper.events import in_words
 from bussim.devices.talker import Talker
 from bussim.devices.user import UserMap
-from bussim.devices.v80 import V80
 from bussim.engines.modbus.master import MasterConfig
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import PollList
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.line.characters import LineTiming
-from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.requests import poll_of
 from bussim.plc.streams import Streams
 from bussim.scenario import model
+from bussim.scenario.register_maps import register_map, stepper
 from bussim.sim.serial.reporter import SerialReporter
 
 
@@ -53,7 +50,9 @@ class _SlaveDevice(Behaviour):
 
     def map(self) -> RegisterMap:
         """The map at power-on."""
-        raise NotImplementedError
+        found = register_map(self.spec.settings)
+        assert found is not None  # noqa: S101 - narrows the type; see _MODELS
+        return found
 
     def power_on(self, now: int) -> tuple[Any, LineTiming]:
         """The engine over a fresh map."""
@@ -73,40 +72,16 @@ class _SlaveDevice(Behaviour):
         return Slave(config, {station: registers})
 
 
-class _Lx(_SlaveDevice):
-    """A PLC of which only its slave port is simulated."""
-
-    def map(self) -> RegisterMap:
-        settings = self.spec.settings
-        assert isinstance(settings, model.LxSettings)  # noqa: S101 - narrows the type; see _MODELS
-        memory = Memory()
-        for name, value in settings.registers.items():
-            memory.set(parse_device(name), value)
-        return LxMap(memory)
-
-
-class _V80(_SlaveDevice):
-    """A V80 or PPC."""
-
-    def map(self) -> RegisterMap:
-        settings = self.spec.settings
-        assert isinstance(settings, model.V80Settings)  # noqa: S101 - narrows the type; see _MODELS
-        device = V80()
-        for (space, address), value in settings.items.items():
-            device.set(space, address, value)
-        return device
-
-
 class _Map(_SlaveDevice):
     """A register map that the scenario defines."""
 
     _map: UserMap | None = None
 
     def map(self) -> RegisterMap:
-        settings = self.spec.settings
-        assert isinstance(settings, model.MapSettings)  # noqa: S101 - narrows the type; see _MODELS
-        self._map = UserMap(settings.entries, settings.functions)
-        return self._map
+        found = super().map()
+        assert isinstance(found, UserMap)  # noqa: S101 - narrows the type; see _MODELS
+        self._map = found
+        return found
 
     def tell(self, reporter: SerialReporter) -> None:
         name = self.spec.name
@@ -122,30 +97,27 @@ class _StepperDevice(_SlaveDevice):
         super().__init__(spec, streams)
         settings = spec.settings
         assert isinstance(settings, model.StepperSettings)  # noqa: S101 - narrows the type; see _MODELS
-        self._stepper = Stepper(spec.station or 1, spec.timing.baud, settings.switches, settings.profile)
-        for name, value in settings.registers.items():
-            self._stepper.parameters[name] = value
-        self._stepper.parameters.save()
+        self._stepper = stepper(settings, spec.station or 1, spec.timing.baud)
         if spec.power_on > 0:
             self._stepper.power_off(0)
 
     def power_on(self, now: int) -> tuple[Any, LineTiming]:
-        stepper, spec = self._stepper, self.spec
-        stepper.power_on(now)
-        timing = LineTiming(stepper.baud, spec.timing.format, spec.timing.ppm)
-        return self.engine(stepper, stepper.station, timing), timing
+        drive, spec = self._stepper, self.spec
+        drive.power_on(now)
+        timing = LineTiming(drive.baud, spec.timing.format, spec.timing.ppm)
+        return self.engine(drive, drive.station, timing), timing
 
     def power_off(self, now: int) -> None:
         self._stepper.power_off(now)
 
     def state(self, now: int) -> dict[str, int]:
-        stepper = self._stepper
-        stepper.advance(now)
+        drive = self._stepper
+        drive.advance(now)
         names = ("position", "running", "arrived", "running_step")
-        found = {name: stepper.value(name, now) for name in names}
+        found = {name: drive.value(name, now) for name in names}
         position = found["position"]
         found["position"] = position - (1 << 32) if position >> 31 else position
-        return {**found, "station": stepper.station, "baud": stepper.baud}
+        return {**found, "station": drive.station, "baud": drive.baud}
 
     def tell(self, reporter: SerialReporter) -> None:
         while (event := self._stepper.poll()) is not None:
@@ -182,8 +154,8 @@ class _Free(Behaviour):
 
 
 _MODELS: dict[str, type[Behaviour]] = {
-    "lx": _Lx,
-    "v80": _V80,
+    "lx": _SlaveDevice,
+    "v80": _SlaveDevice,
     "map": _Map,
     "stepper": _StepperDevice,
     "hmi": _Hmi,

@@ -251,7 +251,7 @@ class Writer:
         if kind < 0.7:
             return f"OUT C{luck.choice((200, 201))} {luck.choice(('K2', 'K-2', 'D0', 'D14'))}"
         if kind < 0.75:
-            return luck.choice(("SET M8200", "RST M8200", "SET M8201", "RST M8201"))
+            return luck.choice(("SET M8200", "RST M8200", "SET M8201", "RST M8201", "SET M8024", "RST M8024"))
         if kind < 0.83:
             return f"SET {self.bit(index=False)}"
         if kind < 0.93:

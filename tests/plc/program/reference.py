@@ -55,6 +55,7 @@ class Reference:
         self.words: dict[tuple[str, int], int] = defaultdict(int)
         self.before: dict[Any, int] = defaultdict(int)
         self.timers: dict[int, tuple[int, int]] = {}
+        self.held: set[str] = set()  # timers and counters whose latest RST had its contact on
         self.labels = {line[0]: at for at, line in enumerate(self.lines) if re.fullmatch(r"P\d+", line[0])}
         self.scans = 0
 
@@ -281,10 +282,14 @@ class Reference:
         elif name in ("PLS", "PLF"):
             before, self.before[at] = self.before[at], on
             self.bits[letter, address] = int(on and not before) if name == "PLS" else int(before and not on)
-        elif on and name == "SET":
-            self.bits[letter, address] = 1
-        elif on:
-            self.reset(letter, address)
+        elif name == "SET":
+            if on:
+                self.bits[letter, address] = 1
+        else:
+            if letter in "TC":
+                (self.held.add if on else self.held.discard)(operands[0])
+            if on:
+                self.reset(letter, address)
 
     def reset(self, letter: str, address: int) -> None:
         if letter in "DVZTC":
@@ -302,6 +307,9 @@ class Reference:
                 self.bits["T", number] = self.words["T", number] = 0
             return
         pulse = self.now // unit
+        if f"T{number}" in self.held:
+            self.timers.pop(number, None)
+            return
         since, scan = self.timers.get(number, (pulse, self.scans))
         if scan < self.scans - 1 and not 192 <= number <= 199:
             since = pulse  # a jump had left it out
@@ -317,7 +325,7 @@ class Reference:
 
     def counter(self, number: int, on: int, preset: str) -> None:
         before, self.before["C", number] = self.before["C", number], on
-        if not on or before:
+        if not on or before or f"C{number}" in self.held:
             return
         if number < 200:
             if not self.bits["C", number]:
@@ -395,7 +403,12 @@ class Reference:
 
     def do_bmov(self, ops: list[str], size: int) -> None:
         count = self.count(ops[2], 1, 512)
-        self.fill(ops[1], size, self.row(ops[0], size, count))
+        one, other = ops[:2]
+        if self.bits["M", 8024]:
+            one, other = other, one
+            if re.match(r"K\dX", other):
+                raise RefusedError
+        self.fill(other, size, self.row(one, size, count))
 
     def do_fmov(self, ops: list[str], size: int) -> None:
         count = self.count(ops[2], 1, 512)
@@ -424,10 +437,18 @@ class Reference:
 
     def sum(self, ops: list[str], size: int, sign: int) -> None:
         total = self.read(ops[0], size) + sign * self.read(ops[1], size)
+        half = 1 << size - 1
+        borrow, carry = total < -half, total >= half
+        if carry:
+            total %= half  # 32767 is followed by 0
+        elif borrow:
+            total = -((-total - half - 1) % half)  # so is -32768, downwards
         self.write(self.place(ops[2], size), total)
-        self.bits["M", 8020] = int(total % (1 << size) == 0)
-        self.bits["M", 8021] = int(total < -(1 << size - 1))
-        self.bits["M", 8022] = int(total >= 1 << size - 1)
+        self.bits["M", 8020], self.bits["M", 8021], self.bits["M", 8022] = (
+            int(total == 0),
+            int(borrow),
+            int(carry),
+        )
 
     def do_add(self, ops: list[str], size: int) -> None:
         self.sum(ops, size, 1)

@@ -17,17 +17,20 @@ LEAST_32, MOST_32 = -(1 << 31), (1 << 31) - 1
     [
         ("ADD", 2, 3, 5, ""),
         ("ADD", -2, 2, 0, "z"),
-        ("ADD", MOST, 1, LEAST, "c"),
+        ("ADD", MOST, 1, 0, "zc"),
+        ("ADD", MOST, 2, 1, "c"),
         ("ADD", MOST, 0, MOST, ""),
-        ("ADD", LEAST, -1, MOST, "b"),
+        ("ADD", LEAST, -1, 0, "zb"),
+        ("ADD", LEAST, -2, -1, "b"),
         ("ADD", LEAST, 0, LEAST, ""),
-        ("ADD", LEAST, LEAST, 0, "zb"),
-        ("ADD", MOST, MOST, -2, "c"),
+        ("ADD", LEAST, LEAST, -MOST, "b"),
+        ("ADD", MOST, MOST, MOST - 1, "c"),
         ("SUB", 2, 3, -1, ""),
         ("SUB", 3, 3, 0, "z"),
-        ("SUB", LEAST, 1, MOST, "b"),
-        ("SUB", MOST, -1, LEAST, "c"),
-        ("SUB", 0, LEAST, LEAST, "c"),
+        ("SUB", LEAST, 1, 0, "zb"),
+        ("SUB", LEAST, 3, -2, "b"),
+        ("SUB", MOST, -1, 0, "zc"),
+        ("SUB", 0, LEAST, 0, "zc"),
         ("SUB", -1, MOST, LEAST, ""),
         ("SUB", LEAST, LEAST, 0, "z"),
     ],
@@ -45,10 +48,11 @@ def test_sums_and_their_flags(name: str, one: int, other: int, result: int, flag
     [
         ("DADD", 70_000, -70_000, 0, "z"),
         ("DADD", MOST, 1, 32768, ""),
-        ("DADD", MOST_32, 1, LEAST_32, "c"),
-        ("DADD", LEAST_32, -1, MOST_32, "b"),
-        ("DSUB", LEAST_32, 1, MOST_32, "b"),
-        ("DSUB", MOST_32, -1, LEAST_32, "c"),
+        ("DADD", MOST_32, 1, 0, "zc"),
+        ("DADD", MOST_32, 5, 4, "c"),
+        ("DADD", LEAST_32, -1, 0, "zb"),
+        ("DSUB", LEAST_32, 2, -1, "b"),
+        ("DSUB", MOST_32, -1, 0, "zc"),
         ("DSUB", 100_000, 1, 99_999, ""),
     ],
 )
@@ -174,13 +178,29 @@ def test_zcp_tells_below_within_above(value: int, expected: list[int]) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(-70_001, [1, 0, 0]), (-70_000, [0, 1, 0]), (0, [0, 1, 0]), (70_000, [0, 1, 0]), (70_001, [0, 0, 1])],
+)
+def test_zcp_of_32_bits_looks_at_all_of_them(value: int, expected: list[int]) -> None:
+    """Limits and value that 16 bits cannot hold, in constants and in pairs of registers."""
+    rig = Rig("LD M8000 / DZCP K-70000 K70000 D0 M0 / DZCP D2 D4 D0 M10")
+    rig.put_pair("D0", value).put_pair("D2", -70_000).put_pair("D4", 70_000).scan()
+    assert rig.bits("M0", "M1", "M2") == rig.bits("M10", "M11", "M12") == expected
+
+
 def test_zcp_with_limits_the_wrong_way_round_has_the_lower_one_twice() -> None:
     assert always("ZCP K10 K0 K5 M0").bits("M0", "M1", "M2") == [1, 0, 0]
     assert always("ZCP K10 K0 K10 M0").bits("M0", "M1", "M2") == [0, 1, 0]
 
 
 @given(st.integers(LEAST, MOST), st.integers(LEAST, MOST))
-def test_16_bit_sums_wrap_round(one: int, other: int) -> None:
-    rig = always("ADD D0 D1 D2 / SUB D0 D1 D3", D0=one, D1=other)
-    assert rig.word("D2") == one + other & 0xFFFF
-    assert rig.word("D3") == one - other & 0xFFFF
+def test_beyond_a_limit_sums_go_on_from_0_with_its_sign(one: int, other: int) -> None:
+    rig = always("ADD D0 D1 D2 / SUB D0 D1 D3 / ADD D0 D1 D4Z0", D0=one, D1=other)
+    # Counted up one by one, 32767 is followed by 0; counted down, -32768 is.
+    upwards, downwards = (
+        [*range(LEAST, MOST + 1), *range(MOST + 1)],
+        [*range(MOST, LEAST - 1, -1), *range(0, LEAST - 1, -1)],
+    )
+    for exact, device in ((one + other, "D2"), (one - other, "D3"), (one + other, "D4")):
+        assert rig.value(device) == (upwards[exact - LEAST] if exact >= 0 else downwards[MOST - exact])

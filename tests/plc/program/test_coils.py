@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from bussim.units import TICKS_PER_MS
+
 from .rigs import Rig
 
 
@@ -82,9 +84,69 @@ def test_a_reset_timer_that_stays_driven_begins_anew() -> None:
     rig = Rig("LD X0 / OUT T0 K2 / LD X1 / RST T0").scan(4, every=100, X0=1)
     assert rig.bit("T0") == 1
     assert rig.scan(X1=1, every=100).bits("T0") == [0]
-    rig.scan(2, every=100, X1=0)
+    # Its OUT stands in front of the RST that lets go of it: it begins in the scan after.
+    rig.scan(3, every=100, X1=0)
     assert (rig.word("T0"), rig.bit("T0")) == (1, 0)
     assert rig.scan(every=100).bit("T0") == 1
+
+
+@pytest.mark.parametrize(
+    "order", ["OUT {d} K2 / LD X1 / RST {d}", "OUT Y7 / LD X1 / RST {d} / LD X0 / OUT {d} K2"]
+)
+@pytest.mark.parametrize("device", ["T0", "T199", "T250", "C0", "C100", "C200", "C234"])
+def test_what_an_rst_holds_neither_counts_nor_closes(device: str, order: str) -> None:
+    rig = Rig(f"LD X0 / {order.format(d=device)}")
+    for _ in range(5):
+        rig.scan(2, every=200, X0=1, X1=1)
+        assert (rig.word(device), rig.bit(device)) == (0, 0)
+        rig.scan(every=200, X0=0)
+    rig.scan(X1=0)
+    for _ in range(3):
+        rig.scan(2, every=200, X0=1)
+        rig.scan(X0=int(device[0] == "T"))
+    assert rig.bit(device) == 1
+
+
+@pytest.mark.parametrize("device", ["C0", "C200"])
+def test_an_input_that_came_on_during_the_hold_is_no_edge_after_it(device: str) -> None:
+    rig = Rig(f"LD X1 / RST {device} / LD X0 / OUT {device} K9").scan(X1=1).scan(2, X0=1).scan(3, X1=0)
+    assert rig.word(device) == 0
+    assert rig.scan(X0=0).scan(X0=1).word(device) == 1
+
+
+@pytest.mark.parametrize("device", ["T250", "C0", "C200"])
+def test_an_rst_that_is_jumped_over_while_it_is_on_goes_on_holding(device: str) -> None:
+    text = f"LD X2 / CJ P0 / LD X1 / RST {device} / P0 / LD X0 / OUT {device} K9"
+    rig = Rig(text).scan(X1=1).scan(X1=0, X2=1)
+    for _ in range(3):
+        rig.scan(3, every=100, X0=1).scan(X0=0)
+    assert rig.word(device) == 0
+    rig.scan(X2=0)  # now the RST is carried out, with its contact off
+    assert rig.scan(3, every=100, X0=1).word(device) == (2 if device[0] == "T" else 1)
+
+
+def test_master_control_that_is_off_lets_go() -> None:
+    rig = Rig("LD X2 / MC N0 M50 / LD X1 / RST C0 / MCR N0 / LD X0 / OUT C0 K9").scan(X1=1, X2=1)
+    assert rig.scan(X0=1).scan(X0=0).word("C0") == 0
+    assert rig.scan(X2=0).scan(X0=1).word("C0") == 1
+
+
+def test_of_two_rsts_the_last_one_carried_out_decides() -> None:
+    rig = Rig("LD X1 / RST C0 / LD X2 / RST C0 / LD X0 / OUT C0 K9").scan(X1=1, X0=1)
+    assert rig.word("C0") == 1
+    assert rig.scan(X0=0, X1=0, X2=1).scan(X0=1).word("C0") == 0
+
+
+def test_run_lets_go_and_zrst_holds_nothing() -> None:
+    rig = Rig("LD X2 / CJ P0 / LD X1 / RST C100 / P0 / LD X0 / OUT C100 K9").scan(X1=1).scan(X2=1)
+    assert rig.scan(X0=1).word("C100") == 0
+    rig.run.run(round(rig.ms * TICKS_PER_MS))
+    assert rig.scan(X0=0).scan(X0=1).word("C100") == 1
+    rig = Rig("LD X1 / ZRST C0 C1 / LD X0 / OUT C0 K9 / OUT T250 K9 / LD X1 / ZRST T250 T250").scan(
+        X1=1, X0=1
+    )
+    assert rig.word("C0") == 1
+    assert rig.scan(3, every=100, X1=0).word("T250") == 2
 
 
 def test_a_jump_pauses_a_timer_but_not_those_of_subroutines() -> None:
@@ -95,6 +157,15 @@ def test_a_jump_pauses_a_timer_but_not_those_of_subroutines() -> None:
     assert (rig.word("T0"), rig.word("T192")) == (3, 9)
     rig.scan(every=100)
     assert (rig.word("T0"), rig.word("T192")) == (4, 10)
+
+
+@pytest.mark.parametrize(("timer", "goes_on"), [(191, False), (192, True), (199, True), (200, False)])
+def test_the_timers_of_subroutines_are_t192_to_t199(timer: int, goes_on: bool) -> None:
+    unit = 100 if timer < 200 else 10
+    rig = Rig(f"LD X1 / CJ P0 / LD X0 / OUT T{timer} K90 / P0").scan(4, every=unit, X0=1)
+    assert rig.word(f"T{timer}") == 3
+    rig.scan(5, every=unit, X1=1)
+    assert rig.scan(every=unit, X1=0).word(f"T{timer}") == (9 if goes_on else 3)
 
 
 def test_a_scan_that_takes_several_units_counts_them_all() -> None:

@@ -102,6 +102,23 @@ def test_bmov_of_groups_moves_group_after_group() -> None:
     assert sum(rig.bit(f"M{n}") << n for n in range(12)) == 0x32F
 
 
+def test_m8024_turns_bmov_round() -> None:
+    rig = Rig("LD X0 / OUT M8024 / LD M8000 / BMOV D0 D10 K3").put(D0=1, D1=2, D2=3, D10=7, D11=8, D12=9)
+    rig.scan(X0=1)
+    assert [rig.word(f"D{n}") for n in (0, 1, 2, 3, 10, 11, 12)] == [7, 8, 9, 0, 7, 8, 9]
+    rig.put(D0=1).scan(X0=0)
+    assert [rig.word(f"D{n}") for n in (0, 1, 2, 10, 11, 12, 13)] == [1, 8, 9, 1, 8, 9, 0]
+    rig = Rig("LD M8000 / SET M8024 / BMOV K1M0 K1M10 K2").scan(M11=1, M17=1)
+    assert sum(rig.bit(f"M{n}") << n for n in range(9)) == 0x82
+
+
+def test_bmov_that_is_turned_round_has_its_errors_too() -> None:
+    rig = Rig("LD M8000 / SET M8024 / BMOV K1X0 D0 K1").put(D0=5).scan()
+    assert (rig.error(), rig.bits("X0", "X2")) == (6706, [0, 0])
+    rig = Rig("LD M8000 / SET M8024 / BMOV D0 D8250 D9").put(D9=7, D8250=5).scan()
+    assert (rig.error(), rig.word("D0")) == (6706, 0)
+
+
 @pytest.mark.parametrize("count", [0, -1, 513])
 def test_a_count_out_of_range_is_an_error(count: int) -> None:
     rig = always("BMOV D0 D1 D9", D0=5, D9=count)

@@ -80,6 +80,18 @@ def test_run_clears_outputs_timers_and_edges_and_keeps_registers() -> None:
     assert rig.bits("Y0", "M0", "S0") == [0, 1, 1]
 
 
+def test_which_timers_and_counters_run_clears() -> None:
+    """T0–T245, C0–C99 and C200–C219; the others are latched."""
+    cleared = ["T0", "T245", "C0", "C99", "C200", "C219"]
+    latched = ["T246", "T255", "C100", "C199", "C220", "C234"]
+    rig = Rig("LD X0 / OUT Y0").put(**dict.fromkeys(cleared + latched, 5))
+    rig.scan(**dict.fromkeys(cleared + latched, 1))
+    rig.run.stop()
+    rig.run.run(round(rig.ms * TICKS_PER_MS))
+    assert [(rig.word(name), rig.bit(name)) for name in cleared] == [(0, 0)] * 6
+    assert [(rig.word(name), rig.bit(name)) for name in latched] == [(5, 1)] * 6
+
+
 def test_time_between_stop_and_run_is_not_counted_by_timers() -> None:
     rig = Rig("LD X0 / OUT T250 K90").scan(4, every=100, X0=1)
     rig.run.stop()
@@ -215,6 +227,9 @@ def test_what_a_program_writes() -> None:
     )
     written = [(extent.letter, extent.first, extent.last) for extent in program.writes()]
     assert written == [("M", 5, 5), ("M", 8, 15), ("D", 10, 11), ("D", 20, 21), ("D", 40, 47)]
+    program = Program.parse("LD X0\nOUT M8024\nBMOV D0 D40 D9\nBMOV K1X0 D50 K1\nEND", "p")
+    written = [(extent.letter, extent.first, extent.last) for extent in program.writes()]
+    assert written == [("M", 8024, 8024), ("D", 0, 0), ("D", 40, 40), ("D", 50, 50)]
 
 
 @pytest.mark.parametrize(
@@ -228,6 +243,27 @@ def test_program_steps(text: str, steps: int) -> None:
     front = "" if text.startswith("LD") else "LD M8000\n"
     back = "\nOUT Y1\nEND" if text.startswith("LD") else "\nEND"
     assert Program.parse(front + text + back, "p").steps == steps + 2
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("LD X0\nSET M8034\nSET M8034\nEND", ["p.il:2:1: M8034, which switches all outputs off, is not simulated: it changes nothing here"]),
+        ("LD X0\nMOV D0 K2M8032\nEND", [f"p.il:2:1: M{n}, which {what}, is not simulated: it changes nothing here" for n, what in
+         ((8032, "clears what is latched"), (8033, "keeps the outputs in STOP"), (8034, "switches all outputs off"), (8035, "with M8036 and M8037 forces RUN and STOP"),
+          (8036, "forces RUN"), (8037, "forces STOP"), (8039, "makes the scan last as long as D8039 says"))]),
+        ("LD X0\nOUT M8160\nXCHP D0 D1\nEND", ["p.il:2:1: M8160, which makes XCH swap bytes, is not simulated: it changes nothing here"]),
+        ("LD X0\nOUT M8160\nMOV D0 D1\nEND", []),
+        ("LD X0\nRST M8160\nXCHP D0 D1\nEND", []),
+        ("LD M8160\nXCHP D0 D1\nEND", []),
+        ("LD X0\nSET M8161\nRS2 D0 K1 D9 K1 K3\nEND", ["p.il:2:1: M8161, the 8-bit mode, is not simulated: it changes nothing here; RS2 has that of the format word which CPAVL takes"]),
+        ("LD X0\nSET M8028\nOUT T62 K1\nEND", ["p.il:2:1: M8028, which on some PLCs makes T32–T62 timers of 10 ms, is not simulated: it changes nothing here"]),
+        ("LD X0\nSET M8028\nOUT T63 K1\nEND", []),
+        ("LD X0\nSET M8024\nBMOV D0 D1 K2\nEND", []),
+    ],
+)  # fmt: skip
+def test_special_bits_that_change_nothing_are_a_warning(text: str, expected: list[str]) -> None:
+    assert [str(problem) for problem in Program.parse(text, "p.il").warnings] == expected
 
 
 def test_two_coils_are_a_warning() -> None:

@@ -15,6 +15,11 @@ from .rigs import Rig, always, problems
         ("ROL D0 K4", 0x0FFF, 0xFFF0, 0),
         ("ROR D0 K1", 0x8001, 0xC000, 1),
         ("ROR D0 K4", 0x00F0, 0x000F, 0),
+        # The last bit that went round at the right end: bit n-1 of what was there.
+        ("ROR D0 K1", 0x7FFE, 0x3FFF, 0),
+        ("ROR D0 K4", 0x0008, 0x8000, 1),
+        ("ROR D0 K4", 0xFFF7, 0x7FFF, 0),
+        ("ROR D0 K16", 0x7FFF, 0x7FFF, 0),
         ("ROR D0 K16", 0x8123, 0x8123, 1),
         ("ROL D0 K16", 0x8123, 0x8123, 1),
     ],
@@ -29,6 +34,10 @@ def test_rotations_of_32_bits_and_of_groups() -> None:
     assert (rig.pair("D0"), rig.bit("M8022")) == (0x34567812, 0)
     rig = Rig("LD M8000 / RORP K4Y0 K1").scan(Y0=1)
     assert rig.bits("Y0", "Y17", "M8022") == [0, 1, 1]
+    rig = Rig("LD M8000 / DROR D0 K20").put_pair("D0", 1 << 19).scan()
+    assert (rig.word("D0"), rig.word("D1"), rig.bit("M8022")) == (0, 0x8000, 1)
+    rig = Rig("LD M8000 / DROR D0 K20").put_pair("D0", 1 << 20).scan()
+    assert (rig.pair("D0"), rig.bit("M8022")) == (1, 0)
     assert "K4" in problems("LD X0 / ROR K2Y0 K1 / END")[0]
 
 

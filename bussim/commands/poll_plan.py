@@ -1,0 +1,39 @@
+"""What a session of ``bussim poll`` is to do, whether options or a scenario say it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bussim.engines.modbus.adu import Mode
+    from bussim.engines.modbus.polls import Poll
+    from bussim.line.characters import LineTiming
+    from bussim.live.options import PortOptions
+    from bussim.live.values import Form
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A poll as it is asked for and shown."""
+
+    poll: Poll
+    name: str
+    first: int  # number of its first item as the user counts
+    form: Form | None  # None: coils
+    big: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All that a poll session needs. Times in ticks."""
+
+    url: str
+    mode: Mode
+    line: LineTiming
+    polls: tuple[Planned, ...]
+    timeout: int
+    interval: int
+    rounds: int | None
+    options: PortOptions
+    turnaround: int | None = None  # after a broadcast; None: as usual
