@@ -29,24 +29,18 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
         padding=(0, 2),
     )
     table.add_column("from, to")
-    for name in (
-        "scan",
-        "turn",
-        "wire",
-        "destination",
-        "output",
-        "program",
-        "no error",
-        "1 lost reply",
-        "every retry",
-    ):
+    parts = ["scan", "turn", "wire", "destination", "output"]
+    if any(bound.program for bound in bounds.values()):
+        parts.append("program")
+    for name in (*parts, "no error", "1 lost reply", "every retry"):
         table.add_column(Text(name), justify="right")
     for name, bound in bounds.items():
         if bound.valid:
-            parts = [bound.scan, bound.turn, bound.wire, bound.destination, bound.output, bound.program]
             lost = [bound.lost(1), bound.every_retry] if bound.link_scan else []
             label = f"{name} (age)" if bound.word else name
-            table.add_row(Text(label), *map(cell, (*parts, bound.no_error, *lost)))
+            table.add_row(
+                Text(label), *map(cell, (*(getattr(bound, part) for part in parts), bound.no_error, *lost))
+            )
     if table.row_count:
         console.print(table)
     for name, bound in bounds.items():

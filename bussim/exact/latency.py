@@ -233,7 +233,7 @@ def _passage(way: Way, blocks: Sequence[BlockPlace]) -> Passage:
     own, copy = blocks
     if not way.word:
         return passage_of(way, own, copy.word - own.word)
-    source, target = parse_device(way.entry.source), parse_device(way.entry.target)
+    source, target = (parse_device(name, observed=True) for name in (way.entry.source, way.entry.target))
     meant = Device("D", source.address - own.word + copy.word)
     if not own.holds(source):
         return Passage(reasons=(f"{source} is not in the block of {way.source.name}, whose age is measured",))

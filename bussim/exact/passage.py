@@ -121,7 +121,9 @@ def passage_of(way: Way, block: BlockPlace | None, shift: int = 0) -> Passage:
     """
     plcs = (way.source,) if way.bus is None else (way.source, way.target)
     sides = tuple(_Side(plc.name, plc.longest_scan, Signals(plc.program)) for plc in plcs)
-    source, target = (Key.of(parse_device(name)) for name in (way.entry.source, way.entry.target))
+    source, target = (
+        Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
+    )
     search = _Search(way, sides, block, shift, source, target)
     written = [at.number for at in sides[0].signals.written(source)]
     if not written or way.entry.source in way.source.sources:

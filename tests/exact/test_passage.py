@@ -66,6 +66,7 @@ def bound(send: str = SEND, show: str = SHOW, **entry: Any) -> LatencyBound:
         ),
         ("LD M1000\nMOV K1 K1Y0\n", "what MOV at line 2 has written is kept while its condition is off (b)"),
         ("LD M8000\nMOVP K1M1000 K1Y0\n", "MOVP at line 2 acts once for each change of its condition (b)"),
+        ("LD M8000\nSET M8024\nBMOV K1Y0 K1M1000 K1\n", "M8024 may turn BMOV at line 3 round (b)"),
         ("LD M8000\nADD K1M1000 K1 K1Y0\n", "ADD at line 2 makes another value of it (b)"),
         ("LD M8000\nMOV K1M1000 D0\nLD= D0 K1\nOUT Y0\n", "LD= at line 3 compares values (b)"),
         ("LD M1000\nOR M0\nOUT M0\nLD M0\nOUT Y0\n", "M0 acts on itself: it may hold its level"),

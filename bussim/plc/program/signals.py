@@ -100,6 +100,8 @@ class Signals:
         #: Instructions that write where an index register decides.
         self.indexed: list[Instruction] = []
         self._jumps: list[tuple[int, int, Instruction]] = []
+        #: Whether a BMOV may write its source.
+        self._turns = program is not None and program.turns_bmov
         if program is not None:
             self._read(program)
 
@@ -144,7 +146,8 @@ class Signals:
     def _reading(self, at: Instruction, place: int) -> None:
         for extent in extents(at):
             # INC and the like read what they write.
-            if extent.writes and at.spec.name in (*_COPIES, *_KEEPS, *_PULSES, "OUT"):
+            alone = at.spec.name in (*_COPIES, *_KEEPS, *_PULSES, "OUT")
+            if extent.writes and alone and not self._turned(at):
                 continue
             if extent.last - extent.first >= _FEW:
                 self._wide.append((extent, place, at))
@@ -158,7 +161,10 @@ class Signals:
             for slot, operand in zip(at.spec.slots, at.operands, strict=False)
         ):
             self.indexed.append(at)
-        self._writes += [(extent, at) for extent in extents(at) if extent.writes]
+        self._writes += [(extent, at) for extent in extents(at, both_ways=self._turns) if extent.writes]
+
+    def _turned(self, at: Instruction) -> bool:
+        return self._turns and at.spec.name == "BMOV"
 
     def _constant(self, condition: Condition) -> bool | None:
         match condition:
@@ -250,15 +256,20 @@ class Signals:
             reason = f"{at.name} at line {at.line} acts once for each change of its condition"
         elif at.spec.name == "OUT":
             reason = f"{at.operands[0].text} at line {at.line} has it as its preset"
+        elif self._turned(at):
+            reason = f"M8024 may turn BMOV at line {at.line} round"
         elif at.spec.name not in _COPIES:
             reason = f"{at.name} at line {at.line} makes another value of it"
         level = point.level ^ (at.spec.name == "CML")
         for key in self._copied(at, point.key):
             yield Step(Point(key, at.number, level), later, reason, gates)
 
-    @staticmethod
-    def _copied(at: Instruction, read: Key | None) -> Iterator[Key]:
+    def _copied(self, at: Instruction, read: Key | None) -> Iterator[Key]:
         found = extents(at)
+        if self._turned(at):
+            for extent in found:
+                yield from _keys(extent)
+            return
         sources = [extent for extent in found if not extent.writes]
         targets = [extent for extent in found if extent.writes]
         if at.spec.name in ("MOV", "CML", "BMOV") and len(targets) == 1 and sources and read is not None:
