@@ -151,6 +151,8 @@ class Errors:
         found, since = cls([], [], [], {}), dict[int, int]()
         for attempt in kept.of(AttemptRecord):
             station = attempt.station
+            if not model.station(station).alive:
+                continue  # one that never answers belongs to the link
             if not attempt.code:
                 if station in since:
                     found.flags.append((since.pop(station), attempt.end))
@@ -234,7 +236,9 @@ def test_with_lost_replies_none_is_longer_than_the_bound_for_so_many(
     assert worst["every retry"] > 0.1
 
 
-def tiny(name: str, losses: dict[int, int] | None = None, *, retries: int = 0, **more: Any) -> Scenario:
+def tiny(
+    name: str, losses: dict[int, int] | None = None, *, retries: int = 0, slaves: int = 3, **more: Any
+) -> Scenario:
     """Two PLCs with scans of a millisecond, and two others: what delays is the link.
 
     Every 1.5 s stations lose so many replies in a row (``losses``), and inputs change at that moment.
@@ -249,7 +253,11 @@ def tiny(name: str, losses: dict[int, int] | None = None, *, retries: int = 0, *
                 "bus": "link",
                 "port": "COM4",
                 "station": number,
-                **({"slaves": 3, "mode": 1, "retries": retries, "timeout": "50 ms"} if not number else {}),
+                **(
+                    {"slaves": slaves, "mode": 1, "retries": retries, "timeout": "50 ms"}
+                    if not number
+                    else {}
+                ),
             },
             "inputs": {"X0": {"times": moments} if moments else {"square": "213.7 ms"}},
             **({"program": text} if number in (0, 3) else {}),
@@ -284,6 +292,12 @@ def test_a_flag_that_is_still_on_costs_a_parameter_frame(monkeypatch: pytest.Mon
     assert worst["no error"] > 0.95
     assert worst["0 lost"] * bound.lost(0) > bound.no_error
     assert worst["1 lost"] > 0.8
+
+
+def test_a_station_that_never_answers_belongs_to_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    worst = judge(monkeypatch, tiny("one absent, one noisy station", slaves=4))
+    assert worst["no error"] > 0.9
+    assert worst["1 lost"] > 0.7
 
 
 @pytest.mark.parametrize(
