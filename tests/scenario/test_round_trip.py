@@ -373,7 +373,7 @@ def _scenarios(draw: st.DrawFn) -> dict[str, Any]:
     }
 
 
-@PATIENT
+@settings(PATIENT, max_examples=60)
 @given(_scenarios())
 def test_any_scenario_is_the_same_after_writing_and_reading(data: dict[str, Any]) -> None:
     first = from_data(data)
