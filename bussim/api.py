@@ -18,6 +18,7 @@ from bussim.errors import UsageError
 from bussim.results.collector import Collector, Rows
 from bussim.results.files import RunFolder
 from bussim.results.latency import LatencySpec, Route
+from bussim.results.latency_text import LatencyBounds
 from bussim.results.load import FolderRows, load_run
 from bussim.results.memory import MemoryRows
 from bussim.results.record import RunRecord
@@ -119,8 +120,8 @@ def _simulate(
     return totals, collector.run(totals, scenario=scenario.name, seed=scenario.seed, bounds=bounds)
 
 
-def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, dict[str, int]]]:
-    """What is to be measured between devices, and what it may be at worst (in ticks, by entry and case)."""
+def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBounds]]:
+    """What is to be measured between devices, and what it may be at worst, by entry."""
     if not scenario.latency:
         return [], {}
     from bussim.exact.latency import bounds_of
@@ -141,4 +142,7 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, dict[str,
         )
         for way in ways(scenario)
     ]
-    return specs, {name: bound.cases() for name, bound in bounds_of(scenario).items()}
+    return specs, {
+        name: LatencyBounds(bound.cases(), bound.reasons, bound.caveats)
+        for name, bound in bounds_of(scenario).items()
+    }

@@ -29,24 +29,31 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
         padding=(0, 2),
     )
     table.add_column("from, to")
-    for name in ("scan", "turn", "wire", "destination", "output", "no error", "1 lost reply", "every retry"):
+    parts = ["scan", "turn", "wire", "destination", "output"]
+    if any(bound.program for bound in bounds.values()):
+        parts.append("program")
+    for name in (*parts, "no error", "1 lost reply", "every retry"):
         table.add_column(Text(name), justify="right")
     for name, bound in bounds.items():
         if bound.valid:
-            parts = [bound.scan, bound.turn, bound.wire, bound.destination, bound.output]
             lost = [bound.lost(1), bound.every_retry] if bound.link_scan else []
             label = f"{name} (age)" if bound.word else name
-            table.add_row(Text(label), *map(cell, (*parts, bound.no_error, *lost)))
+            table.add_row(
+                Text(label), *map(cell, (*(getattr(bound, part) for part in parts), bound.no_error, *lost))
+            )
     if table.row_count:
         console.print(table)
     for name, bound in bounds.items():
-        for reason in bound.reasons:
-            console.print(Text(f"  {name}: no bound: {reason}"))
-    longest = max((bound.link_scan for bound in bounds.values() if bound.valid), default=0)
-    if longest:
+        for said in [f"no bound: {reason}" for reason in bound.reasons] or bound.caveats:
+            console.print(Text(f"  {name}: {said}"))
+    linked = [bound for bound in bounds.values() if bound.valid and bound.link_scan]
+    if linked:
+        longest = cell(max(bound.missed for bound in linked))
         console.print(
             Text(
-                "  A program that passes a signal on later than in the scan that reads it, and a frame that "
-                f"only the target misses ({cell(longest)} ms), add to it."
+                "  no error: nor is a station's error flag still on at the change, which would cost "
+                f"{cell(max(bound.parameters for bound in linked))} ms. every retry: the source is in error "
+                "for one link scan and answers the last attempt of the next, any reply of all others may be "
+                f"lost. A frame that only the target misses adds up to {longest} ms."
             )
         )

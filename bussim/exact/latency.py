@@ -2,26 +2,43 @@
 
 A change waits for at most two scans of its PLC (one that begins too early to see it, one that carries it
 out), then for the next data frame of its station, at most one link scan away; the frame is on the wire;
-the destination's END comes at most one scan later, and its output another one. Each program is taken to
-pass the signal on in the scan that reads it: what it delays longer is to be added.
+the destination's END comes at most one scan later, and its output another one. A rung that stands in front
+of the one whose result it reads costs a scan more (:mod:`bussim.exact.passage`). The age of a word is at
+most that of an image taken one scan before its frame began, when the next frame is complete.
 
-A lost reply, of whatever station, makes the master wait for its timeout and poll again. Where the
-source itself spends all its attempts its data go out only in the next link scan. A frame that only the
-target misses is repeated by nobody: each such one adds a link scan.
+**What the cases mean.** The *window* of a change lasts from the change to its output (of a word: from the
+END that left it to the one that reads it). An attempt counts as a lost reply if it fails and any part of it,
+from the quiet time before its poll to its end, lies in the window. A station's *flag* is on from the end of
+an exchange that has spent all its attempts to its next good one; a scan that begins while any is on has a
+parameter frame in front. Stations that never answer belong to the link, not to its errors.
 
-The age of a word is at most that of an image taken one scan before its frame began, when the next frame
-is complete.
+- *no error*: no lost reply, and at the change no station's flag is on. So from the link's first scan on
+  until anything is lost, and again once everybody has answered.
+- *e lost replies*, of whatever stations: e lost replies; flags may be on from before. With e = 0 that is a
+  parameter frame more than without error. Whenever the source itself has spent all its attempts (under
+  ``absent_station: probe`` with its flag on: the one that it gets), its data wait for another link scan.
+- *every retry spent*: any reply of any station may be lost, all attempts in every scan; only of the source
+  is it assumed how often: its exchange spends all its attempts without an answer once, it is in error, and
+  in the next scan it answers the last attempt that it gets. (Under ``probe`` with its flag on it gets one
+  attempt a scan: it spends as many scans as there are attempts.) A master has no exchange of its own: for
+  one the case has no assumption. A source that is in error for longer sends nothing for as long.
+
+Nobody repeats a frame that only the target misses: each such one adds :attr:`LatencyBound.missed`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bussim.engines.nn.frames import MODES
 from bussim.exact.link import MASTER, LinkModel
 from bussim.exact.outages import clean_scan
+from bussim.exact.passage import Passage, passage_of
 from bussim.exact.reading import from_scenario
 from bussim.plc.board import D_STATION, setting_values
+from bussim.plc.memory import BlockPlace, Device, block_place, parse_device
+from bussim.plc.profiles import AbsentStation
 from bussim.scenario.model import Plc, Scenario
 from bussim.scenario.ways import Way, ways
 from bussim.units import milliseconds
@@ -34,10 +51,13 @@ NO_ERROR, EVERY_RETRY = "no error", "every retry spent"
 class LatencyBound:
     """Of one entry: what its parts are at most. Nothing but ``reasons`` counts where it is not ``valid``.
 
-    ``scan``, ``wire``, ``destination`` and ``output`` are those of :data:`bussim.results.latency.PARTS`;
-    ``turn`` is without error. ``silent`` is what a lost reply costs, ``link_scan`` the longest link scan
-    without error, ``answered`` what of it the source's own exchange takes (0 for the master),
-    ``parameters`` a parameter frame, ``alive`` how many slaves answer. Both PLCs one and the same: no link.
+    ``scan``, ``wire``, ``destination`` and ``output`` are those of ``bussim.results.latency.PARTS``;
+    ``turn`` is without error; ``program`` the scans that programs take beyond these, wherever they show.
+    ``silent`` is what a lost reply costs, ``link_scan`` the longest link scan without error, ``answered``
+    what of it the source's own exchange takes (0 for the master), ``others`` those of the other slaves that
+    answer, ``parameters`` a parameter frame where not every scan has one anyway, ``probe`` whether a station
+    whose flag is on gets one attempt only. ``gates`` are what must let the signal through. Both PLCs one and
+    the same: no link, ``link_scan`` is 0.
     """
 
     name: str
@@ -47,13 +67,16 @@ class LatencyBound:
     wire: int = 0
     destination: int = 0
     output: int = 0
+    program: int = 0
     link_scan: int = 0
     silent: int = 0
     answered: int = 0
+    others: tuple[int, ...] = ()
     parameters: int = 0
-    alive: int = 0
     attempts: int = 1
+    probe: bool = False
     reasons: tuple[str, ...] = ()
+    gates: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -62,26 +85,51 @@ class LatencyBound:
         return not self.reasons
 
     @property
+    def caveats(self) -> tuple[str, ...]:
+        """What the bound leaves out or takes for granted, in words."""
+        gates = [f"holds as long as {', '.join(self.gates)} let it through"] if self.gates else []
+        return (*gates, *self.notes)
+
+    @property
     def no_error(self) -> int:
         """Without any error."""
-        return self.scan + self.turn + self.wire + self.destination + self.output
+        return self.scan + self.turn + self.wire + self.destination + self.output + self.program
+
+    @property
+    def missed(self) -> int:
+        """What each frame that only the target misses adds, without further errors."""
+        return self.link_scan + self.parameters
 
     def lost(self, replies: int) -> int:
-        """With so many lost replies, of whatever stations, while it is under way."""
-        if not replies or not self.link_scan:
+        """With so many lost replies, of whatever stations, flags may be on from before."""
+        if not self.link_scan:
             return self.no_error
-        longer = replies * self.silent
-        if replies < self.attempts:
-            return self.no_error + longer
-        # A station is in error, and then parameter frames go out; or it is the source itself.
-        silences = replies // self.attempts if self.answered else 0
-        flagged = max(1, replies // self.attempts) * self.parameters
-        return self.no_error + longer + flagged + silences * (self.link_scan - self.answered)
+        longer = self.no_error + self.parameters + replies * self.silent
+        if not self.answered:
+            # Of one scan: what is beyond the last retries leaves stations unanswered.
+            unanswered = max(0, replies - len(self.others) * (self.attempts - 1))
+            return min(longer - unanswered * min(self.others, default=0), self.every_retry)
+        without = replies if self.probe else replies // self.attempts  # exchanges of the source
+        return longer + without * (self.link_scan - self.answered + self.parameters)
 
     @property
     def every_retry(self) -> int:
-        """With every retry of every station spent, and each answered by the last of them."""
-        return self.no_error + self.alive * (self.attempts - 1) * self.silent
+        """With every retry of every station spent; the source once in vain, and then up to the last."""
+        if not self.link_scan:
+            return self.no_error
+        spent = self.attempts * self.silent
+        last = spent - self.silent  # up to an answer to the last attempt
+        if not self.answered:
+            scans, own = 1, 0
+        elif self.probe:
+            scans, own = self.attempts + 1, spent + self.answered
+        else:
+            scans, own = 2, spent + last + self.answered
+        bare = self.link_scan - self.answered - sum(self.others) + self.parameters
+        # A flag that is on costs one attempt under probe: answering the last attempt each time costs more.
+        each = [max(self.silent, last + other) if self.probe else spent for other in self.others]
+        others = sum(spent + (scans - 1) * other for other in each)
+        return self.no_error - self.link_scan + scans * bare + own + others
 
     def cases(self) -> dict[str, int]:
         """The bounds by case; empty where there are none."""
@@ -96,18 +144,19 @@ class LatencyBound:
 
     def to_json(self) -> dict[str, object]:
         """One entry of the JSON form, times in ms."""
-        parts = ("scan", "turn", "wire", "destination", "output")
+        parts = ("scan", "turn", "wire", "destination", "output", "program")
         return {
             "valid": self.valid,
             "reasons": list(self.reasons),
-            "notes": list(self.notes),
+            "gates": list(self.gates),
+            "notes": list(self.caveats),
             "kind": "age of a word" if self.word else "change of a bit",
             "no_error_ms": _ms(self.no_error) if self.valid else None,
-            "lost_replies_ms": {str(number): _ms(self.lost(number)) for number in range(1, self.attempts + 1)}
+            "lost_replies_ms": {str(number): _ms(self.lost(number)) for number in range(self.attempts + 1)}
             if self.valid and self.link_scan
             else {},
             "every_retry_ms": _ms(self.every_retry) if self.valid else None,
-            "missed_frame_ms": _ms(self.link_scan) if self.valid and self.link_scan else None,
+            "missed_frame_ms": _ms(self.missed) if self.valid and self.link_scan else None,
             "parts_ms": {part: _ms(getattr(self, part)) for part in parts} if self.valid else {},
         }
 
@@ -126,29 +175,38 @@ def bounds_of(scenario: Scenario) -> dict[str, LatencyBound]:
 
 
 def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
-    name, source, target = way.entry.name, way.source, way.target
+    name, source, target, word = way.entry.name, way.source, way.target, way.word
     reasons = [
         f"the longest scan of {plc.name} cannot be told: its program has loops, subroutines or jumps back"
         for plc in ((source,) if source is target else (source, target))
         if plc.instruction_time is None
     ]
-    from_input = way.entry.source.startswith("X")
-    scan = 2 * source.longest_scan if from_input else 0
+    scan = 2 * source.longest_scan if way.entry.source.startswith("X") else 0
     if way.bus is None:
-        output = 0 if from_input else source.longest_scan
-        return LatencyBound(name, way.word, scan=scan, output=output, reasons=tuple(reasons))
+        found = passage_of(way, None)
+        reasons += found.reasons
+        return LatencyBound(
+            name, word, scan=scan, program=found.scans, reasons=tuple(reasons), gates=found.gates
+        )
     model = models[way.bus]
     reasons += _obstacles(way, model)
-    if reasons:
-        return LatencyBound(name, way.word, reasons=tuple(reasons), notes=model.notes)
-    parameters = model.parameters_cost
-    link_scan = clean_scan(model, slowest=True) + (parameters if model.dead else 0)
     number = _number(source)
-    answered = 0
-    if number != MASTER:
-        station = model.station(number)
-        answered = model.answered(station) - station.extra + station.slowest
-    word = way.word
+    found = Passage()
+    if not reasons:
+        kind = MODES[model.mode]
+        found = _passage(
+            way,
+            [
+                block_place(number, kind.bits, kind.words, plc.profile.word_spacing)
+                for plc in (source, target)
+            ],
+        )
+        reasons += found.reasons
+    if reasons:
+        return LatencyBound(name, word, reasons=tuple(reasons), notes=model.notes)
+    parameters = model.parameters_cost
+    link_scan = clean_scan(model, slowest=True)
+    answered = {s.number: model.answered(s) - s.extra + s.slowest for s in model.alive}
     return LatencyBound(
         name,
         word,
@@ -157,14 +215,35 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
         wire=way.frame,
         destination=link_scan if word else target.longest_scan,
         output=0 if word or way.direct else target.longest_scan,
+        program=found.scans,
         link_scan=link_scan,
         silent=model.silent_cost,
-        answered=answered,
+        answered=answered.pop(number, 0),
+        others=tuple(answered.values()),
         parameters=0 if model.dead else parameters,
-        alive=len(model.alive),
         attempts=model.attempts,
+        probe=model.absent is AbsentStation.PROBE,
+        gates=found.gates,
         notes=model.notes,
     )
+
+
+def _passage(way: Way, blocks: Sequence[BlockPlace]) -> Passage:
+    """Through the programs; ``blocks`` are the source's own in each of the two PLCs."""
+    own, copy = blocks
+    if not way.word:
+        return passage_of(way, own, copy.word - own.word)
+    source, target = (parse_device(name, observed=True) for name in (way.entry.source, way.entry.target))
+    meant = Device("D", source.address - own.word + copy.word)
+    if not own.holds(source):
+        return Passage(reasons=(f"{source} is not in the block of {way.source.name}, whose age is measured",))
+    if target != meant:
+        return Passage(
+            reasons=(
+                f"the age of {meant} in {way.target.name} is measured; that of {target} its program decides",
+            )
+        )
+    return Passage()
 
 
 def _number(plc: Plc) -> int:

@@ -14,6 +14,7 @@ from bussim.report.words import ms
 from bussim.results.latency import PARTS, LatencyRecord
 from bussim.results.latency_text import (
     PART_NAMES,
+    bound_caveats,
     counts_in_words,
     edge_in_words,
     shown_bounds,
@@ -86,6 +87,7 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     label = f"{_heading(name, entry)}, {edge_in_words(entry)}"
     if times["max"] is None:
         yield f"{label}: nothing arrived ({counts_in_words(entry)})."
+        yield from (f"{name}, at worst: {caveat}." for caveat in bound_caveats(entry))
         return
     usual = times["p50"] if times["p50"] is not None else times["mean"]
     how = (
@@ -96,6 +98,8 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     cases = [f"{ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
     if cases:
         yield f"At worst {name} {'is as old as' if word else 'takes'} {', '.join(cases)}."
+    for caveat in bound_caveats(entry):
+        yield f"{name}, at worst: {caveat}."
 
 
 def _heading(name: str, entry: Mapping[str, Any]) -> str:
@@ -132,14 +136,15 @@ def bounds(source: Source) -> Table:
         cells = [
             found(source.summary, "latency", name, "bound_ms", case, decimals=3)
             if case in known
-            else Cell(NONE, title="no bound in closed form")
+            else Cell(NONE, title="; ".join(entry.get("bound_reasons", ["no bound in closed form"])))
             for case in cases
         ]
         if cells:
             rows.append((name, cells))
     note = (
-        "In closed form, for the stretches without faults. A frame that only the target misses, and a "
-        "program that passes a signal on later than in the scan that reads it, add to it."
+        "In closed form, for the stretches without faults. No error: nor is an error flag still on at the "
+        "change. Every retry spent: the source is in error for one link scan and answers the last attempt of "
+        "the next, any reply of all others may be lost. A frame that only the target misses adds to it."
     )
     return Table("At worst (ms)", ["entry", *cases], rows, note)
 

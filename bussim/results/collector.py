@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from bussim.results.latency import LatencyMeter, LatencySpec
+from bussim.results.latency_text import LatencyBounds
 from bussim.results.ports import PortMeter, PortRecord
 from bussim.results.record import LinkRecord, RunRecord, ScanTimes
 from bussim.results.refresh import RefreshMeter
@@ -238,11 +239,11 @@ class Collector:
         *,
         scenario: str,
         seed: int,
-        bounds: Mapping[str, Mapping[str, int]] | None = None,
+        bounds: Mapping[str, LatencyBounds] | None = None,
     ) -> RunRecord:
         """The whole run; ``scenario`` is the scenario's name.
 
-        ``bounds`` are what a latency may be at worst, by entry and case, in ticks.
+        ``bounds`` are what a latency may be at worst, by entry.
         """
         for plc in list(self._single_ends):
             self._tell_ends(plc)

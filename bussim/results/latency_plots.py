@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Literal
 
 from matplotlib.axes import Axes
@@ -14,7 +15,7 @@ from bussim.errors import UsageError
 from bussim.results.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
 from bussim.results.histogram import BIN_TICKS, Histogram
 from bussim.results.latency import PARTS, LatencyRecord
-from bussim.results.latency_text import PART_NAMES, counts_in_words, shown_bounds, told_bounds
+from bussim.results.latency_text import PART_NAMES, bound_caveats, counts_in_words, shown_bounds, told_bounds
 from bussim.results.plots import caption, run_labels
 from bussim.results.record import RunRecord
 from bussim.results.style import (
@@ -32,6 +33,8 @@ from bussim.units import TICKS_PER_MS, milliseconds
 
 #: Longest label of a run beside its bars.
 _LONGEST_LABEL = 22
+#: Characters in a line of what must be told beside the bounds.
+_CAVEAT_WIDTH = 60
 #: The columns of a picture where a few latencies lie far from the others.
 _USUAL, _ALL = "the usual ones", "all"
 
@@ -154,23 +157,35 @@ def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[
         _Mark(bound, f"at worst with {case}: {bound:.3f} ms", LAW, "-", 2 if number == 0 else 1)
         for number, (case, bound) in enumerate(near.items())
     ]
-    return marks + [
-        _Mark(bound, f"at worst with {case}: {bound:.3f} ms, beyond this axis", LAW, "", 0)
-        for case, bound in told_bounds(summary).items()
-        if case not in near
-    ]
+    return (
+        marks
+        + [
+            _Mark(bound, f"at worst with {case}: {bound:.3f} ms, beyond this axis", LAW, "", 0)
+            for case, bound in told_bounds(summary).items()
+            if case not in near
+        ]
+        + _caveats([summary])
+    )
+
+
+def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
+    """Lines of text: what must be told beside the bounds, each once."""
+    found = dict.fromkeys(said for summary in summaries for said in bound_caveats(summary))
+    return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), LAW, "", 0) for said in found]
 
 
 def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
     """The bound without error of each run in its colour, or of all of them where it is the same."""
     bounds = [next(iter(shown_bounds(summary).items()), None) for summary in summaries]
     if len(set(bounds)) == 1:
-        return [_bound_mark(bound, GREY, "") for bound in bounds[:1] if bound is not None]
-    return [
-        _bound_mark(bound, RUNS[number], f" ({number + 1})")
-        for number, bound in enumerate(bounds)
-        if bound is not None
-    ]
+        marks = [_bound_mark(bound, GREY, "") for bound in bounds[:1] if bound is not None]
+    else:
+        marks = [
+            _bound_mark(bound, RUNS[number], f" ({number + 1})")
+            for number, bound in enumerate(bounds)
+            if bound is not None
+        ]
+    return marks + _caveats(summaries)
 
 
 def _bound_mark(bound: tuple[str, float], colour: str, of: str) -> _Mark:

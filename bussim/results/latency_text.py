@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from bussim.results.latency import PARTS, LatencyRecord
 from bussim.results.numbers import counted, ms, s, statistics
@@ -20,8 +20,16 @@ PART_NAMES = {
 _SHOWN_BOUNDS = ("no error", "1 lost reply", "every retry spent")
 
 
-def latency_summary(record: LatencyRecord, bounds: Mapping[str, int] | None) -> dict[str, Any]:
-    """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, by case, in ticks."""
+class LatencyBounds(NamedTuple):
+    """What an entry may be at worst, by case, in ticks, and what is to be told with it; or why it is not."""
+
+    cases: Mapping[str, int]
+    reasons: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+
+def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict[str, Any]:
+    """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, if known."""
     parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
     delivered = record.delivered
     summary: dict[str, Any] = {
@@ -45,8 +53,14 @@ def latency_summary(record: LatencyRecord, bounds: Mapping[str, int] | None) -> 
             for name, total, longest in parts
         },
     }
-    if bounds:
-        summary["bound_ms"] = {case: ms(ticks) for case, ticks in bounds.items()}
+    if bounds is None:
+        return summary
+    if bounds.cases:
+        summary["bound_ms"] = {case: ms(ticks) for case, ticks in bounds.cases.items()}
+    if bounds.reasons:
+        summary["bound_reasons"] = list(bounds.reasons)
+    if bounds.cases and bounds.notes:
+        summary["bound_notes"] = list(bounds.notes)
     return summary
 
 
@@ -67,6 +81,20 @@ def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
     return {case: bounds[case] for case in _SHOWN_BOUNDS if case in bounds}
 
 
+def bound_caveats(summary: Mapping[str, Any]) -> list[str]:
+    """What must be told beside an entry's bounds, or why it has none."""
+    found = [f"no bound: {reason}" for reason in summary.get("bound_reasons", ())]
+    found += summary.get("bound_notes", ())
+    bounds: Mapping[str, float] = summary.get("bound_ms", {})
+    longest = summary["ms"]["max"]
+    if bounds and longest is not None and longest > max(bounds.values()):
+        found.append(
+            f"the longest, {longest:.3f} ms, is beyond all of these cases: a fault, a link that had not "
+            "formed yet, a source in error for longer, or frames that only the target missed"
+        )
+    return found
+
+
 def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     """A run's latencies as lines of text, from its summary."""
     for name, entry in summary.get("latency", {}).items():
@@ -77,6 +105,7 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f"  {counts_in_words(entry)}"
         times = entry["ms"]
         if times["max"] is None:
+            yield from _caveat_lines(entry)
             continue
         numbers = [("min", "min"), ("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
         shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
@@ -91,6 +120,13 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         if bounds:
             cases = ", ".join(f"{bound:.3f} with {case}" for case, bound in bounds.items())
             yield f"  at worst         {cases} (ms)"
+        yield from _caveat_lines(entry)
+
+
+def _caveat_lines(entry: Mapping[str, Any]) -> Iterator[str]:
+    bounded = "bound_ms" in entry and entry["ms"]["max"] is not None
+    for number, caveat in enumerate(bound_caveats(entry)):
+        yield f"  {'' if bounded or number else 'at worst':<16} {caveat}"
 
 
 def edge_in_words(entry: Mapping[str, Any]) -> str:

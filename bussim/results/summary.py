@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bussim.results.latency import LatencyRecord
-from bussim.results.latency_text import latency_summary
+from bussim.results.latency_text import LatencyBounds, latency_summary
 from bussim.results.numbers import by_code, ms, quantiles, s, share, whole
 from bussim.results.port_summary import bus_summary, device_summary, port_summary, unlisted_ports
 from bussim.results.ports import PortRecord
@@ -25,13 +25,13 @@ def summarise(
     scenario: str,
     seed: int,
     latency: Mapping[str, LatencyRecord] | None = None,
-    bounds: Mapping[str, Mapping[str, int]] | None = None,
+    bounds: Mapping[str, LatencyBounds] | None = None,
 ) -> dict[str, Any]:
     """The content of ``summary.json``.
 
     ``links`` has a record for every link of the totals, ``ports`` for every node beside the links
     that was a master or had the free protocol (of a recording the totals know none of them);
-    ``scenario`` is the scenario's name. ``bounds`` are what each ``latency`` may be at worst, by case.
+    ``scenario`` is the scenario's name. ``bounds`` are what each ``latency`` may be at worst.
     """
     duration = totals.duration
     return {
@@ -55,9 +55,7 @@ def summarise(
     }
 
 
-def _latencies(
-    latency: Mapping[str, LatencyRecord], bounds: Mapping[str, Mapping[str, int]]
-) -> dict[str, Any]:
+def _latencies(latency: Mapping[str, LatencyRecord], bounds: Mapping[str, LatencyBounds]) -> dict[str, Any]:
     """The key ``latency`` of a run that measures some."""
     if not latency:
         return {}

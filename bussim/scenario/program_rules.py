@@ -252,12 +252,57 @@ def _check_way(
                 (*path, "from"),
                 f"{start} is not in the shared block of {source.name}, which has no program to put it there",
             )
-    if target.plc.program is None and source is not target:
-        blocks = {station_of(place): place for place in foreign_blocks(target, list(link))}
-        place = blocks.get(source.station)
-        if place is not None and not place.holds(end.device):
-            report.warn(
-                (*path, "to"),
-                f"{end} is not where {target.name} keeps the block of {source.name}, and it has no program "
-                "to put it there",
-            )
+    blocks = {station_of(place): place for place in foreign_blocks(target, list(link))}
+    place = blocks.get(source.station) if source is not target else None
+    own = own_block(source, list(link))
+    if own is not None and place is not None and own.holds(start.device):
+        _check_same(path, given, own, place, [source, target], report)
+    if target.plc.program is None and place is not None and not place.holds(end.device):
+        report.warn(
+            (*path, "to"),
+            f"{end} is not where {target.name} keeps the block of {source.name}, and it has no program "
+            "to put it there",
+        )
+
+
+def _check_same(
+    path: Path,
+    given: LatencyIn,
+    own: BlockPlace,
+    place: BlockPlace,
+    members: Sequence[Member],
+    report: Report,
+) -> None:
+    """Of two devices of one block the link carries each to its like; only a program makes one of another."""
+    start, end = given.from_, given.to
+    word = start.device.is_word
+    meant = start.device._replace(address=start.device.address + (place.word - own.word if word else 0))
+    if not place.holds(end.device) or end.device == meant:
+        return
+    source, target = members
+    back = end.device._replace(address=end.device.address + (own.word - place.word if word else 0))
+    # The age of a word is that of its block, whatever a program writes there; a bit may be another's copy.
+    if word or not (_touches(source, back) or _touches(target, end.device)):
+        report.warn(
+            (*path, "to"),
+            f"is {end}, but the link takes {start} to {meant}, and no program makes the one of the other; "
+            f"did you mean {end.plc}.{meant}, or {start.plc}.{back} as from?",
+        )
+
+
+def _touches(member: Member, device: Device) -> bool:
+    """Whether a program writes a device, or may: an index register says where."""
+    program = member.logic.program
+    if program is None:
+        return False
+    from bussim.plc.program.check import extents  # what only a scenario with programs pays
+
+    return any(
+        (operand.index is not None and operand.letter == device.letter)
+        or any(
+            extent.writes and extent.holds(device.letter, device.address, word=device.is_word)
+            for extent in extents(at)
+        )
+        for at in program.instructions
+        for operand in at.operands
+    )

@@ -144,7 +144,6 @@ def test_latencies_are_drawn_too(runs: Path, capsys: pytest.CaptureFixture[str])
     for arguments, expected in (
         (["--kind", "latency"], {"latency_full-box", "latency_preset"}),
         (["--latency", "preset"], {"latency_preset"}),
-        (["--latency", "preset", "--kind", "latency"], {"latency_preset"}),
         (["--latency", "preset", "--bus", "link"],
          {"latency_preset", "scan_time_link", "scan_time_over_run_link"}),
     ):  # fmt: skip

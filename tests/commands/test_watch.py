@@ -146,8 +146,9 @@ def test_exact_tells_the_bounds(capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(capsys.readouterr().out)["latency"]["door-to-press1"]
     assert found["valid"]
     assert sum(found["parts_ms"].values()) == pytest.approx(found["no_error_ms"])
-    assert list(found["lost_replies_ms"]) == ["1", "2", "3", "4"]
-    assert found["no_error_ms"] < found["lost_replies_ms"]["1"] < found["every_retry_ms"]
+    assert list(found["lost_replies_ms"]) == ["0", "1", "2", "3", "4"]
+    assert found["no_error_ms"] < found["lost_replies_ms"]["0"] < found["lost_replies_ms"]["1"]
+    assert found["lost_replies_ms"]["4"] < found["every_retry_ms"]
     assert main(["exact", "interlock"]) == 0
     text = capsys.readouterr().out
     assert "latency at worst (ms)" in text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 
 from bussim import api
 from bussim.exact.latency import bounds_of
+from bussim.exact.reading import from_scenario
 from bussim.results.collector import Collector
 from bussim.results.latency import PARTS, LatencyRecord, Sample
 from bussim.scenario.loader import from_data
@@ -21,53 +23,74 @@ from bussim.trace import AttemptRecord, DeviceValueRecord, EndsRecord, FrameReco
 from bussim.units import TICKS_PER_MS as MS
 
 
-def programs(luck: random.Random, stations: int) -> list[str]:
+def programs(stations: int, *, bits: bool) -> list[str]:
     """Each station sends its X0 and shows the others' on Y0, Y1…"""
     texts = []
     for own in range(stations):
         lines = ["LD X0", f"OUT M{1000 + 64 * own}"]
         for other in range(stations):
-            if other != own:
+            if other != own and bits:
                 lines += [f"LD M{1000 + 64 * other}", f"OUT Y{other:o}"]
         # Something that takes time.
-        lines += [f"LD M8000\nADD D{200 + n} K1 D{200 + n}" for n in range(luck.randrange(6))]
+        lines += [f"LD M8000\nADD D{200 + n} K1 D{200 + n}" for n in range(own % 3)]
         texts.append("\n".join([*lines, "END", ""]))
     return texts
 
 
-def scenario(seed: int, *, loss: float = 0.0, jitter: bool = True, seconds: float = 20.0) -> Scenario:
-    """A random link whose stations pass their inputs on to each other."""
+def scenario(seed: int, *, noisy: bool = False, quiet: bool = False, seconds: float = 12.0) -> Scenario:
+    """A random link whose stations pass their inputs on to each other.
+
+    ``noisy``: replies are lost, of all stations or of some, a few or most. ``quiet``: nothing varies but
+    phases, which random steps of the inputs run through.
+    """
     luck = random.Random(seed)
-    stations = luck.randint(2, 5)
+    stations = luck.randint(2, 4 if quiet else 8)
+    mode = luck.choice((1, 2)) if quiet else luck.choice((0, 1, 1, 2, 2, 3, 4))
+    timeouts = (50, 60, 100) if noisy or quiet else (60, 100, 150)
     settings = {
         "slaves": stations - 1,
-        "mode": luck.choice((1, 2)),  # both bits and words
-        "retries": luck.randint(0, 4),
-        "timeout": f"{luck.choice((50, 60, 100))} ms",
+        "mode": mode,
+        "retries": luck.choice((0, 0, 1, 2, 3, 10)),
+        "timeout": f"{max(luck.choice(timeouts), 80 if mode == 4 else 50)} ms",
     }
-    reply = luck.choice(("interrupt", "interrupt", "end"))
+    profile = {
+        "base": "pw10",
+        "reply": "interrupt" if quiet else luck.choice(("interrupt", "interrupt", "end")),
+        "absent_station": luck.choice(("full", "full", "probe")),
+    }
+    # The shorter the scans, the nearer a latency comes to what the link alone makes of it.
+    longest = luck.choice((0.6, 3, 18))
+    seconds *= 0.4 if longest < 1 else 1  # tiny ones cost the most to simulate
     plcs: list[dict[str, Any]] = []
-    for number, text in enumerate(programs(luck, stations)):
-        mean = luck.uniform(1, 20)
+    for number, text in enumerate(programs(stations, bits=mode > 0)):
+        mean = luck.uniform(0.5, 1) * longest
+        every = luck.uniform(400, 600) * (1 if noisy or quiet else 2)
         plcs.append(
             {
                 "name": f"p{number}",
-                "profile": {"base": "pw10", "reply": reply},
+                "profile": profile,
                 "scan": {
                     "mean": f"{mean:.3f} ms",
-                    "jitter": f"{mean * luck.uniform(0, 0.3):.4f} ms" if jitter else "0 ms",
+                    "jitter": f"{0.0 if quiet else mean * luck.uniform(0, 0.3):.4f} ms",
                 },
                 "nn": {"bus": "link", "port": "COM4", "station": number, **(settings if not number else {})},
                 "program": text,
-                "inputs": {"X0": {"pulse": {"width": "617 ms", "every": "1171.3 ms", "at": "1 s"}}},
+                "inputs": {"X0": {"square": f"{every:.3f} ms"}},
             }
         )
     pairs = [(a, b) for a in range(stations) for b in range(stations) if a != b]
-    chosen = luck.sample(pairs, min(4, len(pairs)))
-    latency = [{"name": f"l{a}{b}", "from": f"p{a}.X0", "to": f"p{b}.Y{a}"} for a, b in chosen]
+    chosen = luck.sample(pairs, min(5, len(pairs)))
+    latency = [{"name": f"l{a}{b}", "from": f"p{a}.X0", "to": f"p{b}.Y{a}"} for a, b in chosen if mode > 0]
     a, b = chosen[0]
     latency.append({"name": "word", "from": f"p{a}.D{32 * a}", "to": f"p{b}.D{32 * a}"})
     latency.append({"name": "home", "from": "p0.X0", "to": "p0.M1000", "edge": "rising"})
+    noise: list[dict[str, Any]] = []
+    if noisy:
+        those = luck.choice(([], range(1, stations), luck.sample(range(1, stations), 1)))
+        losses = (0.05, 0.2, 0.5, 0.7)
+        noise = [{"bus": "link", "station": f"p{n}", "reply_loss": luck.choice(losses)} for n in those] or [
+            {"bus": "link", "reply_loss": luck.choice(losses[:3])}
+        ]
     return from_data(
         {
             "schema": 1,
@@ -76,7 +99,7 @@ def scenario(seed: int, *, loss: float = 0.0, jitter: bool = True, seconds: floa
             "seed": seed,
             "buses": [{"name": "link", "nn": True}],
             "plcs": plcs,
-            "noise": [{"bus": "link", "reply_loss": loss}] if loss else [],
+            "noise": noise,
             "latency": latency,
         }
     )
@@ -113,11 +136,60 @@ def sampled(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> tuple[dict[str,
     return {names[way]: found for way, found in samples.items()}, kept
 
 
-@pytest.mark.parametrize("seed", range(12))
+@dataclass
+class Errors:
+    """What went wrong on a link while a change was under way, in the words of :mod:`bussim.exact.latency`."""
+
+    begins: list[int]
+    ends: list[int]
+    flags: list[tuple[int, int]]
+    vain: dict[int, list[int]]  # ends of the exchanges that a station did not answer, and how many attempts
+
+    @classmethod
+    def of(cls, kept: Kept, given: Scenario) -> Errors:
+        model = from_scenario(given, bound_end=True)["link"]
+        found, since = cls([], [], [], {}), dict[int, int]()
+        for attempt in kept.of(AttemptRecord):
+            station = attempt.station
+            if not model.station(station).alive:
+                continue  # one that never answers belongs to the link
+            if not attempt.code:
+                if station in since:
+                    found.flags.append((since.pop(station), attempt.end))
+                continue
+            found.begins.append(attempt.start - model.gap)
+            found.ends.append(attempt.end)
+            if attempt.number == model.attempts_at(flagged=station in since):
+                since.setdefault(station, attempt.end)
+                found.vain.setdefault(station, []).extend([attempt.end] * attempt.number)
+        found.flags += [(begin, given.duration) for begin in since.values()]
+        return found
+
+    def lost(self, begin: int, end: int) -> int:
+        return bisect_left(self.begins, end) - bisect_right(self.ends, begin)
+
+    def flagged(self, at: int) -> bool:
+        return any(begin <= at < end for begin, end in self.flags)
+
+    def in_vain(self, station: int, begin: int, end: int) -> int:
+        """Attempts in exchanges that a station did not answer and that ended in a window."""
+        ends = self.vain.get(station, [])
+        return bisect_right(ends, end) - bisect_right(ends, begin)
+
+
+def windows(samples: list[Sample], given: Scenario, *, word: bool) -> Iterator[tuple[Sample, int, int]]:
+    """Samples with their windows, from when the link has formed to when what is lost is no longer known."""
+    for sample in samples:
+        begin, end = (sample.at - sample.total, sample.at) if word else (sample.at, sample.at + sample.total)
+        if begin >= 1500 * MS and end <= given.duration - 500 * MS:
+            yield sample, begin, end
+
+
+@pytest.mark.parametrize("seed", range(8))
 def test_without_errors_no_latency_is_longer_than_its_bound(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given = scenario(seed)
+    given = scenario(seed, seconds=9.0)
     samples, _ = sampled(monkeypatch, given)
     bounds = bounds_of(given)
     assert samples.keys() == bounds.keys()
@@ -125,59 +197,145 @@ def test_without_errors_no_latency_is_longer_than_its_bound(
         if not bound.valid:
             assert "late replies" in bound.reasons[0]
             continue
-        after = [sample for sample in samples[name] if sample.at >= 1000 * MS]
+        after = list(windows(samples[name], given, word=bound.word))
         assert after
-        for sample in after:
+        for sample, _, _ in after:
             assert sample.total <= bound.no_error
             for part, ticks in zip(PARTS, sample.parts, strict=True):
                 assert 0 <= ticks <= getattr(bound, part), (name, part)
+
+
+def judge(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> dict[str, float]:
+    """No latency is longer than the case that its errors fall into; how near each case came."""
+    samples, kept = sampled(monkeypatch, given)
+    errors, worst = Errors.of(kept, given), dict[str, float]()
+    for name, bound in bounds_of(given).items():
+        if not bound.valid:
+            assert "late replies" in bound.reasons[0]
+            continue
+        source = next(int(entry.source_plc[1:]) for entry in given.latency if entry.name == name)
+        for sample, begin, end in windows(samples[name], given, word=bound.word):
+            lost, cases = errors.lost(begin, end), dict[str, int]()
+            if lost == 0 and not errors.flagged(begin):
+                cases["no error"] = bound.no_error
+            elif bound.link_scan:
+                cases[f"{lost} lost"] = bound.lost(lost)
+            if errors.in_vain(source, begin, end) <= bound.attempts:
+                cases["every retry"] = bound.every_retry
+            for case, most in cases.items():
+                assert sample.total <= most, (name, case, sample)
+                worst[case] = max(worst.get(case, 0.0), sample.total / most)
+    return worst
 
 
 @pytest.mark.parametrize("seed", range(100, 112))
 def test_with_lost_replies_none_is_longer_than_the_bound_for_so_many(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given = scenario(seed, loss=random.Random(seed).choice((0.02, 0.1, 0.25)))
-    samples, kept = sampled(monkeypatch, given)
-    failed = sorted(attempt.start for attempt in kept.of(AttemptRecord) if attempt.code)
-    worst: dict[int, float] = {}
-    for name, bound in bounds_of(given).items():
-        if not bound.valid:
-            continue  # replies at END that may come after the timeout
-        for sample in samples[name]:
-            if sample.at < 1000 * MS:
-                continue
-            if bound.word:
-                begin, end = sample.at - sample.total, sample.at
-            else:
-                begin, end = sample.at, sample.at + sample.total
-            if end > given.duration - 500 * MS:
-                continue  # whether the attempt under way fails nobody will know
-            # An attempt that began a poll's time before the change was out may still run.
-            lost = bisect_right(failed, end) - bisect_left(failed, begin - bound.silent)
-            assert sample.total <= bound.lost(lost), (name, lost)
-            worst[lost] = max(worst.get(lost, 0.0), sample.total / bound.lost(lost))
-    assert max(worst) >= 1
+    worst = judge(monkeypatch, scenario(seed, noisy=True))
+    assert worst["every retry"] > 0.1
+
+
+def tiny(
+    name: str, losses: dict[int, int] | None = None, *, retries: int = 0, slaves: int = 3, **more: Any
+) -> Scenario:
+    """Two PLCs with scans of a millisecond, and two others: what delays is the link.
+
+    Every 1.5 s stations lose so many replies in a row (``losses``), and inputs change at that moment.
+    """
+    moments = [f"{1500.3 * n + 2000:.1f} ms" for n in range(0 if losses is None else 16)]
+    plcs = [
+        {
+            "name": f"p{number}",
+            "profile": {"base": "pw10", **more},
+            "scan": "1 ms" if number in (0, 3) else "5 ms",
+            "nn": {
+                "bus": "link",
+                "port": "COM4",
+                "station": number,
+                **(
+                    {"slaves": slaves, "mode": 1, "retries": retries, "timeout": "50 ms"}
+                    if not number
+                    else {}
+                ),
+            },
+            "inputs": {"X0": {"times": moments} if moments else {"square": "213.7 ms"}},
+            **({"program": text} if number in (0, 3) else {}),
+        }
+        for number, text in enumerate(programs(4, bits=True))
+    ]
+    return from_data(
+        {
+            "schema": 1,
+            "name": name,
+            "duration": "26 s" if moments else "24 s",
+            "buses": [{"name": "link", "nn": True}],
+            "plcs": plcs,
+            "noise": [{"bus": "link", "station": "p1", "reply_loss": 0.5}] if losses is None else [],
+            "faults": [
+                {"drop_reply": f"p{station}", "count": count, "at": moment}
+                for station, count in (losses or {}).items()
+                for moment in moments
+            ],
+            "latency": [
+                {"name": "there", "from": "p3.X0", "to": "p0.Y3"},
+                {"name": "back", "from": "p0.X0", "to": "p3.Y0"},
+            ],
+        }
+    )
+
+
+def test_a_flag_that_is_still_on_costs_a_parameter_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """p1 has spent its only attempt before the change: no reply is lost in the window, and yet it takes longer."""
+    given = tiny("one noisy station")
+    worst, bound = judge(monkeypatch, given), bounds_of(given)["there"]
+    assert worst["no error"] > 0.95
+    assert worst["0 lost"] * bound.lost(0) > bound.no_error
+    assert worst["1 lost"] > 0.8
+
+
+def test_a_station_that_never_answers_belongs_to_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    worst = judge(monkeypatch, tiny("one absent, one noisy station", slaves=4))
+    assert worst["no error"] > 0.9
+    assert worst["1 lost"] > 0.7
+
+
+@pytest.mark.parametrize(
+    ("retries", "policy", "counts"),
+    [
+        # Two scans in which all others spend all attempts; the source all of one, all but one of the next.
+        (0, "full", (2, 2, 1)),
+        (1, "full", (4, 4, 3)),
+        (2, "full", (6, 6, 5)),
+    ],
+)
+def test_every_retry_spent_comes_near_its_bound(
+    retries: int, policy: str, counts: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    losses = dict(zip((1, 2, 3), counts, strict=True))
+    worst = judge(monkeypatch, tiny("all lost", losses, retries=retries, absent_station=policy))
+    assert 0.9 < worst["every retry"] <= 1
 
 
 @pytest.mark.parametrize("seed", [3, 5, 8])
 def test_on_a_quiet_line_the_longest_comes_near_the_bound(seed: int) -> None:
     """Random phases: the periods of the inputs, scans and link have nothing in common."""
-    given = scenario(seed, jitter=False, seconds=300.0)
+    given = scenario(seed, quiet=True, seconds=150.0)
     summary = api.run(given, rows=False).summary["latency"]
     for name, bound in bounds_of(given).items():
-        if name == "home":
-            continue
         longest = summary[name]["ms"]["max"]
         assert 0.8 * bound.no_error / MS <= longest <= bound.no_error / MS, name
+        for part, found in summary[name]["parts_ms"].items():
+            most = getattr(bound, part) / MS
+            assert 0.8 * most <= found["max"] <= most + 1e-6, (name, part)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 102, 105])
+@pytest.mark.parametrize("seed", [1, 3, 102, 105])
 def test_the_parts_are_those_of_the_frames_and_ends_in_the_trace(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Told anew from the trace: which END, which frame, which reception, which output."""
-    given = scenario(seed, loss=0.1 if seed > 100 else 0.0)
+    given = scenario(seed, noisy=seed > 100)
     samples, kept = sampled(monkeypatch, given)
     ends: dict[str, list[int]] = {}
     for record in kept.of(EndsRecord):
@@ -202,12 +360,12 @@ def test_the_parts_are_those_of_the_frames_and_ends_in_the_trace(
             assert sample.parts == tuple(b - a for a, b in pairwise(times))
             assert sum(sample.parts) == done - sample.at
             checked += 1
-    assert checked > 50
+    assert checked > 30
 
 
-@pytest.mark.parametrize("seed", [4, 104])
+@pytest.mark.parametrize("seed", [3, 104])
 def test_every_change_is_accounted_for(seed: int) -> None:
-    given = scenario(seed, loss=0.3 if seed > 100 else 0.0)
+    given = scenario(seed, noisy=seed > 100)
     for entry in api.run(given, rows=False).summary["latency"].values():
         if entry["edge"] is None:
             assert entry["delivered"] > 100
@@ -268,7 +426,7 @@ def test_without_programs_from_the_write_to_the_read(reply: str) -> None:
         {
             "schema": 1,
             "name": "no programs",
-            "duration": "3 min",
+            "duration": "60 s",
             "buses": [{"name": "link", "nn": True}],
             "plcs": [
                 {
@@ -276,7 +434,7 @@ def test_without_programs_from_the_write_to_the_read(reply: str) -> None:
                     "profile": {"base": "pw10", "reply": reply},
                     "scan": f"{scan} ms",
                     "nn": {"bus": "link", "port": "COM4", "station": station, **settings},
-                    "sources": {f"M{1000 + 64 * station}": {"toggle": "617.3 ms"}},
+                    "sources": {f"M{1000 + 64 * station}": {"toggle": "317.3 ms"}},
                 }
                 for station, scan, settings in (
                     (0, 7.3, {"slaves": 2, "mode": 2, "timeout": "60 ms"}),
@@ -296,7 +454,7 @@ def test_without_programs_from_the_write_to_the_read(reply: str) -> None:
         found, times = summary[name]["parts_ms"], summary[name]["ms"]
         assert bound.valid
         assert (found["scan"]["max"], found["output"]["max"]) == (0, 0)
-        assert summary[name]["delivered"] >= summary[name]["changes"] - 1 > 100
+        assert summary[name]["delivered"] >= summary[name]["changes"] - 1 > 80
         # A reply at END starts at an END of its own PLC: the phases of such a station stay together.
         if reply == "interrupt":
             assert times["max"] >= 0.8 * bound.no_error / MS

@@ -14,9 +14,10 @@ from matplotlib.patches import Rectangle
 
 import bussim
 from bussim.errors import UsageError
+from bussim.report.latency import in_words
 from bussim.results.latency import LatencyMeter, LatencyRecord, LatencySpec, Route, Sample
 from bussim.results.latency_plots import latency_picture, measured
-from bussim.results.latency_text import latency_summary
+from bussim.results.latency_text import LatencyBounds, bound_caveats, latency_lines, latency_summary
 from bussim.results.record import RunRecord
 from bussim.results.style import GREY, LAW, RUNS
 from bussim.trace import DeviceValueRecord, InputRecord
@@ -313,7 +314,9 @@ def made(name: str, latencies: list[int], parts: tuple[int, ...], bounds: dict[s
         record.changes += 1
         ticks = [part * TICKS_PER_MS for part in parts]
         record.add(Sample(number, (*ticks, latency * TICKS_PER_MS - sum(ticks))))
-    summary = latency_summary(record, {case: round(ms * TICKS_PER_MS) for case, ms in bounds.items()})
+    summary = latency_summary(
+        record, LatencyBounds({case: round(ms * TICKS_PER_MS) for case, ms in bounds.items()})
+    )
     about = {"scenario": name, "seed": 1, "duration_s": 1, "bussim": "0", "latency": {"door": summary}}
     return RunRecord(about, TICKS_PER_SECOND, {}, latency={"door": record})
 
@@ -410,3 +413,37 @@ def test_a_word_and_a_bit_do_not_share_an_axis() -> None:
         latency_picture([bit, word], "door")
     with pytest.raises(UsageError, match="8 runs on one axis cannot be told apart"):
         latency_picture([bit] * 8, "door")
+
+
+def test_what_is_to_be_told_beside_a_bound_is_told_with_it() -> None:
+    record = LatencyRecord("a.X0", "b.Y0", "both", inverted=False, word=False)
+    record.add(Sample(0, (0, 0, 0, 0, 90 * TICKS_PER_MS)))
+    cases = {"no error": 60 * TICKS_PER_MS, "every retry spent": 80 * TICKS_PER_MS}
+    entry = latency_summary(record, LatencyBounds(cases, (), ("holds as long as M1 (b) let it through",)))
+    assert entry["bound_ms"] == {"no error": 60, "every retry spent": 80}
+    gate, beyond = bound_caveats(entry)
+    assert gate == "holds as long as M1 (b) let it through"
+    assert beyond.startswith("the longest, 90.000 ms, is beyond all of these cases: a fault,")
+    shown = list(latency_lines({"latency": {"way": entry}}))
+    assert shown[-3:] == [
+        "  at worst         60.000 with no error, 80.000 with every retry spent (ms)",
+        f"                   {gate}",
+        f"                   {beyond}",
+    ]
+    assert [line for line in in_words("way", entry) if "at worst:" in line] == [
+        f"way, at worst: {gate}.",
+        f"way, at worst: {beyond}.",
+    ]
+    none = latency_summary(record, LatencyBounds({}, ("T0 at line 2 is a timer (b)",)))
+    assert "bound_ms" not in none
+    assert list(latency_lines({"latency": {"way": none}}))[-1] == (
+        "  at worst         no bound: T0 at line 2 is a timer (b)"
+    )
+    run = made("one", [30, 40], (10, 5, 8, 2), {})
+    run.summary["latency"]["door"] |= {"bound_reasons": ["T0 at line 2 is a timer (b)"]}
+    assert has(latency_picture([run], "door"), "no bound: T0 at line 2 is a timer (b)")
+    gated = made("two", [30, 40], (10, 5, 8, 2), BOUNDS)
+    gated.summary["latency"]["door"] |= {"bound_notes": [gate]}
+    several = latency_picture([run, gated], "door")
+    assert has(several, gate)
+    assert_legible(several)

@@ -441,3 +441,28 @@ def test_a_programs_own_warnings_are_the_scenarios(tmp_path: Path) -> None:
     assert found.warnings == (
         "two: M1064 is driven at line 5 of the program too; the last one executed wins",
     )
+
+
+@pytest.mark.parametrize(
+    ("entry", "program", "warned"),
+    [
+        ("from: one.M1000, to: two.M1001", "", "is two.M1001, but the link takes one.M1000 to M1000"),
+        ("from: one.M1000, to: two.M1000", "", None),
+        ("from: one.D0, to: two.D3", "", "did you mean two.D0, or one.D3 as from?"),
+        ("from: one.D0, to: two.D3", "LD M8000\nMOV D0 D3\n", "did you mean two.D0, or one.D3 as from?"),
+        ("from: one.M1000, to: two.M1001", "LD M1000\nOUT M1001\n", None),
+        ("from: one.M1000, to: two.Y1", "LD M1000\nOUT Y1\n", None),
+        ("from: one.M1000, to: two.M1001", "LD M8000\nMOV K1 K1M1000Z0\n", None),
+    ],
+)
+def test_devices_of_one_block_must_be_the_same(
+    entry: str, program: str, warned: str | None, tmp_path: Path
+) -> None:
+    """The link takes each device to its like; only a program makes one of another."""
+    text = TEXT.replace("from: two.X0, to: one.M1064, edge: rising", entry)
+    found = [
+        said
+        for said in warnings(tmp_path, text, two__il=SLAVE.replace("END", f"{program}END"))
+        if "x.yaml:16" in said
+    ]
+    assert any(warned in said for said in found) if warned else not found

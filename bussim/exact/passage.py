@@ -1,0 +1,200 @@
+"""How long programs take to pass a signal on, as far as their texts tell: for the bounds of latencies.
+
+The steps of :mod:`bussim.plc.program.signals` in the source's program, over the link's block, and in the
+target's program. What any way from source to target waits for that no text tells (a timer, a latch, a
+feedback) is a reason why there is no bound; what must let the signal through is a gate; and every rung
+that stands in front of the one whose result it reads costs a scan of its PLC more. All times in ticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from bussim.plc.memory import BlockPlace, parse_device
+from bussim.plc.program.signals import Key, Point, Signals, Step
+from bussim.scenario.model import Edge
+from bussim.scenario.ways import Way
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """``scans``: ticks of the scans that the programs take beyond the one that reads the signal."""
+
+    scans: int = 0
+    reasons: tuple[str, ...] = ()
+    gates: tuple[str, ...] = ()
+
+
+class _State(NamedTuple):
+    """A point in one of the two programs (0: the source's, 1: the target's, or the only one)."""
+
+    place: int
+    point: Point
+
+
+@dataclass(slots=True)
+class _Side:
+    plc: str
+    scan: int
+    signals: Signals
+
+
+@dataclass(slots=True)
+class _Edge:
+    start: _State
+    end: _State
+    cost: int = 0
+    reason: str = ""
+    gates: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Search:
+    way: Way
+    sides: tuple[_Side, ...]
+    block: BlockPlace | None
+    shift: int
+    source: Key
+    target: Key
+
+    def next_edges(self, state: _State) -> Iterator[_Edge]:
+        side, (key, number, level) = self.sides[state.place], state.point
+        if state.place == 0 and key is not None and self._shared(key):
+            # The other PLC has it before its scan begins.
+            there = key._replace(address=key.address + self.shift) if key.word else key
+            yield _Edge(state, _State(1, Point(there, -1, level)))
+        # An END tells what something else than the program has left: the program reads it in the scan after.
+        waits = state.place == 0 and key == self.source and number < 0 and key.letter != "X"
+        for step in side.signals.steps(state.point):
+            if (
+                state.place or step.to.key != self.source
+            ):  # what comes back to the source is a change of its own
+                yield self._edge(state, side, step, waits=waits)
+
+    def _edge(self, state: _State, side: _Side, step: Step, *, waits: bool) -> _Edge:
+        return _Edge(
+            state,
+            _State(state.place, step.to),
+            side.scan * (step.later + waits),
+            f"{step.reason} ({side.plc})" if step.reason else "",
+            tuple(f"{gate} ({side.plc})" for gate in step.gates),
+        )
+
+    def _shared(self, key: Key) -> bool:
+        return (
+            self.block is not None
+            and key.word is (key.letter == "D")
+            and self.block.holds(parse_device(str(key)))
+        )
+
+    def arrives(self, state: _State) -> bool:
+        return state.place == len(self.sides) - 1 and state.point.key == self.target
+
+    def relevant(self, starts: list[_State]) -> list[_Edge]:
+        """The edges that lie on a way from a start to the target."""
+        seen, waiting = set(starts), list(starts)
+        into: dict[_State, list[_Edge]] = {}
+        while waiting:
+            state = waiting.pop()
+            for edge in self.next_edges(state):
+                into.setdefault(edge.end, []).append(edge)
+                if edge.end not in seen:
+                    seen.add(edge.end)
+                    waiting.append(edge.end)
+        useful = [state for state in seen if self.arrives(state)]
+        kept, found = set(useful), []
+        while useful:
+            for edge in into.get(useful.pop(), ()):
+                found.append(edge)
+                if edge.start not in kept:
+                    kept.add(edge.start)
+                    useful.append(edge.start)
+        return found
+
+
+def passage_of(way: Way, block: BlockPlace | None, shift: int = 0) -> Passage:
+    """How the programs of a way pass its bit on; ``block`` is the source's own, None within one PLC.
+
+    The target keeps the block's words ``shift`` addresses further on.
+    """
+    plcs = (way.source,) if way.bus is None else (way.source, way.target)
+    sides = tuple(_Side(plc.name, plc.longest_scan, Signals(plc.program)) for plc in plcs)
+    source, target = (
+        Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
+    )
+    search = _Search(way, sides, block, shift, source, target)
+    written = [at.number for at in sides[0].signals.written(source)]
+    if not written or way.entry.source in way.source.sources:
+        written.append(-1)
+    levels = {Edge.RISING: (1,), Edge.FALLING: (0,)}.get(way.entry.edge, (0, 1))
+    starts = [_State(0, Point(source, number, level)) for number in written for level in levels]
+    edges = search.relevant(starts)
+    if not any(search.arrives(state) for state in starts) and not edges:
+        return Passage(reasons=(_nothing(way),))
+    reasons = dict.fromkeys(edge.reason for edge in reversed(edges) if edge.reason)
+    letters = {edge.end.point.key.letter for edge in edges if edge.end.point.key is not None}
+    for side in sides:
+        for at in side.signals.indexed:
+            if any(operand.index and operand.letter in letters for operand in at.operands):
+                reasons[f"an index register says where {at.name} at line {at.line} writes ({side.plc})"] = (
+                    None
+                )
+    longest = _longest(edges)
+    if longest is None:
+        reasons[_loop(edges)] = None
+    gates = dict.fromkeys(gate for edge in reversed(edges) for gate in edge.gates)
+    return Passage(longest or 0, tuple(reasons), tuple(gates))
+
+
+def _nothing(way: Way) -> str:
+    if way.bus is None:
+        return (
+            f"nothing in the program of {way.source.name} leads from {way.entry.source} to {way.entry.target}"
+        )
+    return (
+        f"nothing leads from {way.entry.source} of {way.source.name} over its block to {way.entry.target} "
+        f"of {way.target.name}"
+    )
+
+
+def _longest(edges: list[_Edge]) -> int | None:
+    """The most that a way costs; None if a way comes back to where it was."""
+    out: dict[_State, list[_Edge]] = {}
+    missing: dict[_State, int] = {}
+    for edge in edges:
+        out.setdefault(edge.start, []).append(edge)
+        missing[edge.end] = missing.get(edge.end, 0) + 1
+    cost = dict.fromkeys((*out, *missing), 0)
+    ready = [state for state in cost if not missing.get(state)]
+    passed, most = 0, 0
+    while ready:
+        state = ready.pop()
+        passed += 1
+        most = max(most, cost[state])
+        for edge in out.get(state, ()):
+            cost[edge.end] = max(cost[edge.end], cost[state] + edge.cost)
+            missing[edge.end] -= 1
+            if not missing[edge.end]:
+                ready.append(edge.end)
+    return most if passed == len(cost) else None
+
+
+def _loop(edges: list[_Edge]) -> str:
+    """Which device comes back to itself."""
+    out: dict[_State, list[_State]] = {}
+    for edge in edges:
+        out.setdefault(edge.start, []).append(edge.end)
+    for state in out:
+        if state.point.key is None:
+            continue
+        seen, waiting = set[_State](), list(out[state])
+        while waiting:
+            each = waiting.pop()
+            if each == state:
+                return f"{state.point.key} acts on itself: it may hold its level"
+            if each not in seen:
+                seen.add(each)
+                waiting += out.get(each, [])
+    return "what is on the way acts on itself"

@@ -1,0 +1,184 @@
+"""What programs do on a signal's way, told from their texts, and held against what they do when they run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from bussim import api
+from bussim.exact.latency import LatencyBound, bounds_of
+from bussim.scenario.loader import from_data
+from bussim.scenario.model import Scenario
+from bussim.units import TICKS_PER_MS as MS
+
+#: a sends its X0 as M1000, b shows it.
+SEND, SHOW = "LD X0\nOUT M1000\n", "LD M1000\nOUT Y0\n"
+
+
+def scenario(
+    send: str = SEND, show: str = SHOW, *, seconds: int = 1, edge: str = "both", **entry: Any
+) -> Scenario:
+    """Two PLCs with these programs and one latency, a.X0 to b.Y0 unless ``entry`` says otherwise."""
+    nn = {"bus": "link", "port": "COM4"}
+    return from_data(
+        {
+            "schema": 1,
+            "name": "passage",
+            "duration": f"{seconds} s",
+            "buses": [{"name": "link", "nn": True}],
+            "plcs": [
+                {
+                    "name": "a",
+                    "scan": "19 ms",
+                    "nn": {**nn, "station": 0, "slaves": 1, "mode": 1, "timeout": "50 ms"},
+                    "program": f"{send}END\n",
+                    "inputs": {"X0": {"square": "1171.3 ms"}, "X1": {"times": ["1 ms"]}},
+                },
+                {"name": "b", "scan": "23 ms", "nn": {**nn, "station": 1}, "program": f"{show}END\n"},
+            ],
+            "latency": [
+                {
+                    "name": "way",
+                    "from": entry.get("start", "a.X0"),
+                    "to": entry.get("end", "b.Y0"),
+                    "edge": edge,
+                }
+            ],
+        }
+    )
+
+
+def bound(send: str = SEND, show: str = SHOW, **entry: Any) -> LatencyBound:
+    return bounds_of(scenario(send, show, **entry))["way"]
+
+
+@pytest.mark.parametrize(
+    ("show", "reason"),
+    [
+        ("LD M1000\nOUT T0 K10\nLD T0\nOUT Y0\n", "T0 at line 2 is a timer (b)"),
+        ("LD M1000\nOUT C0 K1\nLD C0\nOUT Y0\n", "C0 at line 2 is a counter (b)"),
+        ("LD M1000\nPLS M0\nLD M0\nOUT Y0\n", "PLS M0 at line 2 acts once for each change (b)"),
+        ("LDP M1000\nOUT Y0\n", "LDP M1000 at line 1 is on for one scan only (b)"),
+        (
+            "LD M1000\nSET Y0\nLDI M1000\nRST Y0\n",
+            "SET Y0 at line 2 is kept until something else changes it (b)",
+        ),
+        ("LD M1000\nMOV K1 K1Y0\n", "what MOV at line 2 has written is kept while its condition is off (b)"),
+        ("LD M8000\nMOVP K1M1000 K1Y0\n", "MOVP at line 2 acts once for each change of its condition (b)"),
+        ("LD M8000\nSET M8024\nBMOV K1Y0 K1M1000 K1\n", "M8024 may turn BMOV at line 3 round (b)"),
+        ("LD M8000\nADD K1M1000 K1 K1Y0\n", "ADD at line 2 makes another value of it (b)"),
+        ("LD M8000\nMOV K1M1000 D0\nLD= D0 K1\nOUT Y0\n", "LD= at line 3 compares values (b)"),
+        ("LD M1000\nOR M0\nOUT M0\nLD M0\nOUT Y0\n", "M0 acts on itself: it may hold its level"),
+        ("LD M1000\nOR Y0\nOUT Y0\n", "Y0 acts on itself: it may hold its level"),
+        ("LD M1001\nOUT Y0\n", "nothing leads from X0 of a over its block to Y0 of b"),
+        (
+            "LD M1000\nOUT Y0\nLD M8000\nMOV K1 K1Y4Z0\n",
+            "an index register says where MOV at line 4 writes (b)",
+        ),
+        ("LD M8000\nMC N0 M0\nLD M1000\nOUT T5 K3\nLD T5\nOUT Y0\nMCR N0\n", "T5 at line 4 is a timer (b)"),
+        ("LD M1000\nMPS\nAND M1\nOUT T1 K1\nMPP\nAND T1\nOUT Y0\n", "T1 at line 4 is a timer (b)"),
+        ("LD M1000\nCALL P0\nFEND\nP0\nLD M1000\nOUT Y0\nSRET\n", "the longest scan of b cannot be told"),
+    ],
+)
+def test_what_is_on_the_way_and_takes_its_time_is_a_reason(show: str, reason: str) -> None:
+    found = bound(show=show)
+    assert not found.valid
+    assert found.cases() == {}
+    assert any(reason in each for each in found.reasons), found.reasons
+
+
+def test_a_delay_in_front_of_the_link_counts_as_well() -> None:
+    found = bound("LD X0\nOUT T0 K10\nLD T0\nOUT M1000\n")
+    assert found.reasons == ("T0 at line 2 is a timer (a)",)
+    # Beside the way they do not.
+    assert bound(f"LD X1\nOUT T0 K10\n{SEND}", f"LD X1\nOUT T0 K10\n{SHOW}LD M1000\nOUT C0 K5\n").valid
+
+
+@pytest.mark.parametrize(
+    ("show", "edge", "gates"),
+    [
+        ("LD M1000\nAND X1\nOUT Y0\n", "both", ("X1 (b)",)),
+        ("LD M1000\nAND X1\nOUT Y0\n", "rising", ("X1 (b)",)),
+        ("LD M1000\nAND X1\nOUT Y0\n", "falling", ()),  # off is off, whatever the other says
+        ("LD M1000\nOR X1\nOUT Y0\n", "rising", ()),
+        ("LD M1000\nOR X1\nOUT Y0\n", "falling", ("X1 (b)",)),
+        ("LDI M1000\nAND X1\nOUT Y0\n", "rising", ()),
+        ("LDI M1000\nAND X1\nOUT Y0\n", "falling", ("X1 (b)",)),
+        ("LD M1000\nAND X1\nINV\nOUT Y0\n", "falling", ()),
+        ("LD M1000\nAND X1\nINV\nOR X2\nOUT Y0\n", "falling", ()),
+        ("LD M1000\nAND X1\nINV\nAND X2\nOUT Y0\n", "falling", ("X2 (b)",)),
+        ("LD M1000\nAND M8000\nANI M8001\nOUT Y0\n", "both", ()),
+        ("LD M1000\nOR M8001\nOUT Y0\n", "both", ()),
+        ("LD M1000\nMPS\nAND X1\nOUT Y1\nMPP\nAND X2\nOUT Y0\n", "rising", ("X2 (b)",)),
+        ("LD M1000\nOUT M5\nAND X3\nOUT Y0\n", "rising", ("X3 (b)",)),
+        ("LD M8000\nMOV K1M1000 K1Y0\n", "both", ()),
+        ("LDI M8183\nMOV K1M1000 K1Y0\n", "both", ("M8183 (b)",)),
+        ("LD X4\nMC N0 M0\nLD M1000\nOUT Y0\nMCR N0\n", "rising", ("X4 (b)",)),
+        ("LD X4\nCJ P0\nLD M1000\nOUT Y0\nP0\n", "both", ("CJ P0 at line 2 (b)",)),
+    ],
+)
+def test_what_must_let_the_signal_through_is_told(show: str, edge: str, gates: tuple[str, ...]) -> None:
+    found = bound(show=show, edge=edge)
+    assert found.valid
+    assert found.gates == gates
+    assert found.program == 0
+    assert [said for said in found.caveats if "let it through" in said] == (
+        [f"holds as long as {', '.join(gates)} let it through"] if gates else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("send", "show", "scans"),
+    [
+        (SEND, SHOW, (0, 0)),
+        ("LD X0\nOUT M0\nLD M0\nOUT M1000\n", "LD M1000\nOUT M0\nLD M0\nOUT Y0\n", (0, 0)),
+        ("LD M0\nOUT M1000\nLD X0\nOUT M0\n", SHOW, (1, 0)),
+        (SEND, "LD M0\nOUT Y0\nLD M1000\nOUT M0\n", (0, 1)),
+        (SEND, "LD M1\nOUT Y0\nLD M0\nOUT M1\nLD M1000\nOUT M0\n", (0, 2)),
+        (SEND, "LD M8000\nMOV D50 K1Y0\nMOV K1M1000 D50\n", (0, 1)),
+        (SEND, "LD M0\nOUT Y0\nLD M1000\nOUT M0\nLD M1000\nOUT M1\n", (0, 1)),
+        ("LD M1\nOUT M1000\nLD M0\nOUT M1\nLD X0\nOUT M0\n", "LD M0\nOUT Y0\nLD M1000\nOUT M0\n", (2, 1)),
+    ],
+)
+def test_a_rung_in_front_of_its_source_costs_a_scan(send: str, show: str, scans: tuple[int, int]) -> None:
+    given = scenario(send, show, seconds=50)
+    found, (a, b) = bounds_of(given)["way"], given.plcs
+    assert found.valid
+    assert found.program == scans[0] * a.longest_scan + scans[1] * b.longest_scan
+    times = api.run(given, rows=False).summary["latency"]["way"]["ms"]
+    assert 0.8 * found.no_error / MS <= times["max"] <= found.no_error / MS + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "send", "program"),
+    [
+        ("a.M1000", "b.Y0", SEND, 0),
+        ("a.M1000", "b.M1000", SEND, 0),
+        ("a.M0", "b.Y0", "LD X0\nOUT M0\nLD M0\nOUT M1000\n", 0),
+        ("a.M0", "b.Y0", "LD M0\nOUT M1000\nLD X0\nOUT M0\n", 1),
+        ("a.X0", "a.M1000", SEND, 0),
+        ("a.X0", "a.M7", "LD M6\nOUT M7\nLD X0\nOUT M6\n", 1),
+        ("a.M6", "a.M7", "LD M6\nOUT M7\nLD X0\nOUT M6\n", 1),
+        ("a.M6", "a.M7", "LD X0\nOUT M6\nLD M6\nOUT M7\n", 0),
+    ],
+)
+def test_ways_that_begin_or_end_elsewhere(start: str, end: str, send: str, program: int) -> None:
+    given = scenario(send, seconds=40, start=start, end=end)
+    found = bounds_of(given)["way"]
+    assert found.program == program * given.plcs[0].longest_scan
+    longest = api.run(given, rows=False).summary["latency"]["way"]["ms"]["max"]
+    assert 0.8 * found.no_error / MS <= longest <= found.no_error / MS + 1e-6
+
+
+def test_the_caveats_are_told_wherever_the_bound_is() -> None:
+    gated = api.run(scenario(show="LD M1000\nAND M8000\nANI M8183\nOUT Y0\n", seconds=20)).summary
+    entry = gated["latency"]["way"]
+    assert entry["bound_notes"] == ["holds as long as M8183 (b) let it through"]
+    assert "bound_reasons" not in entry
+    late = api.run(scenario(show="LD M1000\nOUT T0 K3\nLD T0\nOUT Y0\n", seconds=20)).summary["latency"][
+        "way"
+    ]
+    assert late["ms"]["max"] > 300
+    assert late["bound_reasons"] == ["T0 at line 2 is a timer (b)"]
+    assert "bound_ms" not in late
