@@ -9,7 +9,11 @@ import pytest
 
 import bussim
 from bussim.cli import COMMANDS
+from bussim.engines.nn.frames import MODES
 from bussim.engines.nn.states import MASTER, mermaid
+from bussim.plc.board import LinkBoard
+from bussim.plc.memory import Memory
+from bussim.plc.profiles import PROFILES
 from bussim.plc.program.catalog import SPECS
 from bussim.plc.program.specials import SPECIAL_BITS
 from bussim.scenario.loader import load, loads
@@ -64,6 +68,24 @@ def test_link_time_table(stations: int) -> None:
 
 def test_master_diagram() -> None:
     assert mermaid(MASTER) in README
+
+
+def test_the_blocks_of_the_stations() -> None:
+    section = README.split("| D8178 |")[1].split("\n\n")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines()[2:]]
+    assert [row[0] for row in rows] == ["0", "1", "2", "3 (PW10)", "4 (PW10)"]
+    assert [(int(row[1].replace("none", "0")), int(row[2])) for row in rows] == [
+        (block.bits, block.words) for block in MODES
+    ]
+    places = {name: LinkBoard(profile, Memory()).place_of(1, 2) for name, profile in PROFILES.items()}
+    assert (places["pw10"].bit, places["pw10"].bits, places["pw10"].word, places["pw10"].words) == (
+        1064,
+        64,
+        32,
+        8,
+    )
+    assert {places[name].word for name in ("fx2n", "fx3u", "fx1s")} == {10}
+    assert {name for name, profile in PROFILES.items() if 3 in profile.modes} == {"pw10"}
 
 
 def test_every_command_is_listed() -> None:
