@@ -86,7 +86,14 @@ def test_exact_tells_its_latency_and_watch_its_devices(
     assert main(["exact", alone, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["links"], found["polls"]) == ({}, {})
-    assert 20 < found["latency"]["one.X0 to one.Y0"]["no_error_ms"] < 23
+    counted = found["latency"]["one.X0 to one.Y0"]
+    assert counted["no_error_ms"] is None
+    assert "C1 at line 2" in counted["reasons"][0]
+    text = ALONE.replace("OUT C1 K5", "OUT Y1").replace("LD  C1", "LD  X0").replace("observe: [one.CN1]", "")
+    Path(alone).with_name("direct.yaml").write_text(text, encoding="utf-8")
+    assert main(["exact", str(Path(alone).with_name("direct.yaml")), "--json"]) == 0
+    # Two scans of 11 ms at most, and what the instructions take.
+    assert 22 <= json.loads(capsys.readouterr().out)["latency"]["one.X0 to one.Y0"]["no_error_ms"] < 23
     assert main(["exact", alone, "--set", "latency=[]"]) == 2
     assert "neither an N:N link nor a Modbus poll list nor a latency" in capsys.readouterr().err
     assert main(["watch", alone, "--devices", "one.CN1,one.Y0", "--to-time", "3 s"]) == 0
