@@ -10,7 +10,7 @@ from bussim.plc.board import D_MODE, D_SLAVES, D_STATION, bad_parameters, settin
 from bussim.plc.memory import parse_device
 from bussim.plc.program.signals import Key
 from bussim.scenario.ages import age_reasons
-from bussim.scenario.leads import Finding, Net, Question, Station
+from bussim.scenario.leads import Finding, Lead, Net, Question, Station
 from bussim.scenario.model import Latency, Plc, Scenario
 
 
@@ -33,6 +33,14 @@ class Way:
     direct: bool
     finding: Finding
     unmeasured: tuple[str, ...] = ()
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why nothing leads from the source to the target, or no age can be told of a word."""
+        if self.word or self.finding.lead is not Lead.NONE:
+            return self.unmeasured
+        source, target = f"{self.source.name}.{self.entry.source}", f"{self.target.name}.{self.entry.target}"
+        return (f"nothing leads from {source} to {target}: {self.finding.why}",)
 
     @property
     def word(self) -> bool:
