@@ -57,7 +57,7 @@ def _copies(
     signals = signals_of(program)
     if program is not None and any(at.spec.name in _WANDERS for at in program.instructions):
         return set(), "its program has jumps, loops or subroutines"
-    found, why = set[Key](), "nothing copies it there directly"
+    found, why, last = set[Key](), "nothing copies it there directly", False
     seen: set[Point] = set()
     waiting = [point for key in starts for point in _origins(signals, key, there=there)]
     while waiting:
@@ -67,6 +67,8 @@ def _copies(
             if to in seen or to.key is None or not to.key.word:
                 continue
             seen.add(to)
+            if last and to.key not in ends:
+                continue  # what is in the way at the end is told
             line = next((at.line for at in signals.written(to.key) if at.number == to.number), 0)
             if step.reason:
                 why = step.reason
@@ -80,6 +82,8 @@ def _copies(
                 found.add(to.key)
             else:
                 waiting.append(to)
+                continue
+            last = to.key in ends
     return found, why
 
 

@@ -100,6 +100,25 @@ def signals_of(program: Program | None) -> Signals:
 _Item = Key | int | str
 
 
+class _Steps(dict[Key | int, tuple[Key | int, ...]]):
+    """What follows from a device or a rung of one program next: looked up once."""
+
+    def __init__(self, program: Program | None) -> None:
+        super().__init__()
+        self._signals = signals_of(program)
+
+    def __missing__(self, item: Key | int) -> tuple[Key | int, ...]:
+        point = Point(None, item, 0) if isinstance(item, int) else Point(item, -1, 0)
+        ends = (step.to for step in self._signals.steps(point))
+        found = dict.fromkeys(to.number if to.key is None else to.key for to in ends)
+        if isinstance(item, Key) and item.letter in ("T", "C"):  # contact and current value go together
+            found[item._replace(word=not item.word)] = None
+        return self.setdefault(item, tuple(found))
+
+
+_steps_of = lru_cache(maxsize=32)(_Steps)
+
+
 @dataclass(frozen=True, slots=True)
 class Question:
     """From ``start`` of one station (its place in the net) to ``end`` of another or the same one."""
@@ -141,21 +160,17 @@ class Question:
         return self.end in seen[self.target] or self.end.letter in seen[self.target]
 
     def _next(self, place: int, item: _Item, *, others: bool) -> Iterator[tuple[int, _Item]]:
-        signals = signals_of(self.net.stations[place].program)
+        program = self.net.stations[place].program
         if isinstance(item, str):
-            yield from ((place, key) for key in signals.reads if key.letter == item)
+            yield from ((place, key) for key in signals_of(program).reads if key.letter == item)
             own = self.net.block(place, place)
             if own is not None and item in "MD":
                 first, count = (own.bit, own.bits) if item == "M" else (own.word, own.words)
                 for address in range(first, first + count):
                     yield from self._over(place, Key(item, address, item == "D"), others=others)
             return
-        point = Point(None, item, 0) if isinstance(item, int) else Point(item, -1, 0)
-        for step in signals.steps(point):
-            yield place, step.to.number if step.to.key is None else step.to.key
+        yield from ((place, each) for each in _steps_of(program)[item])
         if isinstance(item, Key):
-            if item.letter in ("T", "C"):  # contact and current value go together
-                yield place, item._replace(word=not item.word)
             yield from self._over(place, item, others=others)
 
     def _over(self, place: int, key: Key, *, others: bool) -> Iterator[tuple[int, Key]]:
@@ -176,7 +191,8 @@ class Question:
     def _loosely(self, place: int) -> Iterator[tuple[int, _Item]]:
         """What may follow from anything in a PLC and is in no program's text."""
         station = self.net.stations[place]
-        for key in signals_of(station.program).reads:
+        ends = {self.end} if place == self.target else set()
+        for key in signals_of(station.program).reads | ends:
             # Flags, times, errors: of anything that the program does.
             if key.letter in "MD" and key.address >= _FIRST_SPECIAL and key.address not in _BY_ITSELF:
                 yield place, key
