@@ -139,6 +139,8 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBo
             way.word,
             way.direct,
             None if way.bus is None else Route(way.bus, *way.seats, way.frame),
+            str(way.finding.lead),
+            way.reasons,
         )
         for way in ways(scenario)
     ]

@@ -37,7 +37,7 @@ from bussim.exact.outages import clean_scan
 from bussim.exact.passage import Passage, passage_of
 from bussim.exact.reading import from_scenario
 from bussim.plc.board import D_STATION, setting_values
-from bussim.plc.memory import BlockPlace, Device, block_place, parse_device
+from bussim.plc.memory import BlockPlace, block_place
 from bussim.plc.profiles import AbsentStation
 from bussim.scenario.model import Plc, Scenario
 from bussim.scenario.ways import Way, ways
@@ -231,19 +231,9 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
 def _passage(way: Way, blocks: Sequence[BlockPlace]) -> Passage:
     """Through the programs; ``blocks`` are the source's own in each of the two PLCs."""
     own, copy = blocks
-    if not way.word:
-        return passage_of(way, own, copy.word - own.word)
-    source, target = (parse_device(name, observed=True) for name in (way.entry.source, way.entry.target))
-    meant = Device("D", source.address - own.word + copy.word)
-    if not own.holds(source):
-        return Passage(reasons=(f"{source} is not in the block of {way.source.name}, whose age is measured",))
-    if target != meant:
-        return Passage(
-            reasons=(
-                f"the age of {meant} in {way.target.name} is measured; that of {target} its program decides",
-            )
-        )
-    return Passage()
+    if way.word:
+        return Passage(reasons=way.unmeasured)
+    return passage_of(way, own, copy.word - own.word)
 
 
 def _number(plc: Plc) -> int:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from bussim.plc.memory import BlockPlace, parse_device
 from bussim.plc.program.signals import Key, Point, Signals, Step
+from bussim.scenario.leads import Lead
 from bussim.scenario.model import Edge
 from bussim.scenario.ways import Way
 
@@ -83,11 +84,7 @@ class _Search:
         )
 
     def _shared(self, key: Key) -> bool:
-        return (
-            self.block is not None
-            and key.word is (key.letter == "D")
-            and self.block.holds(parse_device(str(key)))
-        )
+        return self.block is not None and key.word is (key.letter == "D") and self.block.holds(key.device)
 
     def arrives(self, state: _State) -> bool:
         return state.place == len(self.sides) - 1 and state.point.key == self.target
@@ -149,14 +146,20 @@ def passage_of(way: Way, block: BlockPlace | None, shift: int = 0) -> Passage:
 
 
 def _nothing(way: Way) -> str:
+    """Why no way was found that takes a known time."""
+    source, target = f"{way.entry.source} of {way.source.name}", f"{way.entry.target} of {way.target.name}"
+    match way.finding.lead:
+        case Lead.ROUND:
+            return f"{source} leads to {target} over other stations only"
+        case Lead.UNKNOWN:
+            return (
+                f"no text tells how {source} leads to {target}: ports, jumps, flags or index registers might"
+            )
+    why = f": {way.finding.why}" if way.finding.why else ""
     if way.bus is None:
-        return (
-            f"nothing in the program of {way.source.name} leads from {way.entry.source} to {way.entry.target}"
-        )
-    return (
-        f"nothing leads from {way.entry.source} of {way.source.name} over its block to {way.entry.target} "
-        f"of {way.target.name}"
-    )
+        ends = f"from {way.entry.source} to {way.entry.target}"
+        return f"nothing in the program of {way.source.name} leads {ends}{why}"
+    return f"nothing leads from {source} over its block to {target}{why}"
 
 
 def _longest(edges: list[_Edge]) -> int | None:

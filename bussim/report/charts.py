@@ -9,8 +9,8 @@ from bussim.report.picture import LOOKS, MARKS, look_of
 from bussim.report.scene import END, Scene
 from bussim.report.source import ExactLaw
 from bussim.results.histogram import BIN_TICKS, Histogram
-from bussim.results.latency import PARTS, LatencyRecord
-from bussim.results.latency_text import PART_NAMES
+from bussim.results.latency_record import PARTS, LatencyRecord
+from bussim.results.latency_text import part_names
 from bussim.results.record import LinkRecord
 from bussim.results.style import PARTS_OF_LATENCY
 from bussim.results.timeline import Span
@@ -92,15 +92,15 @@ def parts_chart(
 
     In the form of :func:`scene_chart`, with ``bounds`` (ms, by case) beside.
     """
-    boxes, lanes = [], record.examples()
+    boxes, lanes, names = [], record.examples(), part_names(word=record.word)
     for lane, (what, parts) in enumerate(lanes.items()):
         end = 0.0
         for part, ticks in zip(PARTS, parts, strict=True):
             start, end = end, end + ticks
             if ticks:
-                text = f"{what}: {PART_NAMES[part]} {milliseconds(ticks):.3f} ms"
+                text = f"{what}: {names[part]} {milliseconds(ticks):.3f} ms"
                 at = [round(milliseconds(tick), 6) for tick in (start, end)]
-                boxes.append([lane, *at, PART_NAMES[part], f"{milliseconds(ticks):.1f}", text])
+                boxes.append([lane, *at, names[part], f"{milliseconds(ticks):.1f}", text])
     return {
         "kind": "parts",
         "title": title,
@@ -110,12 +110,12 @@ def parts_chart(
         "marks": [],
         "bounds": _bounds(bounds),
         "looks": {
-            PART_NAMES[part]: {
+            names[part]: {
                 "colour": PARTS_OF_LATENCY[part],
                 "height": 0.7,
                 "hatch": False,
                 "filled": True,
-                "meaning": PART_NAMES[part],
+                "meaning": names[part],
                 "grey": False,
             }
             for part, most in zip(PARTS, record.longest_parts, strict=True)

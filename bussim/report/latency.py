@@ -11,14 +11,16 @@ from bussim.report.parts import Chart, Charts
 from bussim.report.source import Source
 from bussim.report.tables import NONE, Cell, Table, found, number, pointer
 from bussim.report.words import ms
-from bussim.results.latency import PARTS, LatencyRecord
+from bussim.results.latency_record import PARTS, LatencyRecord
 from bussim.results.latency_text import (
-    PART_NAMES,
     bound_caveats,
     counts_in_words,
     edge_in_words,
+    lost_in_words,
+    part_names,
     shown_bounds,
     told_bounds,
+    way_caveats,
 )
 from bussim.units import milliseconds
 
@@ -29,7 +31,7 @@ _COUNTS = {
     "unseen": "too short to be seen",
     "open": "under way at the end",
 }
-_READINGS = {"changes": "changes of the source", "delivered": "readings"}
+_READINGS = {"changes": "changes of the source", "delivered": "times that it was read"}
 _TIMES = {
     "min": "shortest",
     "p50": "median",
@@ -85,8 +87,11 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     """An entry of the summary's latencies in sentences."""
     word, times = entry["edge"] is None, entry["ms"]
     label = f"{_heading(name, entry)}, {edge_in_words(entry)}"
+    hint = lost_in_words(entry)
+    more = [*([f"{name}: {hint}."] if hint else []), *(f"{name}: {said}." for said in way_caveats(entry))]
     if times["max"] is None:
-        yield f"{label}: nothing arrived ({counts_in_words(entry)})."
+        yield f"{label}: nothing {'was read' if word else 'arrived'} ({counts_in_words(entry)})."
+        yield from more
         yield from (f"{name}, at worst: {caveat}." for caveat in bound_caveats(entry))
         return
     usual = times["p50"] if times["p50"] is not None else times["mean"]
@@ -95,6 +100,7 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     )
     when = f"{entry['max_at_s']:.2f} s after the start"
     yield f"{label}: it {how} {ms(times['max'])}, {when} ({counts_in_words(entry)})."
+    yield from more
     cases = [f"{ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
     if cases:
         yield f"At worst {name} {'is as old as' if word else 'takes'} {', '.join(cases)}."
@@ -163,7 +169,7 @@ def parts_data(name: str, record: LatencyRecord, summary: Mapping[str, Any]) -> 
         rows.append((what, [*cells, Cell(number(milliseconds(sum(ticks)), 3))]))
     most = [found(summary, "latency", name, "parts_ms", part, "max", decimals=3) for part in PARTS]
     rows.append(("most of each part", [*most, Cell("")]))
-    head = ["", *(PART_NAMES[part] for part in PARTS), "together"]
+    head = ["", *(part_names(word=record.word)[part] for part in PARTS), "together"]
     return Table(f"What {name} is made of (ms)", head, rows)
 
 
@@ -183,7 +189,8 @@ def compared(
             (label, (*at, key), None) for key, label in (_READINGS if words else _COUNTS).items()
         ]
         rows += [(f"{label} (ms)", (*at, "ms", key), 3) for key, label in _TIMES.items()]
-        rows += [(f"{PART_NAMES[part]}, mean (ms)", (*at, "parts_ms", part, "mean"), 3) for part in PARTS]
+        names = part_names(word=words)
+        rows += [(f"{names[part]}, mean (ms)", (*at, "parts_ms", part, "mean"), 3) for part in PARTS]
         cases = dict.fromkeys(case for entry in entries for case in entry.get("bound_ms", {}))
         rows += [(f"at worst with {case} (ms)", (*at, "bound_ms", case), 3) for case in cases]
         yield name, rows
@@ -215,11 +222,14 @@ def _charts(source: Source, name: str, drawn: Charts) -> list[Chart]:
         tables.histogram_data(record.histogram, name, quantity),
         f"Beyond this axis: at worst {beyond}." if beyond else "",
     )
+    if record.coincidence:
+        return [one]
+    names = part_names(word=record.word)
     two = drawn.add(
         charts.parts_chart(record, near, longest, f"What {name} is made of"),
         f"The shortest, the mean and the longest {quantity.time} as bars of their parts: "
         + "; ".join(
-            f"{PART_NAMES[part]} on average {found['mean']:.1f} ms"
+            f"{names[part]} on average {found['mean']:.1f} ms"
             for part, found in entry["parts_ms"].items()
             if found["max"]
         )

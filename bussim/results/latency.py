@@ -14,23 +14,22 @@ A change that leaves the level as the target's side knew it (on, off and on agai
 is lost with the one before. What a program takes longer than one scan shows in the last part.
 
 Of words the age is measured: whenever the target's PLC begins a scan, the time since the END at which
-the source's PLC left the image that the target's PLC holds.
+the source's PLC left the image that the target's PLC holds. Where ``reasons`` say that the image has
+nothing to do with the word, nothing is.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from bussim.results.histogram import Histogram
+from bussim.results.histogram import BIN_TICKS, Histogram
+from bussim.results.latency_record import LatencyRecord, Sample
 from bussim.trace import DeviceValueRecord, InputRecord
 
-#: What a latency is made of: waiting for the source's scan (to the END after it), for the station's turn
-#: on the link, the frame on the wire, waiting for the destination's END, and for its output.
-PARTS = ("scan", "turn", "wire", "destination", "output")
 #: Changes that wait at one stage; more than these, and the oldest is given up.
 _MOST_WAITING = 1024
 _MOST_VISIBLE = 64
@@ -53,7 +52,8 @@ class LatencySpec:
 
     ``edge`` is "rising", "falling" or "both". ``direct``: the target is a device that the link itself
     writes (or, without a ``route``, one of the source's PLC), so that it may follow at the very END at
-    which a change becomes visible; else a scan lies between.
+    which a change becomes visible; else a scan lies between. ``way`` and ``reasons``: see
+    :class:`LatencyRecord`.
     """
 
     name: str
@@ -66,128 +66,26 @@ class LatencySpec:
     word: bool
     direct: bool
     route: Route | None  # None: both in one PLC
+    way: str = ""
+    reasons: tuple[str, ...] = ()
 
     def counts(self, level: int) -> bool:
         """Whether a change to this level is one of those to be measured."""
         return self.edge == "both" or (level == 1) == (self.edge == "rising")
 
 
-class Sample(NamedTuple):
-    """One latency: when the change was, and its parts in the order of :data:`PARTS`."""
-
-    at: int
-    parts: tuple[int, ...]
-
-    @property
-    def total(self) -> int:
-        """All parts together."""
-        return sum(self.parts)
-
-
-@dataclass(slots=True)
-class LatencyRecord:
-    """What was measured of one entry.
-
-    Bits: ``changes`` = ``delivered`` + ``lost`` + ``unseen`` + ``open`` (under way at the end). Words:
-    ``changes`` counts those of the source, ``delivered`` the scans at which an age was measured.
-    ``sums`` and ``longest_parts`` are of each part; ``shortest`` and ``longest`` whole latencies.
-    """
-
-    source: str
-    target: str
-    edge: str
-    inverted: bool
-    word: bool
-    changes: int = 0
-    delivered: int = 0
-    lost: int = 0
-    unseen: int = 0
-    open: int = 0
-    histogram: Histogram = field(default_factory=Histogram)
-    sums: list[int] = field(default_factory=lambda: [0] * len(PARTS))
-    longest_parts: list[int] = field(default_factory=lambda: [0] * len(PARTS))
-    shortest: Sample | None = None
-    longest: Sample | None = None
-
-    def add(self, sample: Sample) -> None:
-        """Count a latency; of several longest ones the first is kept."""
-        self.delivered += 1
-        total = sample.total
-        if self.histogram.maximum is None or total > self.histogram.maximum:
-            self.longest = sample
-        if self.histogram.minimum is None or total < self.histogram.minimum:
-            self.shortest = sample
-        self.histogram.add(total)
-        for place, ticks in enumerate(sample.parts):
-            self.sums[place] += ticks
-            if ticks > self.longest_parts[place]:
-                self.longest_parts[place] = ticks
-
-    def examples(self) -> dict[str, Sequence[float]]:
-        """The parts (ticks) of the shortest, the mean and the longest one; empty where there was none."""
-        if not self.delivered:
-            return {}
-        found: dict[str, Sequence[float]] = {"mean": [total / self.delivered for total in self.sums]}
-        if self.shortest is not None and self.longest is not None:
-            found = {"shortest": self.shortest.parts, **found, "longest": self.longest.parts}
-        return found
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data, times in ticks."""
-        return {
-            "from": self.source,
-            "to": self.target,
-            "edge": self.edge,
-            "inverted": self.inverted,
-            "word": self.word,
-            "changes": self.changes,
-            "delivered": self.delivered,
-            "lost": self.lost,
-            "unseen": self.unseen,
-            "open": self.open,
-            "parts": dict(
-                zip(PARTS, map(list, zip(self.sums, self.longest_parts, strict=True)), strict=True)
-            ),
-            "shortest": _sample_to_json(self.shortest),
-            "longest": _sample_to_json(self.longest),
-            **self.histogram.to_json(),
-        }
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> LatencyRecord:
-        """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
-        parts = [data["parts"][name] for name in PARTS]
-        record = cls(
-            str(data["from"]), str(data["to"]), str(data["edge"]), bool(data["inverted"]), bool(data["word"])
-        )
-        record.changes, record.delivered = int(data["changes"]), int(data["delivered"])
-        record.lost, record.unseen, record.open = int(data["lost"]), int(data["unseen"]), int(data["open"])
-        record.histogram = Histogram.from_json(data)
-        record.sums = [int(total) for total, _ in parts]
-        record.longest_parts = [int(longest) for _, longest in parts]
-        record.shortest = _sample_from_json(data["shortest"])
-        record.longest = _sample_from_json(data["longest"])
-        return record
-
-
-def _sample_to_json(sample: Sample | None) -> list[Any] | None:
-    return None if sample is None else [sample.at, list(sample.parts)]
-
-
-def _sample_from_json(data: Any) -> Sample | None:
-    return None if data is None else Sample(int(data[0]), tuple(int(part) for part in data[1]))
-
-
 class _Change:
     """A change on its way; times that it has not come to are 0."""
 
-    __slots__ = ("at", "heard", "level", "out", "sent", "visible")
+    __slots__ = ("at", "beside", "heard", "level", "out", "sent", "visible")
 
     def __init__(self, at: int, out: int, level: int) -> None:
         self.at = at
         self.out = out
         self.level = level
         self.sent = self.heard = self.visible = 0
+        #: How long the level in front of it or the one that it began has lasted, the shorter one.
+        self.beside: int | None = None
 
 
 class _Bits:
@@ -202,6 +100,9 @@ class _Bits:
         self._visible: list[_Change] = []
         self._carried_level: int | None = None
         self._visible_level: int | None = None
+        self._last: _Change | None = None  # that the source has made
+        self._heard = -1  # when the latest frame was
+        self._lasted = Histogram()  # what lies beside the lost changes
         self._new: list[int] = []  # values of the target at the END that is being told
 
     # -- what is told ------------------------------------------------------------------------------
@@ -218,8 +119,7 @@ class _Bits:
         unseen = batch if len(batch) % 2 == 0 else batch[:-1]
         self.record.unseen += sum(spec.counts(each.level) for each in unseen)
         if len(batch) % 2:
-            self._sampled.append(_Change(record.tick, record.end, record.level))
-            self._give_up(self._sampled, _MOST_WAITING)
+            self._begin(_Change(record.tick, record.end, record.level))
 
     def value(self, record: DeviceValueRecord) -> None:
         """The source or the target has a new value at an END."""
@@ -228,11 +128,21 @@ class _Bits:
             self._new.append(record.value)
         elif record.device == spec.source and record.plc == spec.source_plc and spec.source[0] != "X":
             self.record.changes += spec.counts(record.value)
-            self._sampled.append(_Change(record.tick, record.tick, record.value))
-            self._give_up(self._sampled, _MOST_WAITING)
+            self._begin(_Change(record.tick, record.tick, record.value))
+
+    def _begin(self, change: _Change) -> None:
+        last, self._last = self._last, change
+        if last is not None:
+            change.beside = change.at - last.at
+            last.beside = change.beside if last.beside is None else min(last.beside, change.beside)
+        self._sampled.append(change)
+        self._give_up(self._sampled, _MOST_WAITING)
 
     def heard(self, start: int, tick: int) -> None:
         """The target's PLC has heard a data frame of the source's from ``start`` to ``tick``."""
+        if self._heard >= 0:
+            self.record.longest_gap = max(self.record.longest_gap or 0, tick - self._heard)
+        self._heard = tick
         waiting = self._sampled
         if not waiting or waiting[0].out > start:
             return
@@ -271,6 +181,10 @@ class _Bits:
         left = self._visible[:-1]
         self._visible = list(last)
         self._lose(left)
+        if self.record.longest_gap is not None:
+            # In bins: one that lasted as long as the gap may have been lost in it as well.
+            most = self.record.longest_gap // BIN_TICKS
+            self.record.lost_short = sum(n for at, n in self._lasted.bins.items() if at <= most)
         return self.record
 
     # -- stages ------------------------------------------------------------------------------------
@@ -316,7 +230,9 @@ class _Bits:
         self._new.clear()
 
     def _lose(self, changes: Sequence[_Change]) -> None:
-        self.record.lost += sum(self.spec.counts(change.level) for change in changes)
+        lost = [change for change in changes if self.spec.counts(change.level)]
+        self.record.lost += len(lost)
+        self._lasted.add_all([change.beside for change in lost if change.beside is not None])
 
     def _give_up(self, changes: list[_Change], most: int) -> None:
         if len(changes) > most:
@@ -351,7 +267,7 @@ class _Words:
         """A scan begins."""
         if plc == self.spec.source_plc:
             self._ends.append(tick)
-        elif plc == self.spec.target_plc and self._held is not None:
+        elif plc == self.spec.target_plc and self._held is not None and not self.spec.reasons:
             end, start, heard = self._held
             self.record.add(Sample(tick, (0, start - end, heard - start, tick - heard, 0)))
 
@@ -367,6 +283,8 @@ def _record_of(spec: LatencySpec) -> LatencyRecord:
         spec.edge,
         spec.inverted,
         spec.word,
+        way=spec.way,
+        reasons=spec.reasons,
     )
 
 

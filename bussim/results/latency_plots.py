@@ -14,8 +14,15 @@ from matplotlib.patches import Patch
 from bussim.errors import UsageError
 from bussim.results.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
 from bussim.results.histogram import BIN_TICKS, Histogram
-from bussim.results.latency import PARTS, LatencyRecord
-from bussim.results.latency_text import PART_NAMES, bound_caveats, counts_in_words, shown_bounds, told_bounds
+from bussim.results.latency_record import PARTS, LatencyRecord
+from bussim.results.latency_text import (
+    bound_caveats,
+    counts_in_words,
+    part_names,
+    shown_bounds,
+    told_bounds,
+    way_caveats,
+)
 from bussim.results.plots import caption, run_labels
 from bussim.results.record import RunRecord
 from bussim.results.style import (
@@ -97,31 +104,33 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
         shown = _shown(histograms, marks)
         first, furthest = whole_range(histograms)
         grid = picture.subplots(
-            2,
+            2 if bars else 1,
             len(shown),
             sharex="col",
             squeeze=False,
-            height_ratios=(3, 0.5 * len(bars)),
+            height_ratios=(3, 0.5 * len(bars)) if bars else (3,),
             width_ratios=(2, 3)[-len(shown) :],
         )
-        for (axes, stack), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
+        for (axes, *stacks), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
             if title == _ALL and len(shown) > 1:
                 axes.set_yscale("log")
             draw(axes, histograms, (first, min(last, furthest)), what, counted)
             if title == _ALL and len(shown) > 1:
                 axes.set_ylim(bottom=0.6)
-            axes.set_xlabel("")
-            axes.tick_params(axis="x", labelbottom=False)
-            _draw_parts(stack, bars)
-            stack.set_xlabel(what)
-            stack.set_xlim(0, 1.03 * milliseconds(last * BIN_TICKS) + milliseconds(BIN_TICKS))
+            if stacks:
+                axes.set_xlabel("")
+                axes.tick_params(axis="x", labelbottom=False)
+            for stack in stacks:
+                _draw_parts(stack, bars)
+                stack.set_xlabel(what)
+            axes.set_xlim(0, 1.03 * milliseconds(last * BIN_TICKS) + milliseconds(BIN_TICKS))
             for mark in marks:
-                for each in (axes, stack) if mark.dash else ():
+                for each in (axes, *stacks) if mark.dash else ():
                     each.axvline(mark.at, color=mark.colour, linewidth=mark.width, linestyle=mark.dash)
             if len(shown) > 1:
                 axes.set_title(title, fontsize=9)
                 axes.locator_params(axis="x", nbins=5)
-        if len(shown) > 1:
+        if len(shown) > 1 and bars:
             grid[1, 1].tick_params(axis="y", labelleft=False)
         if several is None:
             words = shorten(counts_in_words(runs[0].summary["latency"][name]), 100)
@@ -170,8 +179,12 @@ def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[
 
 def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
     """Lines of text: what must be told beside the bounds, each once."""
-    found = dict.fromkeys(said for summary in summaries for said in bound_caveats(summary))
+    found = dict.fromkeys(said for summary in summaries for said in _said(summary))
     return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), LAW, "", 0) for said in found]
+
+
+def _said(summary: Mapping[str, object]) -> list[str]:
+    return [*way_caveats(summary), *bound_caveats(summary)]
 
 
 def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
@@ -223,10 +236,11 @@ def _draw_parts(axes: Axes, rows: Sequence[tuple[str, Sequence[float]]]) -> None
 def _explain(
     records: Sequence[LatencyRecord], labels: Sequence[str] | None, marks: Sequence[_Mark]
 ) -> list[Patch | Line2D]:
+    names = part_names(word=records[0].word)
     handles: list[Patch | Line2D] = [
-        Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=PART_NAMES[name])
+        Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=names[name])
         for place, name in enumerate(PARTS)
-        if any(record.longest_parts[place] for record in records)
+        if any(record.longest_parts[place] for record in records if not record.coincidence)
     ]
     if labels is None:
         for name, value in marked(records[0].histogram).items():

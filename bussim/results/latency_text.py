@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from bussim.results.latency import PARTS, LatencyRecord
+from bussim.results.latency_record import NO_WAY, PARTS, LatencyRecord
 from bussim.results.numbers import counted, ms, s, statistics
 
 #: What the parts are called in words; "scan" of a word's age does not exist.
@@ -16,6 +16,8 @@ PART_NAMES = {
     "destination": "waiting for the destination's scan",
     "output": "its output",
 }
+#: The same of the age of a word.
+AGE_PART_NAMES = PART_NAMES | {"destination": "since the frame came, until it was read"}
 #: Of the cases of a bound those that are told in words.
 _SHOWN_BOUNDS = ("no error", "1 lost reply", "every retry spent")
 
@@ -32,6 +34,7 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
     """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, if known."""
     parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
     delivered = record.delivered
+    split = bool(delivered) and not record.coincidence  # no way, no parts
     summary: dict[str, Any] = {
         "from": record.source,
         "to": record.target,
@@ -47,11 +50,16 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
         "max_at_s": s(record.longest.at if record.longest is not None else None),
         "parts_ms": {
             name: {
-                "mean": ms(total / delivered) if delivered else None,
-                "max": ms(longest) if delivered else None,
+                "mean": ms(total / delivered) if split else None,
+                "max": ms(longest) if split else None,
             }
             for name, total, longest in parts
         },
+        "reads": delivered if record.word else None,
+        "lost_short": None if record.word else record.lost_short,
+        "longest_gap_ms": None if record.word else ms(record.longest_gap),
+        "way": record.way or None,
+        "way_reasons": list(record.reasons),
     }
     if bounds is None:
         return summary
@@ -83,7 +91,9 @@ def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
 
 def bound_caveats(summary: Mapping[str, Any]) -> list[str]:
     """What must be told beside an entry's bounds, or why it has none."""
-    found = [f"no bound: {reason}" for reason in summary.get("bound_reasons", ())]
+    # Why there is no way, or no age, is told once.
+    reasons = () if summary.get("way_reasons") else summary.get("bound_reasons", ())
+    found = [f"no bound: {reason}" for reason in reasons]
     found += summary.get("bound_notes", ())
     bounds: Mapping[str, float] = summary.get("bound_ms", {})
     longest = summary["ms"]["max"]
@@ -95,6 +105,21 @@ def bound_caveats(summary: Mapping[str, Any]) -> list[str]:
     return found
 
 
+def part_names(*, word: bool) -> Mapping[str, str]:
+    """What the parts are called, of the age of a word or of a bit's latency."""
+    return AGE_PART_NAMES if word else PART_NAMES
+
+
+def way_caveats(summary: Mapping[str, Any]) -> list[str]:
+    """What must be told of an entry's numbers: that they are coincidence, why there are none."""
+    reasons = summary.get("way_reasons") or []
+    if summary["edge"] is None:
+        return [f"no age and no bound: {reason}" for reason in reasons]
+    if summary.get("way") == NO_WAY and summary["delivered"]:
+        return [f"these are coincidences without a bound: {reason}" for reason in reasons]
+    return list(reasons)
+
+
 def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     """A run's latencies as lines of text, from its summary."""
     for name, entry in summary.get("latency", {}).items():
@@ -104,18 +129,23 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f"{label}, {edge_in_words(entry)}"
         yield f"  {counts_in_words(entry)}"
         times = entry["ms"]
+        hint = lost_in_words(entry)
+        if hint:
+            yield f"  {hint}"
         if times["max"] is None:
+            yield from (f"  {said}" for said in way_caveats(entry))
             yield from _caveat_lines(entry)
             continue
         numbers = [("min", "min"), ("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
         shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
         yield f"  {'age' if entry['edge'] is None else 'latency':<16} {shown} ms"
+        yield from (f"  {said}" for said in way_caveats(entry))
+        names = part_names(word=entry["edge"] is None)
         parts = [
-            f"{PART_NAMES[part]} {found['mean']:.3f}"
-            for part, found in entry["parts_ms"].items()
-            if found["max"]
+            f"{names[part]} {found['mean']:.3f}" for part, found in entry["parts_ms"].items() if found["max"]
         ]
-        yield f"  on average       {', '.join(parts)} ms"
+        if parts:
+            yield f"  on average       {', '.join(parts)} ms"
         bounds = told_bounds(entry)
         if bounds:
             cases = ", ".join(f"{bound:.3f} with {case}" for case, bound in bounds.items())
@@ -140,8 +170,19 @@ def edge_in_words(entry: Mapping[str, Any]) -> str:
 def counts_in_words(entry: Mapping[str, Any]) -> str:
     """What became of the changes of an entry of the summary."""
     if entry["edge"] is None:
-        return f"{counted(entry['changes'], 'change')} of the source, read {entry['delivered']:,} times"
+        return f"{counted(entry['changes'], 'change')} of the source; read {entry['delivered']:,} times"
     found = [f"{counted(entry['changes'], 'change')}: {entry['delivered']:,} arrived"]
     words = {"lost": "never arrived", "unseen": "too short to be seen", "open": "under way at the end"}
     found += [f"{entry[key]:,} {word}" for key, word in words.items() if entry[key]]
     return ", ".join(found)
+
+
+def lost_in_words(entry: Mapping[str, Any]) -> str:
+    """How many of the changes that never arrived need no lost frame for it; empty where none did."""
+    short, gap = entry.get("lost_short"), entry.get("longest_gap_ms")
+    if not short or gap is None or entry.get("way") == NO_WAY:
+        return ""
+    return (
+        f"of those that never arrived {short:,} began or ended a pulse no longer than the longest gap "
+        f"between the station's frames, {gap:.3f} ms: no frame need have carried it"
+    )

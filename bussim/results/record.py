@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.results.histogram import Histogram
-from bussim.results.latency import LatencyRecord
+from bussim.results.latency_record import LatencyRecord
 from bussim.results.ports import PortRecord
 from bussim.results.refresh import Refresh
 from bussim.results.timeline import (

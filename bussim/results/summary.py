@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from bussim.results.latency import LatencyRecord
+from bussim.results.latency_record import LatencyRecord
 from bussim.results.latency_text import LatencyBounds, latency_summary
 from bussim.results.numbers import by_code, ms, quantiles, s, share, whole
 from bussim.results.port_summary import bus_summary, device_summary, port_summary, unlisted_ports

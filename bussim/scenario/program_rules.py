@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
 from bussim.plc.memory import BlockPlace, Device
 from bussim.scenario.fields import PlcPoint
-from bussim.scenario.link_rules import foreign_blocks, own_block, station_of
+from bussim.scenario.link_rules import foreign_blocks, station_of
 from bussim.scenario.places import Path, Report
 from bussim.scenario.program_schema import LatencyIn
 from bussim.scenario.seats import (
@@ -232,77 +232,6 @@ def _check_latency(
         if source is target:
             report.error((*path, "to"), f"is {end}, of the same PLC: there is no age to measure")
             return
-    link = [member for member in members if member.takes_part and member.bus == source.bus]
-    _check_way(path, given, source, target, link, report)
+    from bussim.scenario.latency_rules import check_way  # what only a scenario with latencies pays
 
-
-def _check_way(
-    path: Path, given: LatencyIn, source: Member, target: Member, link: Iterable[Member], report: Report
-) -> None:
-    """A device that nothing can drive, or that nobody sends, where no program does anything about it."""
-    start, end = given.from_, given.to
-    if start.device.letter == "X" and str(start.device) not in source.logic.inputs:
-        report.warn(
-            (*path, "from"), f"nothing drives {start}: it has no entry in the inputs of the PLC {source.name}"
-        )
-    if source.plc.program is None and source is not target:
-        block = own_block(source, list(link))
-        if block is not None and not block.holds(start.device):
-            report.warn(
-                (*path, "from"),
-                f"{start} is not in the shared block of {source.name}, which has no program to put it there",
-            )
-    blocks = {station_of(place): place for place in foreign_blocks(target, list(link))}
-    place = blocks.get(source.station) if source is not target else None
-    own = own_block(source, list(link))
-    if own is not None and place is not None and own.holds(start.device):
-        _check_same(path, given, own, place, [source, target], report)
-    if target.plc.program is None and place is not None and not place.holds(end.device):
-        report.warn(
-            (*path, "to"),
-            f"{end} is not where {target.name} keeps the block of {source.name}, and it has no program "
-            "to put it there",
-        )
-
-
-def _check_same(
-    path: Path,
-    given: LatencyIn,
-    own: BlockPlace,
-    place: BlockPlace,
-    members: Sequence[Member],
-    report: Report,
-) -> None:
-    """Of two devices of one block the link carries each to its like; only a program makes one of another."""
-    start, end = given.from_, given.to
-    word = start.device.is_word
-    meant = start.device._replace(address=start.device.address + (place.word - own.word if word else 0))
-    if not place.holds(end.device) or end.device == meant:
-        return
-    source, target = members
-    back = end.device._replace(address=end.device.address + (own.word - place.word if word else 0))
-    # The age of a word is that of its block, whatever a program writes there; a bit may be another's copy.
-    if word or not (_touches(source, back) or _touches(target, end.device)):
-        report.warn(
-            (*path, "to"),
-            f"is {end}, but the link takes {start} to {meant}, and no program makes the one of the other; "
-            f"did you mean {end.plc}.{meant}, or {start.plc}.{back} as from?",
-        )
-
-
-def _touches(member: Member, device: Device) -> bool:
-    """Whether a program writes a device, or may: an index register says where."""
-    program = member.logic.program
-    if program is None:
-        return False
-    from bussim.plc.program.check import extents  # what only a scenario with programs pays
-
-    return any(
-        (operand.index is not None and operand.letter == device.letter)
-        or any(
-            extent.writes and extent.holds(device.letter, device.address, word=device.is_word)
-            for extent in extents(at)
-        )
-        for at in program.instructions
-        for operand in at.operands
-    )
+    check_way(path, given, source, target, members, report)

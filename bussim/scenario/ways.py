@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bussim.engines.nn.frames import MODES, data_chars
+from bussim.engines.nn.frames import data_chars
 from bussim.line.characters import NN_LINE
-from bussim.plc.board import D_MODE, D_STATION, bad_parameters, setting_values
-from bussim.plc.memory import block_place, parse_device
+from bussim.plc.board import D_MODE, D_SLAVES, D_STATION, bad_parameters, setting_values
+from bussim.plc.memory import parse_device
+from bussim.plc.program.signals import Key
+from bussim.scenario.ages import age_reasons
+from bussim.scenario.leads import Finding, Lead, Net, Question, Station
 from bussim.scenario.model import Latency, Plc, Scenario
 
 
@@ -17,7 +20,8 @@ class Way:
 
     ``seats`` are the positions of source and target among the PLCs on the link, ``frame`` the ticks of
     a data frame (0 without a working master). ``direct``: nothing but the link comes between the block
-    that is sent and the target.
+    that is sent and the target. ``finding`` tells how the one leads to the other, and ``unmeasured`` why
+    the age of a word cannot be told.
     """
 
     entry: Latency
@@ -27,6 +31,16 @@ class Way:
     seats: tuple[int, int]
     frame: int
     direct: bool
+    finding: Finding
+    unmeasured: tuple[str, ...] = ()
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why nothing leads from the source to the target, or no age can be told of a word."""
+        if self.word or self.finding.lead is not Lead.NONE:
+            return self.unmeasured
+        source, target = f"{self.source.name}.{self.entry.source}", f"{self.target.name}.{self.entry.target}"
+        return (f"nothing leads from {source} to {target}: {self.finding.why}",)
 
     @property
     def word(self) -> bool:
@@ -49,28 +63,49 @@ def working_master(scenario: Scenario, bus: str) -> Plc | None:
     return None
 
 
+def net_of(scenario: Scenario, bus: str | None) -> Net:
+    """All PLCs as the programs' texts are asked about them, with one of the links."""
+    master = None if bus is None else working_master(scenario, bus)
+    stations = tuple(_station(plc, bus) for plc in scenario.plcs)
+    if bus is None or master is None:
+        return Net(stations, bus or "")
+    values = setting_values(master.profile, master.registers)
+    return Net(stations, bus, values[D_MODE], values[D_SLAVES])
+
+
+def _station(plc: Plc, bus: str | None) -> Station:
+    values = setting_values(plc.profile, plc.registers)
+    buses = {port.bus for port in plc.ports}
+    number = None
+    if plc.seat is not None and plc.seat.bus == bus:
+        number = None if bad_parameters(plc.profile, values) else values[D_STATION]
+    elif plc.seat is not None:
+        buses.add(plc.seat.bus)
+    profile = plc.profile
+    return Station(plc.name, number, profile.word_spacing, profile.modes, plc.program, frozenset(buses))
+
+
 def _way(scenario: Scenario, entry: Latency) -> Way:
     plcs = {plc.name: plc for plc in scenario.plcs}
     source, target = plcs[entry.source_plc], plcs[entry.target_plc]
-    if source is target or source.seat is None:
-        return Way(entry, source, target, None, (0, 0), 0, direct=True)
-    bus = source.seat.bus
+    bus = None if source.seat is None else source.seat.bus
+    net = net_of(scenario, bus)
+    start, end = (parse_device(name, observed=True) for name in (entry.source, entry.target))
+    question = Question(net, net.named(source.name), Key.of(start), net.named(target.name), Key.of(end))
+    finding = question.answer()
+    if source is target or bus is None:
+        return Way(entry, source, target, None, (0, 0), 0, direct=True, finding=finding)
     names = [plc.name for plc in scenario.plcs if plc.seat is not None and plc.seat.bus == bus]
     seats = (names.index(source.name), names.index(target.name))
-    master = working_master(scenario, bus)
-    if master is None:
-        return Way(entry, source, target, bus, seats, 0, direct=False)
-    mode = setting_values(master.profile, master.registers)[D_MODE]
-    station = setting_values(source.profile, source.registers)[D_STATION]
-    block = MODES[mode]
-    place = block_place(station, block.bits, block.words, target.profile.word_spacing)
-    frame = NN_LINE.characters(data_chars(mode))
+    place = net.block(question.source, question.target)
     return Way(
         entry,
         source,
         target,
         bus,
         seats,
-        frame,
-        direct=place.holds(parse_device(entry.target, observed=True)),
+        0 if net.mode is None else NN_LINE.characters(data_chars(net.mode)),
+        direct=place is not None and place.holds(end),
+        finding=finding,
+        unmeasured=age_reasons(question, finding) if start.is_word else (),
     )

@@ -15,7 +15,7 @@ from bussim import api
 from bussim.exact.latency import bounds_of
 from bussim.exact.reading import from_scenario
 from bussim.results.collector import Collector
-from bussim.results.latency import PARTS, LatencyRecord, Sample
+from bussim.results.latency_record import PARTS, LatencyRecord, Sample
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.sim.runner import simulate

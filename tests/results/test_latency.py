@@ -15,8 +15,9 @@ from matplotlib.patches import Rectangle
 import bussim
 from bussim.errors import UsageError
 from bussim.report.latency import in_words
-from bussim.results.latency import LatencyMeter, LatencyRecord, LatencySpec, Route, Sample
+from bussim.results.latency import LatencyMeter, LatencySpec, Route
 from bussim.results.latency_plots import latency_picture, measured
+from bussim.results.latency_record import LatencyRecord, Sample
 from bussim.results.latency_text import LatencyBounds, bound_caveats, latency_lines, latency_summary
 from bussim.results.record import RunRecord
 from bussim.results.style import GREY, LAW, RUNS

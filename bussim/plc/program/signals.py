@@ -39,11 +39,17 @@ class Key(NamedTuple):
 
     @classmethod
     def of(cls, device: Device) -> Key:
-        """That of a device by its bare name."""
-        return cls(device.letter, device.address, device.is_word)
+        """That of a device by its bare name: T0 a contact, TN0 a timer's current value."""
+        return cls(device.letter.removesuffix("N"), device.address, device.is_word)
+
+    @property
+    def device(self) -> Device:
+        """The device as whoever observes it names it."""
+        current = "N" if self.word and self.letter in ("T", "C") else ""
+        return Device(self.letter + current, self.address)
 
     def __str__(self) -> str:
-        return str(Device(self.letter, self.address))
+        return str(self.device)
 
 
 class Point(NamedTuple):
@@ -100,6 +106,8 @@ class Signals:
         #: Instructions that write where an index register decides.
         self.indexed: list[Instruction] = []
         self._jumps: list[tuple[int, int, Instruction]] = []
+        #: Rungs (their places) and words that decide where the program goes on, or how often.
+        self.steering: set[int | Key] = set()
         #: Whether a BMOV may write its source.
         self._turns = program is not None and program.turns_bmov
         if program is not None:
@@ -119,7 +127,13 @@ class Signals:
                     self._add(under, masters, here)
                     self._writing(item.instruction)
             at = stretch.exit
-            if at is not None and at.instruction.spec.name == "CJ":
+            if at is None:
+                continue
+            if at.condition is not None:
+                self.steering.add(len(self._rungs))
+                self._add(Rung(at.condition, at.level), masters, here)
+            self.steering.update(key for extent in extents(at.instruction) for key in _keys(extent))
+            if at.instruction.spec.name == "CJ":
                 end = stretch.target if stretch.target >= 0 else len(program.stretches)
                 self._jumps.append((here, end, at.instruction))
 
@@ -191,6 +205,17 @@ class Signals:
     def written(self, key: Key) -> list[Instruction]:
         """The instructions that write a device, as far as the text tells."""
         return [at for extent, at in self._writes if extent.holds(key.letter, key.address, word=key.word)]
+
+    @property
+    def reads(self) -> set[Key]:
+        """All that the program reads, as far as the text tells."""
+        wide = {key for extent, _, _ in self._wide for key in _keys(extent)}
+        return {*self._contacts, *self._reads, *wide}
+
+    @property
+    def writes(self) -> set[Key]:
+        """All that the program writes, as far as the text tells."""
+        return {key for extent, _ in self._writes for key in _keys(extent)}
 
     def steps(self, point: Point) -> Iterator[Step]:
         """What follows from a level next."""
