@@ -183,6 +183,6 @@ def lost_in_words(entry: Mapping[str, Any]) -> str:
     if not short or gap is None or entry.get("way") == NO_WAY:
         return ""
     return (
-        f"of those that never arrived {short:,} began or ended a pulse no longer than the longest gap "
-        f"between the station's frames, {gap:.3f} ms: no frame need have carried it"
+        f"of those that never arrived, {short:,} began or ended a pulse no longer than the longest gap "
+        f"between the station's frames, {gap:.3f} ms: it may lie between two of them"
     )

@@ -18,7 +18,14 @@ from bussim.report.latency import in_words
 from bussim.results.latency import LatencyMeter, LatencySpec, Route
 from bussim.results.latency_plots import latency_picture, measured
 from bussim.results.latency_record import LatencyRecord, Sample
-from bussim.results.latency_text import LatencyBounds, bound_caveats, latency_lines, latency_summary
+from bussim.results.latency_text import (
+    PART_NAMES,
+    LatencyBounds,
+    bound_caveats,
+    latency_lines,
+    latency_summary,
+    part_names,
+)
 from bussim.results.record import RunRecord
 from bussim.results.style import GREY, LAW, RUNS
 from bussim.trace import DeviceValueRecord, InputRecord
@@ -33,13 +40,20 @@ class Rig:
     """One entry from a.X0 to b.Y0 over a link on which a has seat 0 and b seat 1."""
 
     def __init__(
-        self, *, edge: str = "both", inverted: bool = False, direct: bool = False, word: bool = False
+        self,
+        *,
+        edge: str = "both",
+        inverted: bool = False,
+        direct: bool = False,
+        word: bool = False,
+        way: str = "direct",
+        reasons: tuple[str, ...] = (),
     ) -> None:
         source, target = ("D0", "D0") if word else ("X0", "M9" if direct else "Y0")
         route = Route("link", 0, 1, FRAME)
         self.target = target
         self.meter = LatencyMeter(
-            [LatencySpec("e", "a", source, "b", target, edge, inverted, word, direct, route)]
+            [LatencySpec("e", "a", source, "b", target, edge, inverted, word, direct, route, way, reasons)]
         )
 
     def change(self, tick: int, level: int, sampled: int, end: int, *, seen: bool = True) -> None:
@@ -234,6 +248,91 @@ def test_the_age_of_a_word() -> None:
     assert rig.record.longest.parts == (0, 2, 10, 13, 0)
 
 
+def test_a_word_that_never_travels_has_no_age() -> None:
+    rig = Rig(word=True, way="none", reasons=("D0 never travels",))
+    rig.meter.ends("a", [100])
+    rig.frame(112)
+    rig.end(125)
+    rig.meter.value(DeviceValueRecord(130, "a", "D0", 5))
+    assert (rig.record.changes, rig.record.delivered) == (1, 0)
+    entry = latency_summary(rig.record, LatencyBounds({}, ("D0 never travels",)))
+    assert entry["reads"] == 0
+    assert entry["ms"]["max"] is None
+    assert list(latency_lines({"latency": {"e": entry}}))[1:] == [
+        "e: a.D0 to b.D0, age of the word whenever it is read",
+        "  1 change of the source; read 0 times",
+        "  no age and no bound: D0 never travels",
+    ]
+    assert "e: no age and no bound: D0 never travels." in list(in_words("e", entry))
+
+
+def ms(number: float) -> int:
+    return round(number * TICKS_PER_MS)
+
+
+def test_lost_pulses_that_no_frame_need_have_carried_are_told_apart() -> None:
+    rig = Rig()
+    rig.change(ms(2), 1, ms(3), ms(4))
+    rig.frame(ms(10))
+    rig.change(ms(12), 0, ms(13), ms(14))  # off and on between two frames
+    rig.change(ms(20), 1, ms(21), ms(22))
+    rig.frame(ms(40))
+    rig.frame(ms(50))
+    rig.change(ms(200), 0, ms(201), ms(202))
+    rig.meter.refreshed("link", 0, ms(520), (0,))  # that b does not hear makes no gap
+    assert rig.counts() == (4, 0, 2, 0, 2)
+    record = rig.record
+    assert (record.longest_gap, record.lost_short) == (ms(30), 2)
+    entry = latency_summary(record, None)
+    assert (entry["lost_short"], entry["longest_gap_ms"]) == (2, 30)
+    said = "of those that never arrived, 2 began or ended a pulse no longer than the longest gap"
+    assert any(said in line for line in latency_lines({"latency": {"e": entry}}))
+    assert any(said in line for line in in_words("e", entry))
+
+
+def test_a_long_pulse_that_is_lost_is_no_short_one() -> None:
+    rig = Rig()
+    for start in (0, 30, 60):
+        rig.frame(ms(start))
+    rig.change(ms(200), 1, ms(201), ms(202))
+    rig.change(ms(300), 0, ms(301), ms(302))
+    assert rig.record.lost_short == 0
+    rig.frame(ms(310))  # the first for 250 ms: now it is
+    assert (rig.record.lost, rig.record.lost_short) == (1, 1)
+    assert rig.record.longest_gap == ms(250)
+
+
+def test_what_nothing_leads_to_arrives_by_coincidence_and_has_no_parts() -> None:
+    rig = Rig(way="none", reasons=("nothing leads from a.X0 to b.Y0: nothing in b writes Y0",))
+    rig.change(100, 1, 104, 112)
+    rig.frame(130)
+    rig.end(141)
+    rig.end(150, 1)
+    assert rig.record.coincidence
+    assert rig.record.examples() == {}
+    entry = latency_summary(rig.record, LatencyBounds({}, ("nothing leads",)))
+    assert entry["delivered"] == 1
+    assert entry["ms"]["max"] is not None
+    assert {value for part in entry["parts_ms"].values() for value in part.values()} == {None}
+    lines = list(latency_lines({"latency": {"e": entry}}))
+    assert lines[-1] == (
+        "  these are coincidences without a bound: nothing leads from a.X0 to b.Y0: nothing in b writes Y0"
+    )
+    assert not any("on average" in line for line in lines)
+    run = made("odd", [30], (1, 2, 3, 4), {})
+    run.latency["e"], run.summary["latency"]["e"] = rig.record, entry
+    picture = latency_picture([run], "e")
+    assert has(picture, "these are coincidences")
+    assert not has(picture, PART_NAMES["turn"])
+    assert len(picture.axes) == 1
+    assert_legible(picture)
+
+
+def test_the_parts_of_an_age_have_their_own_words() -> None:
+    assert part_names(word=True)["destination"] == "since the frame came, until it was read"
+    assert part_names(word=False)["destination"] == "waiting for the destination's scan"
+
+
 @given(
     st.lists(
         st.tuples(st.sampled_from(["change", "frame", "end", "follow"]), st.integers(1, 30)), max_size=80
@@ -259,11 +358,12 @@ def test_whatever_happens_every_change_is_counted_once(events: list[tuple[str, i
 
 
 def test_a_record_survives_its_json() -> None:
-    rig = Rig(edge="rising")
+    rig = Rig(edge="rising", way="none", reasons=("because",))
     rig.change(100, 1, 104, 112)
     rig.frame(130)
     rig.end(141)
     rig.end(150, 1)
+    rig.frame(170)
     data = json.loads(json.dumps(rig.record.to_json()))
     assert LatencyRecord.from_json(data) == rig.record or LatencyRecord.from_json(data).to_json() == data
 
