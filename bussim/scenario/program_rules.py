@@ -126,9 +126,10 @@ def _check_writes(member: Member, link: list[Member], report: Report) -> None:
         return
     from bussim.plc.program.check import extents  # what only a scenario with programs pays
 
+    turns = program.turns_bmov
+    touches = [(at, extents(at, both_ways=turns)) for at in program.instructions]
     for place in foreign_blocks(member, link):
-        for at in program.instructions:
-            touched = extents(at, both_ways=program.turns_bmov)
+        for at, touched in touches:
             found = next((extent for extent in touched if extent.writes and _meets(extent, place)), None)
             if found is None:
                 continue
