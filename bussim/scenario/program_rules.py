@@ -128,11 +128,11 @@ def _check_writes(member: Member, link: list[Member], report: Report) -> None:
         return
     from bussim.plc.program.check import extents  # what only a scenario with programs pays
 
-    places = foreign_blocks(member, link)
+    places, turns = foreign_blocks(member, link), program.turns_bmov
     found = [
         (at, shared, place)
         for at in program.instructions
-        for extent in extents(at, both_ways=program.turns_bmov)
+        for extent in extents(at, both_ways=turns)
         if extent.writes
         for place in places
         if (shared := _shared(extent, place)) is not None
