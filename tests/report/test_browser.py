@@ -188,7 +188,7 @@ def test_parts_of_a_latency_are_told_under_the_pointer(pages: Path, window: Any)
     assert all(any(bound in text for text in found) for found in told)
     assert any(" readings" in text for text in told[0])
     # The middle lane is the mean.
-    for part, words in (("wire", "on the wire"), ("destination", "waiting for the destination's scan")):
+    for part, words in (("wire", "on the wire"), ("destination", "since the frame came, until it was read")):
         assert any(f"{words} {entry['parts_ms'][part]['mean']:.3f} ms" in text for text in told[1])
     for figure in (histogram, parts):
         assert bound in figure.find_element("css selector", ".legend").text
