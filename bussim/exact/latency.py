@@ -183,7 +183,7 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
     ]
     scan = 2 * source.longest_scan if way.entry.source.startswith("X") else 0
     if way.bus is None:
-        found = passage_of(way, None)
+        found = passage_of(way, None, linked=(_linked(source, models),))
         reasons += found.reasons
         return LatencyBound(
             name, word, scan=scan, program=found.scans, reasons=tuple(reasons), gates=found.gates
@@ -200,6 +200,7 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
                 block_place(number, kind.bits, kind.words, plc.profile.word_spacing)
                 for plc in (source, target)
             ],
+            [_linked(plc, models) for plc in (source, target)],
         )
         reasons += found.reasons
     if reasons:
@@ -228,12 +229,25 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
     )
 
 
-def _passage(way: Way, blocks: Sequence[BlockPlace]) -> Passage:
+def _passage(way: Way, blocks: Sequence[BlockPlace], linked: Sequence[Sequence[BlockPlace]]) -> Passage:
     """Through the programs; ``blocks`` are the source's own in each of the two PLCs."""
     own, copy = blocks
     if way.word:
         return Passage(reasons=way.unmeasured)
-    return passage_of(way, own, copy.word - own.word)
+    return passage_of(way, own, copy.word - own.word, linked)
+
+
+def _linked(plc: Plc, models: dict[str, LinkModel]) -> list[BlockPlace]:
+    """The blocks that the link writes in a PLC: those of all other stations that are heard."""
+    model = models.get(plc.seat.bus) if plc.seat is not None else None
+    if model is None or model.obstacles:
+        return []
+    kind, number = MODES[model.mode], _number(plc)
+    return [
+        block_place(other, kind.bits, kind.words, plc.profile.word_spacing)
+        for other in (MASTER, *(station.number for station in model.alive))
+        if other != number
+    ]
 
 
 def _number(plc: Plc) -> int:
