@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from random import Random
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 from bussim import api
 from bussim.exact.latency import LatencyBound, bounds_of
+from bussim.plc.profiles import AbsentStation
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.units import TICKS_PER_MS as MS
@@ -282,3 +284,26 @@ def test_whoever_writes_what_a_bound_is_not_exceeded(seed: int) -> None:
         longest = measured[name]["ms"]["max"]
         if found.valid and not found.gates and longest is not None:
             assert longest <= found.no_error / MS + 1e-6, (name, data["plcs"])
+
+
+def test_where_nothing_leads_the_longest_scan_is_not_asked_for() -> None:
+    endless = "LD M8000\nOUT Y4\nFOR D10\nNEXT\n"
+    (reason,) = bound(f"{SEND}{endless}", end="a.Y1").reasons
+    assert reason == "nothing in the program of a leads from X0 to Y1: nothing in a makes Y1 of it"
+    assert "the longest scan of b cannot be told" not in "".join(bound(show=endless).reasons)
+    assert "the longest scan of b cannot be told" in "".join(bound(show=f"{SHOW}{endless}").reasons)
+
+
+@pytest.mark.parametrize(("policy", "slaves", "told"), [("probe", 2, 1), ("probe", 1, 0), ("full", 2, 0)])
+def test_from_when_on_it_holds_with_absent_stations_is_told(policy: str, slaves: int, told: int) -> None:
+    given = scenario()
+    a, b = given.plcs
+    assert a.seat is not None
+    a, b = (
+        replace(plc, profile=replace(plc.profile, absent_station=AbsentStation(policy))) for plc in (a, b)
+    )
+    a = replace(a, registers={**a.registers, "D8177": slaves})
+    found = bounds_of(replace(given, plcs=(a, b)))["way"]
+    assert found.valid
+    said = [note for note in found.caveats if "never answer (2) are on" in note]
+    assert len(said) == told
