@@ -54,6 +54,7 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
                 "  no error: nor is a station's error flag still on at the change, which would cost "
                 f"{cell(max(bound.parameters for bound in linked))} ms. every retry: the source is in error "
                 "for one link scan and answers the last attempt of the next, any reply of all others may be "
-                f"lost. A frame that only the target misses adds up to {longest} ms."
+                f"lost. A frame that only the target misses adds up to {longest} ms. None holds "
+                "for a change before the link has formed."
             )
         )

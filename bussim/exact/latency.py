@@ -10,10 +10,12 @@ most that of an image taken one scan before its frame began, when the next frame
 END that left it to the one that reads it). An attempt counts as a lost reply if it fails and any part of it,
 from the quiet time before its poll to its end, lies in the window. A station's *flag* is on from the end of
 an exchange that has spent all its attempts to its next good one; a scan that begins while any is on has a
-parameter frame in front. Stations that never answer belong to the link, not to its errors.
+parameter frame in front. Stations that never answer belong to the link, not to its errors: no case holds for
+a change before the link has formed, nor under ``absent_station: probe`` before the first link scan in which
+the flags of all of them are on (until then each takes all its attempts once).
 
 - *no error*: no lost reply, and at the change no station's flag is on. So from the link's first scan on
-  until anything is lost, and again once everybody has answered.
+  until anything is lost (with absent stations: see above), and again once everybody has answered.
 - *e lost replies*, of whatever stations: e lost replies; flags may be on from before. With e = 0 that is a
   parameter frame more than without error. Whenever the source itself has spent all its attempts (under
   ``absent_station: probe`` with its flag on: the one that it gets), its data wait for another link scan.
@@ -39,6 +41,7 @@ from bussim.exact.reading import from_scenario
 from bussim.plc.board import D_STATION, setting_values
 from bussim.plc.memory import BlockPlace, block_place
 from bussim.plc.profiles import AbsentStation
+from bussim.scenario.leads import Lead
 from bussim.scenario.model import Plc, Scenario
 from bussim.scenario.ways import Way, ways
 from bussim.units import milliseconds
@@ -179,11 +182,11 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
     reasons = [
         f"the longest scan of {plc.name} cannot be told: its program has loops, subroutines or jumps back"
         for plc in ((source,) if source is target else (source, target))
-        if plc.instruction_time is None
+        if plc.instruction_time is None and way.finding.lead is not Lead.NONE
     ]
     scan = 2 * source.longest_scan if way.entry.source.startswith("X") else 0
     if way.bus is None:
-        found = passage_of(way, None)
+        found = passage_of(way, None, linked=(_linked(source, models),))
         reasons += found.reasons
         return LatencyBound(
             name, word, scan=scan, program=found.scans, reasons=tuple(reasons), gates=found.gates
@@ -200,10 +203,21 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
                 block_place(number, kind.bits, kind.words, plc.profile.word_spacing)
                 for plc in (source, target)
             ],
+            [_linked(plc, models) for plc in (source, target)],
         )
         reasons += found.reasons
     if reasons:
         return LatencyBound(name, word, reasons=tuple(reasons), notes=model.notes)
+    notes = model.notes
+    if model.dead and model.absent is AbsentStation.PROBE:
+        absent = ", ".join(str(station.number) for station in model.dead)
+        notes = (
+            *notes,
+            (
+                "holds from the first link scan in which the error flags of the stations that never answer "
+                f"({absent}) are on: until then each takes all its attempts once"
+            ),
+        )
     parameters = model.parameters_cost
     link_scan = clean_scan(model, slowest=True)
     answered = {s.number: model.answered(s) - s.extra + s.slowest for s in model.alive}
@@ -224,16 +238,29 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
         attempts=model.attempts,
         probe=model.absent is AbsentStation.PROBE,
         gates=found.gates,
-        notes=model.notes,
+        notes=notes,
     )
 
 
-def _passage(way: Way, blocks: Sequence[BlockPlace]) -> Passage:
+def _passage(way: Way, blocks: Sequence[BlockPlace], linked: Sequence[Sequence[BlockPlace]]) -> Passage:
     """Through the programs; ``blocks`` are the source's own in each of the two PLCs."""
     own, copy = blocks
     if way.word:
         return Passage(reasons=way.unmeasured)
-    return passage_of(way, own, copy.word - own.word)
+    return passage_of(way, own, copy.word - own.word, linked)
+
+
+def _linked(plc: Plc, models: dict[str, LinkModel]) -> list[BlockPlace]:
+    """The blocks that the link writes in a PLC: those of all other stations that are heard."""
+    model = models.get(plc.seat.bus) if plc.seat is not None else None
+    if model is None or model.obstacles:
+        return []
+    kind, number = MODES[model.mode], _number(plc)
+    return [
+        block_place(other, kind.bits, kind.words, plc.profile.word_spacing)
+        for other in (MASTER, *(station.number for station in model.alive))
+        if other != number
+    ]
 
 
 def _number(plc: Plc) -> int:

@@ -2,13 +2,14 @@
 
 The steps of :mod:`bussim.plc.program.signals` in the source's program, over the link's block, and in the
 target's program. What any way from source to target waits for that no text tells (a timer, a latch, a
-feedback) is a reason why there is no bound; what must let the signal through is a gate; and every rung
-that stands in front of the one whose result it reads costs a scan of its PLC more. All times in ticks.
+feedback) is a reason why there is no bound, and so is whatever else writes a device on the way: it may
+overrule the signal. What must let the signal through is a gate; and every rung that stands in front of the
+one whose result it reads costs a scan of its PLC more. All times in ticks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -40,6 +41,7 @@ class _Side:
     plc: str
     scan: int
     signals: Signals
+    linked: Sequence[BlockPlace] = ()
 
 
 @dataclass(slots=True)
@@ -111,13 +113,22 @@ class _Search:
         return found
 
 
-def passage_of(way: Way, block: BlockPlace | None, shift: int = 0) -> Passage:
+def passage_of(
+    way: Way,
+    block: BlockPlace | None,
+    shift: int = 0,
+    linked: Sequence[Sequence[BlockPlace]] = ((), ()),
+) -> Passage:
     """How the programs of a way pass its bit on; ``block`` is the source's own, None within one PLC.
 
-    The target keeps the block's words ``shift`` addresses further on.
+    The target keeps the block's words ``shift`` addresses further on. ``linked`` are the blocks that the
+    link writes in the source's PLC and in the target's.
     """
     plcs = (way.source,) if way.bus is None else (way.source, way.target)
-    sides = tuple(_Side(plc.name, plc.longest_scan, Signals(plc.program)) for plc in plcs)
+    sides = tuple(
+        _Side(plc.name, plc.longest_scan, Signals(plc.program), blocks)
+        for plc, blocks in zip(plcs, linked, strict=False)
+    )
     source, target = (
         Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
     )
@@ -138,11 +149,37 @@ def passage_of(way: Way, block: BlockPlace | None, shift: int = 0) -> Passage:
                 reasons[f"an index register says where {at.name} at line {at.line} writes ({side.plc})"] = (
                     None
                 )
+    reasons |= dict.fromkeys(_overruled(search, edges))
     longest = _longest(edges)
     if longest is None:
         reasons[_loop(edges)] = None
     gates = dict.fromkeys(gate for edge in reversed(edges) for gate in edge.gates)
     return Passage(longest or 0, tuple(reasons), tuple(gates))
+
+
+def _overruled(search: _Search, edges: list[_Edge]) -> Iterator[str]:
+    """What else writes the devices on the way, so that they need not follow the signal.
+
+    What is kept until something else changes it (SET) says so itself: of it the others are not told.
+    """
+    read: dict[_State, set[bool]] = {}
+    for edge in reversed(edges):
+        side, (key, number, _) = search.sides[edge.end.place], edge.end.point
+        start = edge.start.point
+        if edge.start.place == 0 and start.key == search.source and start.number >= 0 and edge.end.place == 0:
+            read.setdefault(edge.end, set()).add(edge.cost > 0)
+        if key is None or edge.reason:
+            continue
+        for at in side.signals.written(key):
+            if at.number != number:
+                yield f"{at.name} at line {at.line} writes {key} too ({side.plc})"
+        if number >= 0 and any(block.holds(key.device) for block in side.linked):
+            yield f"the link writes {key} too ({side.plc})"
+    # A change of the source is one that an END leaves; between two that write it, it may have another level.
+    if any(len(costs) > 1 for costs in read.values()):
+        source = search.source
+        lines = [f"{at.name} at line {at.line}" for at in search.sides[0].signals.written(source)]
+        yield f"{source} is read between those that write it: {', '.join(lines)} ({search.sides[0].plc})"
 
 
 def _nothing(way: Way) -> str:

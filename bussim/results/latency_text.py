@@ -98,9 +98,11 @@ def bound_caveats(summary: Mapping[str, Any]) -> list[str]:
     bounds: Mapping[str, float] = summary.get("bound_ms", {})
     longest = summary["ms"]["max"]
     if bounds and longest is not None and longest > max(bounds.values()):
+        gated = any("let it through" in note for note in summary.get("bound_notes", ()))
+        shut = "something that did not let it through, " if gated else ""
         found.append(
-            f"the longest, {longest:.3f} ms, is beyond all of these cases: a fault, a link that had not "
-            "formed yet, a source in error for longer, or frames that only the target missed"
+            f"the longest, {longest:.3f} ms, is beyond all of these cases: {shut}a fault, a link that had "
+            "not formed yet, a source in error for longer, or frames that only the target missed"
         )
     return found
 

@@ -226,7 +226,7 @@ class Question:
         if self.source == self.target:
             if not _goes_on(seen[self.source], start):
                 return self._stuck(f"the program of {a} does not read {start}")
-            return self._short(seen, f"nothing there makes {end} of it")
+            return self._short(seen, f"nothing in {a} makes {end} of it")
         if net.mode is None:
             return Finding(Lead.NONE, f"no master polls on {net.bus}")
         if net.block(self.source, self.source) is None:

@@ -39,6 +39,8 @@ _WORDS: dict[str, bool | None] = {
 }
 #: What ends a line to the parser.
 _LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+#: The beginning of a program's text, whose first line tells how deep it is.
+_PROGRAM = re.compile(r"[ -]*(?P<key>program) *: *[|>][+-]? *(#.*)?$")
 #: What YAML allows in a text (YAML 1.2.2, section 5.1), turned round.
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -135,11 +137,31 @@ def _events(text: str, file: str) -> Iterable[Event]:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark is not None else (0, 0)
-        raise _Stop(Problem(file, line, column, f"is not YAML: {_complaint(error)}")) from None
+        raise _Stop(
+            Problem(file, line, column, f"is not YAML: {_complaint(error)}{_uneven(text, line)}")
+        ) from None
     except _Stop:
         raise
     except Exception as error:  # the parser has more ways to fail on garbage than it documents
         raise _Stop(Problem(file, 0, 0, f"is not YAML ({type(error).__name__})")) from None
+
+
+def _uneven(text: str, line: int) -> str:
+    """A hint if a mistake at a line (1…) is that a program's text begins deeper than it goes on."""
+    lines = text.splitlines()[:line]
+    for number in range(len(lines) - 1, -1, -1):
+        found = _PROGRAM.match(lines[number])
+        if found is None:
+            continue
+        depths = [len(each) - len(each.lstrip(" ")) for each in lines[number + 1 :] if each.strip()]
+        key = found.start("key")
+        if depths and min(depths) > key and min(depths) < depths[0]:
+            return (
+                f"; the text of program at line {number + 1} begins deeper than it goes on: indent its lines "
+                f"evenly, write `program: |{min(min(depths) - key, 9)}`, or keep it in a file"
+            )
+        return ""
+    return ""
 
 
 def _complaint(error: object) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from random import Random
 from typing import Any
 
 import pytest
 
 from bussim import api
 from bussim.exact.latency import LatencyBound, bounds_of
+from bussim.plc.profiles import AbsentStation
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.units import TICKS_PER_MS as MS
@@ -182,3 +185,125 @@ def test_the_caveats_are_told_wherever_the_bound_is() -> None:
     assert late["ms"]["max"] > 300
     assert late["bound_reasons"] == ["T0 at line 2 is a timer (b)"]
     assert "bound_ms" not in late
+
+
+@pytest.mark.parametrize(
+    ("send", "show", "reasons"),
+    [
+        ("LD X0\nOUT M1000\nLD X1\nOUT M1000\n", SHOW, ("OUT at line 4 writes M1000 too (a)",)),
+        (f"LD X1\nOUT M1000\n{SEND}", SHOW, ("OUT at line 2 writes M1000 too (a)",)),
+        (f"{SEND}LD X1\nMOV K0 K4M1000\n", SHOW, ("MOV at line 4 writes M1000 too (a)",)),
+        (f"{SEND}LD X1\nRST M1000\n", SHOW, ("RST at line 4 writes M1000 too (a)",)),
+        (f"{SEND}LD X1\nZRST M990 M1100\n", SHOW, ("ZRST at line 4 writes M1000 too (a)",)),
+        (
+            "LD M8000\nMOV K1X0 K1M1000\nLD X1\nAND X2\nOUT M1000\n",
+            SHOW,
+            ("OUT at line 5 writes M1000 too (a)",),
+        ),
+        (
+            "LD X0\nOUT M5\nLD X1\nOUT M5\nLD M5\nOUT M1000\n",
+            SHOW,
+            ("OUT at line 4 writes M5 too (a)",),
+        ),
+        (SEND, f"LD X1\nOUT M1000\n{SHOW}", ("OUT at line 2 writes M1000 too (b)",)),
+        (SEND, f"{SHOW}LD X1\nMOV K0 K4M1000\n", ("MOV at line 4 writes M1000 too (b)",)),
+        (
+            SEND,
+            "LD M1000\nOUT M7\nLD X1\nOUT M7\nLD M7\nOUT Y0\n",
+            ("OUT at line 4 writes M7 too (b)",),
+        ),
+        (SEND, f"{SHOW}LD X1\nOUT Y0\n", ("OUT at line 4 writes Y0 too (b)",)),
+        (SEND, f"LD X1\nSET Y0\n{SHOW}", ("SET at line 2 writes Y0 too (b)",)),
+        ("LD X0\nOUT M1064\nLD M1064\nOUT M1000\n", SHOW, ("the link writes M1064 too (a)",)),
+        (SEND, "LD M1000\nOUT M1001\nLD M1001\nOUT Y0\n", ("the link writes M1001 too (b)",)),
+    ],
+)
+def test_whatever_else_writes_a_device_on_the_way_is_a_reason(
+    send: str, show: str, reasons: tuple[str, ...]
+) -> None:
+    found = bound(send, show)
+    assert found.reasons == reasons
+    assert found.cases() == {}
+
+
+def test_what_else_writes_the_source_matters_between_two_of_them() -> None:
+    first, read, last = "LD X0\nOUT M5\n", "LD M5\nOUT M1000\n", "LD X1\nOUT M5\n"
+    found = bound(first + read + last, start="a.M5")
+    assert found.reasons == ("M5 is read between those that write it: OUT at line 2, OUT at line 6 (a)",)
+    assert bound(first + last + read, start="a.M5").valid
+    assert bound(read + first + last, start="a.M5").valid
+
+
+#: Lines of which two programs are made: bits that several of them write, in any order.
+_FROM, _TO = ("X0", "X1", "M0", "M1", "M1000", "M1001"), ("M0", "M1", "M1000", "M1001")
+_SHOWN, _OUT = ("X1", "M0", "M1", "M1000", "M1001", "Y1"), ("M0", "M1", "M1000", "Y0", "Y1")
+_ENDS = (("X0", "Y0"), ("X0", "Y1"), ("X0", "M1000"), ("M0", "Y0"), ("M1000", "Y1"))
+
+
+def _program(random: Random, read: tuple[str, ...], written: tuple[str, ...], first: str) -> str:
+    rungs = [first]
+    for _ in range(random.randint(1, 4)):
+        at, to = random.choice(read), random.choice(written)
+        copy = f"LD {at}\nMOV K{random.choice((0, 1))} K1{written[0]}\n"
+        rungs.append(random.choice((f"LD {at}\nOUT {to}\n",) * 6 + (f"LD {at}\nRST {to}\n", copy)))
+    random.shuffle(rungs)
+    return "".join(rungs)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_whoever_writes_what_a_bound_is_not_exceeded(seed: int) -> None:
+    random = Random(seed)
+    data: dict[str, Any] = {
+        "schema": 1,
+        "name": "writers",
+        "duration": "12 s",
+        "seed": seed,
+        "buses": [{"name": "link", "nn": True}],
+        "plcs": [
+            {
+                "name": "a",
+                "scan": {"mean": "6 ms", "jitter": "1 ms"},
+                "nn": {"bus": "link", "port": "COM4", "station": 0, "slaves": 1, "mode": 1},
+                "program": f"{_program(random, _FROM, _TO, SEND)}END\n",
+                "inputs": {"X0": {"square": "911.3 ms"}, "X1": {"square": {"period": "1.7 s", "at": "1 s"}}},
+            },
+            {
+                "name": "b",
+                "scan": "9 ms",
+                "nn": {"bus": "link", "port": "COM4", "station": 1},
+                "program": f"{_program(random, _SHOWN, _OUT, SHOW)}END\n",
+                "inputs": {"X1": {"square": {"period": "1.3 s", "at": "1.2 s"}}},
+            },
+        ],
+        "latency": [{"name": f"{a}_{b}", "from": f"a.{a}", "to": f"b.{b}"} for a, b in _ENDS],
+    }
+    given = from_data(data)
+    bounds = bounds_of(given)
+    measured = api.run(given, rows=False).summary["latency"]
+    for name, found in bounds.items():
+        longest = measured[name]["ms"]["max"]
+        if found.valid and not found.gates and longest is not None:
+            assert longest <= found.no_error / MS + 1e-6, (name, data["plcs"])
+
+
+def test_where_nothing_leads_the_longest_scan_is_not_asked_for() -> None:
+    endless = "LD M8000\nOUT Y4\nFOR D10\nNEXT\n"
+    (reason,) = bound(f"{SEND}{endless}", end="a.Y1").reasons
+    assert reason == "nothing in the program of a leads from X0 to Y1: nothing in a makes Y1 of it"
+    assert "the longest scan of b cannot be told" not in "".join(bound(show=endless).reasons)
+    assert "the longest scan of b cannot be told" in "".join(bound(show=f"{SHOW}{endless}").reasons)
+
+
+@pytest.mark.parametrize(("policy", "slaves", "told"), [("probe", 2, 1), ("probe", 1, 0), ("full", 2, 0)])
+def test_from_when_on_it_holds_with_absent_stations_is_told(policy: str, slaves: int, told: int) -> None:
+    given = scenario()
+    a, b = given.plcs
+    assert a.seat is not None
+    a, b = (
+        replace(plc, profile=replace(plc.profile, absent_station=AbsentStation(policy))) for plc in (a, b)
+    )
+    a = replace(a, registers={**a.registers, "D8177": slaves})
+    found = bounds_of(replace(given, plcs=(a, b)))["way"]
+    assert found.valid
+    said = [note for note in found.caveats if "never answer (2) are on" in note]
+    assert len(said) == told

@@ -524,7 +524,13 @@ def test_what_is_to_be_told_beside_a_bound_is_told_with_it() -> None:
     assert entry["bound_ms"] == {"no error": 60, "every retry spent": 80}
     gate, beyond = bound_caveats(entry)
     assert gate == "holds as long as M1 (b) let it through"
-    assert beyond.startswith("the longest, 90.000 ms, is beyond all of these cases: a fault,")
+    assert beyond.startswith(
+        "the longest, 90.000 ms, is beyond all of these cases: something that did not let it through, a fault,"
+    )
+    ungated = latency_summary(record, LatencyBounds(cases))
+    assert bound_caveats(ungated)[0].startswith(
+        "the longest, 90.000 ms, is beyond all of these cases: a fault,"
+    )
     shown = list(latency_lines({"latency": {"way": entry}}))
     assert shown[-3:] == [
         "  at worst         60.000 with no error, 80.000 with every retry spent (ms)",

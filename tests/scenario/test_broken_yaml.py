@@ -50,6 +50,29 @@ CASES: dict[str, tuple[str, list[str]]] = {
         changed("{name: link, nn: true}", "{name: link, nn: true"),
         ["x.yaml:6:5: is not YAML: while parsing a flow mapping, expected ',' or '}', but got ':'"],
     ),
+    "listing": (
+        changed(
+            "    scan: 8 ms",
+            "    scan: 8 ms\n    program: |\n         0 LD X0\n      10 OUT Y0\n      12 END",
+        ),
+        [
+            (
+                "x.yaml:11:7: is not YAML: while parsing a block mapping, expected <block end>, "
+                "but found '<scalar>'; "
+                "the text of program at line 9 begins deeper than it goes on: indent its lines evenly, write "
+                "`program: |2`, or keep it in a file"
+            )
+        ],
+    ),
+    "after an even listing": (
+        changed("    scan: 8 ms", "    program: |\n      LD X0\n\n        OUT Y0\n      END\n   scan: 8 ms"),
+        [
+            (
+                "x.yaml:13:4: is not YAML: while parsing a block collection, "
+                "expected <block end>, but found '<block mapping start>'"
+            )
+        ],
+    ),
     "tab": (
         changed("    scan: 8 ms", "\tscan: 8 ms"),
         ["x.yaml:8:1: is not YAML: a tab where YAML wants spaces"],

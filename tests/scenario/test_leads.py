@@ -80,7 +80,7 @@ D500 = "D500 is in no shared block of mode 2 (a sends M1000 to M1063 and D0 to D
             {"end": "b.Y7", "b": f"{SHOW}LD M8000\nALT Y7\n"},
             "what b has in Y7 does not come from X0; did you mean b.Y4?",
         ),
-        ({"end": "a.Y0"}, "nothing there makes Y0 of it"),
+        ({"end": "a.Y0"}, "nothing in a makes Y0 of it"),
         ({"start": "a.X1"}, "the program of a does not read X1; did you mean a.X0 or a.M1000 as from?"),
         (
             {"start": "a.M8013"},

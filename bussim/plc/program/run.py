@@ -7,8 +7,9 @@ of the scan.
 Special devices (FX programming manual): M8000 on and M8001 off in RUN, M8002 on and M8003 off in the
 first scan, M8011 M8012 M8013 M8014 clocks of 10 ms, 100 ms, 1 s and 1 min (half a period on, then
 half off; they run free from power-on, with the on half first, and change at scans only: assumed), D8000
-the watchdog's time in ms, M8061 and D8061 = 6105 when it has expired. M8038 is on in the first scan if
-its contact is the program's first step.
+the watchdog's time in ms, D8010 D8011 D8012 the time of the latest scan, the shortest and the longest since
+RUN, in 0.1 ms (rounded down: assumed; 0 in the first scan), M8061 and D8061 = 6105 when the watchdog has
+expired. M8038 is on in the first scan if its contact is the program's first step.
 
 What a PLC does after the watchdog has expired is not public. Assumed: its outputs go off and no program
 scan follows until STOP→RUN, while its END goes on serving the link and the ports, with what memory
@@ -56,6 +57,9 @@ _NS_PER_MS = 1_000_000
 _CLEARED_TIMERS = range(FIRST_RETENTIVE_TIMER)
 _CLEARED_COUNTERS = (range(100), range(200, 220))
 _END = -1
+#: D8010, D8011 and D8012, and their unit of 0.1 ms.
+_SCAN_NOW, _SCAN_LEAST, _SCAN_MOST = 8010, 8011, 8012
+_SCAN_UNIT = TICKS_PER_MS // 10
 #: M8000–M8003 in RUN.
 _FIRST_SCAN, _LATER_SCAN = b"\1\0\1\0", b"\1\0\0\1"
 Exit = Callable[[], int]
@@ -94,6 +98,8 @@ class ProgramRun:
         self._calls: list[int] = []
         self._loops = [0] * len(program.stretches)
         self._watched = 0
+        self._begun = 0  # the latest scan, since power-on
+        self._shortest = self._longest = 0  # scans since RUN, in 0.1 ms
         self._bind(program)
         if not self._d[8000]:
             self._d[8000] = WATCHDOG
@@ -138,6 +144,8 @@ class ProgramRun:
             m[flag] = 0
         for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
             self._d[word] = 0
+        for word in (_SCAN_NOW, _SCAN_LEAST, _SCAN_MOST):
+            self._d[word] = 0
         m[8000:8004] = _FIRST_SCAN
         m[LINK_SETTINGS] = self.program.sets_link_at_step_0
         self.halted = 0
@@ -166,6 +174,16 @@ class ProgramRun:
         outputs = self._machine.bits["Y"]
         outputs[:] = bytes(len(outputs))
 
+    def _scan_times(self, time: int, *, first: bool) -> None:
+        """D8010–D8012, when a scan begins: the one before lasted until now."""
+        d, latest = self._d, min((time - self._begun) // _SCAN_UNIT, 0xFFFF)
+        self._begun = time
+        if first:
+            self._shortest, self._longest = 0xFFFF, 0
+            return
+        self._shortest, self._longest = min(self._shortest, latest), max(self._longest, latest)
+        d[_SCAN_NOW], d[_SCAN_LEAST], d[_SCAN_MOST] = latest, self._shortest, self._longest
+
     def scan(self, now: int) -> int:
         """One scan at a tick; returns the time that its instructions take, in ticks.
 
@@ -176,6 +194,7 @@ class ProgramRun:
         machine, m = self._machine, self._m
         machine.now[0] = time = now - self._origin
         machine.scan[0] = number = machine.scan[0] + 1
+        self._scan_times(time, first=number == 1)
         # Written anew each time: an index register may have led a program to them.
         m[8000:8004] = _FIRST_SCAN if number == 1 else _LATER_SCAN
         if number == 2:

@@ -57,6 +57,27 @@ def test_clocks_run_from_power_on() -> None:
     assert memory.get(Device("Y", 0)) == 0
 
 
+def test_scan_times_are_in_d8010_to_d8012() -> None:
+    memory = Memory()
+    run = ProgramRun(Program.parse("LD M8000\nMOV D8010 D0\nEND", "p"), memory)
+    words = [Device("D", address) for address in (0, 8010, 8011, 8012)]
+
+    def scanned(*begins: float) -> list[list[int]]:
+        found = []
+        for begin in begins:
+            run.scan(round(begin * TICKS_PER_MS))
+            found.append([memory.get(word) for word in words])
+        return found
+
+    run.run(5 * TICKS_PER_MS)
+    expected = [[0, 0, 0, 0], [80, 80, 80, 80], [65, 65, 65, 80], [121, 121, 65, 121], [70, 70, 65, 121]]
+    assert scanned(5, 13, 19.5, 31.69, 38.7) == expected
+    run.stop()
+    run.run(100 * TICKS_PER_MS)
+    assert scanned(100, 120) == [[0, 0, 0, 0], [200, 200, 200, 200]]
+    assert scanned(10_000)[0][1:] == [0xFFFF, 200, 0xFFFF]  # more than the word holds
+
+
 def test_m8038_is_on_in_the_first_scan_at_step_0_only() -> None:
     rig = Rig("LD M8038 / MOV K2 D8176 / INC D0").scan(3)
     assert (rig.word("D8176"), rig.word("D0")) == (2, 1)
