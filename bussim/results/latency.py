@@ -10,7 +10,8 @@ A change of the source goes through stages, and at each a later one may overtake
 - it is *visible* at that PLC's first END at or after the reception, again only the latest one;
 - it is *delivered* at the END at which the target follows: takes the change's level, or the other one
   where it is inverted. Only the latest change that had been visible for as many scans as the target's
-  program takes can have done that: where its level is not the target's, nothing is matched.
+  program takes can have done that: where its level is not the target's, nothing is matched, nor where
+  the target follows late and that level has gone and come again.
 
 A change that leaves the level as the target's side knew it (on, off and on again between two frames)
 is lost with the one before. What the target's program takes longer than one scan shows in the last part,
@@ -83,7 +84,7 @@ class LatencySpec:
 class _Change:
     """A change on its way; times that it has not come to are 0."""
 
-    __slots__ = ("at", "beside", "heard", "level", "out", "sent", "visible", "waits")
+    __slots__ = ("at", "beside", "heard", "level", "out", "renewed", "sent", "visible", "waits")
 
     def __init__(self, at: int, out: int, level: int, waits: int) -> None:
         self.at = at
@@ -92,6 +93,8 @@ class _Change:
         self.waits = waits
         self.level = level
         self.sent = self.heard = self.visible = 0
+        #: Whether its level went and came again since it was carried, as far as the frames are known.
+        self.renewed = False
         #: How long the level in front of it or the one that it began has lasted, the shorter one.
         self.beside: int | None = None
 
@@ -106,11 +109,12 @@ class _Bits:
         self._sampled: list[_Change] = []  # not out yet, or not carried
         self._carried: list[_Change] = []
         self._visible: list[_Change] = []
+        self._latest_carried: _Change | None = None
         self._carried_level: int | None = None
         self._visible_level: int | None = None
         self._last: _Change | None = None  # that the source has made
         #: Latest ENDs of the target, those before the one that is being told.
-        self._ends: deque[int] = deque(maxlen=1 + max(spec.target_scans))
+        self._ends: deque[int] = deque(maxlen=2 + max(spec.target_scans))
         self._heard = -1  # when the latest frame was
         self._lasted = Histogram()  # what lies beside the lost changes
         self._new: list[int] = []  # values of the target at the END that is being told
@@ -163,7 +167,10 @@ class _Bits:
         if change is not None:
             self._carried_level = change.level
             change.sent, change.heard = start, tick
+            self._latest_carried = change
             self._carried.append(change)
+        elif self._latest_carried is not None:
+            self._latest_carried.renewed = True
 
     def end(self, plc: str, tick: int) -> None:
         """An END is over."""
@@ -184,6 +191,8 @@ class _Bits:
             self._carried.clear()
             if change is not None:
                 self._show(change, tick)
+            elif self._visible:
+                self._visible[-1].renewed = True
         if spec.direct:
             self._follow(tick)
         self._ends.append(tick)
@@ -245,6 +254,11 @@ class _Bits:
         places = range(len(self._visible) - 1, -1, -1)
         return next((at for at in places if self._visible[at].visible <= by), None)
 
+    def _late(self, change: _Change) -> bool:
+        """Whether the target follows later than it can."""
+        ends = 0 if self.spec.direct else 1 + self.spec.target_scans[change.level]
+        return len(self._ends) > ends and change.visible <= self._ends[-1 - ends]
+
     def _follow(self, tick: int) -> None:
         """The target's new values at an END: each follows the latest change that can have come to it."""
         for value in self._new:
@@ -255,6 +269,9 @@ class _Bits:
             self._lose(self._visible[:found])
             change = self._visible[found]
             del self._visible[: found + 1]
+            if change.renewed and self._late(change):
+                self._lose([change])  # this one or a later one of its level: nothing tells which
+                continue
             if self.spec.counts(change.level):
                 at = (change.at, change.out, change.sent, change.heard, change.visible, tick)
                 self.record.add(Sample(change.at, tuple(b - a for a, b in pairwise(at))))

@@ -253,6 +253,21 @@ def test_a_change_that_another_has_overtaken_is_never_matched() -> None:
     assert rig.counts() == (2, 1, 1, 0, 0)
 
 
+def test_nothing_is_matched_late_where_the_level_has_come_again() -> None:
+    """Two changes to the level in two frames, and the target follows after the second: nothing tells which."""
+    rig = Rig()
+    rig.change(0, 1, 2, 4)
+    rig.frame(10)
+    rig.end(21)
+    rig.end(30)  # it could have followed
+    rig.change(31, 0, 32, 34)
+    rig.change(35, 1, 36, 38)
+    rig.frame(40)
+    rig.end(51)
+    rig.end(60, 1)
+    assert rig.counts() == (3, 0, 3, 0, 0)
+
+
 def test_a_source_that_takes_more_scans_is_out_so_many_ends_later() -> None:
     rig = Rig(source_scans=(0, 2))
     rig.change(100, 1, 104, 112)
