@@ -124,9 +124,11 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBo
     """What is to be measured between devices, and what it may be at worst, by entry."""
     if not scenario.latency:
         return [], {}
+    from bussim.exact.delays import delays_of
     from bussim.exact.latency import bounds_of
     from bussim.scenario.ways import ways
 
+    delays = delays_of(scenario)
     specs = [
         LatencySpec(
             way.entry.name,
@@ -141,6 +143,7 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBo
             None if way.bus is None else Route(way.bus, *way.seats, way.frame),
             str(way.finding.lead),
             way.reasons,
+            *delays.get(way.entry.name, ()),
         )
         for way in ways(scenario)
     ]

@@ -3,15 +3,19 @@
 A change of the source goes through stages, and at each a later one may overtake it:
 
 - it is *sampled* at the beginning of its PLC's scan, or was over by then: then it is *unseen*;
-- it is *out* at the END of that scan, when what the program made of it can leave;
+- it is *out* at the END of that scan, when what the program made of it can leave; at a later END where the
+  program's text takes more scans (``source_scans``);
 - it is *carried* by the first data frame of its station that begins then or later and that the target's
   PLC hears; of several changes that are out only the latest is, the others are lost;
 - it is *visible* at that PLC's first END at or after the reception, again only the latest one;
 - it is *delivered* at the END at which the target follows: takes the change's level, or the other one
-  where it is inverted.
+  where it is inverted. Only the latest change that had been visible for as many scans as the target's
+  program takes can have done that: where its level is not the target's, nothing is matched, nor where
+  the target follows late and that level has gone and come again.
 
 A change that leaves the level as the target's side knew it (on, off and on again between two frames)
-is lost with the one before. What a program takes longer than one scan shows in the last part.
+is lost with the one before. What the target's program takes longer than one scan shows in the last part,
+and so does what the source's takes longer than its text tells.
 
 Of words the age is measured: whenever the target's PLC begins a scan, the time since the END at which
 the source's PLC left the image that the target's PLC holds. Where ``reasons`` say that the image has
@@ -53,7 +57,8 @@ class LatencySpec:
     ``edge`` is "rising", "falling" or "both". ``direct``: the target is a device that the link itself
     writes (or, without a ``route``, one of the source's PLC), so that it may follow at the very END at
     which a change becomes visible; else a scan lies between. ``way`` and ``reasons``: see
-    :class:`LatencyRecord`.
+    :class:`LatencyRecord`. ``source_scans`` and ``target_scans`` are those that the two programs take
+    beyond these, for a change to 0 and one to 1 (the fewest where their ways differ).
     """
 
     name: str
@@ -68,6 +73,8 @@ class LatencySpec:
     route: Route | None  # None: both in one PLC
     way: str = ""
     reasons: tuple[str, ...] = ()
+    source_scans: tuple[int, int] = (0, 0)
+    target_scans: tuple[int, int] = (0, 0)
 
     def counts(self, level: int) -> bool:
         """Whether a change to this level is one of those to be measured."""
@@ -77,13 +84,17 @@ class LatencySpec:
 class _Change:
     """A change on its way; times that it has not come to are 0."""
 
-    __slots__ = ("at", "beside", "heard", "level", "out", "sent", "visible")
+    __slots__ = ("at", "beside", "heard", "level", "out", "renewed", "sent", "visible", "waits")
 
-    def __init__(self, at: int, out: int, level: int) -> None:
+    def __init__(self, at: int, out: int, level: int, waits: int) -> None:
         self.at = at
         self.out = out
+        #: ENDs of the source after ``out`` until it is really out.
+        self.waits = waits
         self.level = level
         self.sent = self.heard = self.visible = 0
+        #: Whether its level went and came again since it was carried, as far as the frames are known.
+        self.renewed = False
         #: How long the level in front of it or the one that it began has lasted, the shorter one.
         self.beside: int | None = None
 
@@ -98,9 +109,12 @@ class _Bits:
         self._sampled: list[_Change] = []  # not out yet, or not carried
         self._carried: list[_Change] = []
         self._visible: list[_Change] = []
+        self._latest_carried: _Change | None = None
         self._carried_level: int | None = None
         self._visible_level: int | None = None
         self._last: _Change | None = None  # that the source has made
+        #: Latest ENDs of the target, those before the one that is being told.
+        self._ends: deque[int] = deque(maxlen=2 + max(spec.target_scans))
         self._heard = -1  # when the latest frame was
         self._lasted = Histogram()  # what lies beside the lost changes
         self._new: list[int] = []  # values of the target at the END that is being told
@@ -119,7 +133,7 @@ class _Bits:
         unseen = batch if len(batch) % 2 == 0 else batch[:-1]
         self.record.unseen += sum(spec.counts(each.level) for each in unseen)
         if len(batch) % 2:
-            self._begin(_Change(record.tick, record.end, record.level))
+            self._begin(record.tick, record.end, record.level)
 
     def value(self, record: DeviceValueRecord) -> None:
         """The source or the target has a new value at an END."""
@@ -128,9 +142,10 @@ class _Bits:
             self._new.append(record.value)
         elif record.device == spec.source and record.plc == spec.source_plc and spec.source[0] != "X":
             self.record.changes += spec.counts(record.value)
-            self._begin(_Change(record.tick, record.tick, record.value))
+            self._begin(record.tick, record.tick, record.value)
 
-    def _begin(self, change: _Change) -> None:
+    def _begin(self, at: int, out: int, level: int) -> None:
+        change = _Change(at, out, level, self.spec.source_scans[level])
         last, self._last = self._last, change
         if last is not None:
             change.beside = change.at - last.at
@@ -144,19 +159,27 @@ class _Bits:
             self.record.longest_gap = max(self.record.longest_gap or 0, tick - self._heard)
         self._heard = tick
         waiting = self._sampled
-        if not waiting or waiting[0].out > start:
+        number = self._out(start)
+        if not number:
             return
-        number = next((at for at, each in enumerate(waiting) if each.out > start), len(waiting))
         change = self._latest(waiting[:number], self._carried_level)
         del waiting[:number]
         if change is not None:
             self._carried_level = change.level
             change.sent, change.heard = start, tick
+            self._latest_carried = change
             self._carried.append(change)
+        elif self._latest_carried is not None:
+            self._latest_carried.renewed = True
 
     def end(self, plc: str, tick: int) -> None:
         """An END is over."""
         spec = self.spec
+        if plc == spec.source_plc:
+            for waiting in self._sampled:
+                if waiting.waits and tick > waiting.out:
+                    waiting.out = tick
+                    waiting.waits -= 1
         if plc != spec.target_plc:
             return
         if spec.route is None:
@@ -168,8 +191,11 @@ class _Bits:
             self._carried.clear()
             if change is not None:
                 self._show(change, tick)
+            elif self._visible:
+                self._visible[-1].renewed = True
         if spec.direct:
             self._follow(tick)
+        self._ends.append(tick)
 
     def close(self) -> LatencyRecord:
         """The record as it is when the run ends now; may be asked for again."""
@@ -189,9 +215,15 @@ class _Bits:
 
     # -- stages ------------------------------------------------------------------------------------
 
+    def _out(self, tick: int) -> int:
+        """How many of those that wait are out by then, or overtaken by one that is."""
+        waiting = self._sampled
+        out = (at for at in range(len(waiting), 0, -1) if not waiting[at - 1].waits)
+        return next((at for at in out if waiting[at - 1].out <= tick), 0)
+
     def _arrive_at_home(self, tick: int) -> None:
         """Source and target in one PLC: a change is visible as soon as it is out."""
-        while self._sampled and self._sampled[0].out <= tick:
+        for _ in range(self._out(tick)):
             change = self._sampled.pop(0)
             change.sent = change.heard = change.out
             self._show(change, change.out)
@@ -211,19 +243,35 @@ class _Bits:
             return None
         return last
 
+    def _candidate(self, level: int) -> int | None:
+        """Where the change is that the target follows now, if it follows to this level."""
+        before = self.spec.target_scans[level]
+        if not before:
+            return len(self._visible) - 1 if self._visible else None
+        if len(self._ends) <= before:
+            return None
+        by = self._ends[-1 - before]
+        places = range(len(self._visible) - 1, -1, -1)
+        return next((at for at in places if self._visible[at].visible <= by), None)
+
+    def _late(self, change: _Change) -> bool:
+        """Whether the target follows later than it can."""
+        ends = 0 if self.spec.direct else 1 + self.spec.target_scans[change.level]
+        return len(self._ends) > ends and change.visible <= self._ends[-1 - ends]
+
     def _follow(self, tick: int) -> None:
-        """The target's new values at an END: each follows the latest visible change that explains it."""
+        """The target's new values at an END: each follows the latest change that can have come to it."""
         for value in self._new:
             wanted = value ^ self.spec.inverted
-            found = next(
-                (at for at in range(len(self._visible) - 1, -1, -1) if self._visible[at].level == wanted),
-                None,
-            )
-            if found is None:
-                continue  # something else has moved the target
+            found = self._candidate(wanted)
+            if found is None or self._visible[found].level != wanted:
+                continue  # something else has moved the target, or one that was overtaken since
             self._lose(self._visible[:found])
             change = self._visible[found]
             del self._visible[: found + 1]
+            if change.renewed and self._late(change):
+                self._lose([change])  # this one or a later one of its level: nothing tells which
+                continue
             if self.spec.counts(change.level):
                 at = (change.at, change.out, change.sent, change.heard, change.visible, tick)
                 self.record.add(Sample(change.at, tuple(b - a for a, b in pairwise(at))))

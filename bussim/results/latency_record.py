@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 from bussim.results.histogram import Histogram
 
-#: What a latency is made of: waiting for the source's scan (to the END after it), for the station's turn
-#: on the link, the frame on the wire, waiting for the destination's END, and for its output.
+#: What a latency is made of: waiting for the source's scan (to the END after it, or of
+#: those that its program takes), for the station's turn on the link, the frame on the wire, waiting for the
+#: destination's END, and for its output.
 PARTS = ("scan", "turn", "wire", "destination", "output")
 #: The way of an entry to whose target nothing leads.
 NO_WAY = "none"

@@ -48,12 +48,31 @@ class Rig:
         word: bool = False,
         way: str = "direct",
         reasons: tuple[str, ...] = (),
+        source_scans: tuple[int, int] = (0, 0),
+        target_scans: tuple[int, int] = (0, 0),
     ) -> None:
         source, target = ("D0", "D0") if word else ("X0", "M9" if direct else "Y0")
         route = Route("link", 0, 1, FRAME)
         self.target = target
         self.meter = LatencyMeter(
-            [LatencySpec("e", "a", source, "b", target, edge, inverted, word, direct, route, way, reasons)]
+            [
+                LatencySpec(
+                    "e",
+                    "a",
+                    source,
+                    "b",
+                    target,
+                    edge,
+                    inverted,
+                    word,
+                    direct,
+                    route,
+                    way,
+                    reasons,
+                    source_scans,
+                    target_scans,
+                )
+            ]
         )
 
     def change(self, tick: int, level: int, sampled: int, end: int, *, seen: bool = True) -> None:
@@ -217,6 +236,78 @@ def test_a_shared_device_follows_at_once_and_an_output_one_scan_later() -> None:
     rig.change(0, 1, 2, 4)
     rig.frame(10)
     rig.end(21, 1)
+    assert rig.counts() == (1, 0, 0, 0, 1)
+
+
+def test_a_change_that_another_has_overtaken_is_never_matched() -> None:
+    rig = Rig()
+    rig.change(0, 1, 2, 4)
+    rig.frame(10)
+    rig.end(21)
+    rig.change(30, 0, 32, 34)
+    rig.frame(40)
+    rig.end(51)
+    rig.end(61, 1)  # something else: what is visible is off
+    assert rig.counts() == (2, 0, 1, 0, 1)
+    rig.end(71, 0)
+    assert rig.counts() == (2, 1, 1, 0, 0)
+
+
+def test_nothing_is_matched_late_where_the_level_has_come_again() -> None:
+    """Two changes to the level in two frames, and the target follows after the second: nothing tells which."""
+    rig = Rig()
+    rig.change(0, 1, 2, 4)
+    rig.frame(10)
+    rig.end(21)
+    rig.end(30)  # it could have followed
+    rig.change(31, 0, 32, 34)
+    rig.change(35, 1, 36, 38)
+    rig.frame(40)
+    rig.end(51)
+    rig.end(60, 1)
+    assert rig.counts() == (3, 0, 3, 0, 0)
+
+
+def test_a_source_that_takes_more_scans_is_out_so_many_ends_later() -> None:
+    rig = Rig(source_scans=(0, 2))
+    rig.change(100, 1, 104, 112)
+    rig.meter.ends("a", [112])
+    rig.frame(113)
+    rig.end(124)
+    rig.meter.ends("a", [120])
+    rig.frame(125)
+    rig.end(136)
+    rig.meter.ends("a", [140])
+    rig.frame(139)  # began before the END
+    rig.end(150)
+    assert rig.counts() == (1, 0, 0, 0, 1)
+    rig.frame(152)
+    rig.end(163)
+    rig.end(170, 1)
+    sample = rig.record.longest
+    assert sample is not None
+    assert sample.parts == (40, 12, 10, 1, 7)
+
+
+def test_a_target_that_takes_more_scans_follows_what_was_visible_before() -> None:
+    rig = Rig(target_scans=(1, 1))
+    rig.change(0, 1, 2, 4)
+    rig.frame(10)
+    rig.end(21)
+    rig.change(22, 0, 23, 24)
+    rig.frame(25)
+    rig.end(36)
+    rig.end(40, 1)  # of what was visible at 21, not of what is since 36
+    rig.end(50, 0)
+    assert rig.counts() == (2, 2, 0, 0, 0)
+    assert rig.record.shortest is not None
+    assert rig.record.shortest.parts == (2, 1, 10, 1, 14)
+    # Nothing follows sooner than its program can.
+    rig = Rig(target_scans=(1, 1))
+    rig.change(0, 1, 2, 4)
+    rig.frame(10)
+    rig.end(21)
+    rig.end(30, 1)
     assert rig.counts() == (1, 0, 0, 0, 1)
 
 
