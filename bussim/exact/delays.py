@@ -1,6 +1,6 @@
 """How many scans more than one the programs of a latency's way take, for the meter of latencies.
 
-The steps are those of :mod:`bussim.exact.passage`, counted in scans. Where a signal has several ways the
+The steps are those of :mod:`bussim.exact.signal_ways`, counted in scans. Where a signal has several ways the
 quickest counts, for the source's and for the target's program separately: earlier it cannot be there.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from heapq import heappop, heappush
 from itertools import count
 
-from bussim.exact.passage import _Edge, _Search, _Side, _State
+from bussim.exact.signal_ways import Hop, Search, Side, State
 from bussim.plc.memory import BlockPlace, parse_device
 from bussim.plc.program.signals import Key, Point
 from bussim.scenario.leads import signals_of
@@ -39,15 +39,15 @@ def _delays(scenario: Scenario, way: Way) -> Delays:
 def _through(way: Way, block: BlockPlace | None, shift: int) -> Delays:
     plcs = (way.source,) if block is None else (way.source, way.target)
     # A scan counts as one: the costs of the steps are numbers of scans then.
-    sides = tuple(_Side(plc.name, 1, signals_of(plc.program)) for plc in plcs)
+    sides = tuple(Side(plc.name, 1, signals_of(plc.program)) for plc in plcs)
     source, target = (
         Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
     )
-    search = _Search(way, sides, block, shift, source, target)
+    search = Search(way, sides, block, shift, source, target)
     written = [at.number for at in sides[0].signals.written(source)]
     if not written or way.entry.source in way.source.sources:
         written.append(-1)
-    starts = [[_State(0, Point(source, number, level)) for number in written] for level in (0, 1)]
+    starts = [[State(0, Point(source, number, level)) for number in written] for level in (0, 1)]
     edges = [search.relevant(each) for each in starts]
     return (
         (_least(search, starts[0], edges[0], 0), _least(search, starts[1], edges[1], 0)),
@@ -55,14 +55,14 @@ def _through(way: Way, block: BlockPlace | None, shift: int) -> Delays:
     )
 
 
-def _least(search: _Search, starts: list[_State], edges: list[_Edge], place: int) -> int:
+def _least(search: Search, starts: list[State], edges: list[Hop], place: int) -> int:
     """The fewest scans that any way spends in one of the two programs."""
-    out: dict[_State, list[_Edge]] = {}
+    out: dict[State, list[Hop]] = {}
     for edge in edges:
         out.setdefault(edge.start, []).append(edge)
     order = count()  # states themselves have no order
     waiting = [(0, next(order), state) for state in starts]
-    passed = set[_State]()
+    passed = set[State]()
     while waiting:
         cost, _, state = heappop(waiting)
         if search.arrives(state):

@@ -1,6 +1,6 @@
 """How long programs take to pass a signal on, as far as their texts tell: for the bounds of latencies.
 
-The steps of :mod:`bussim.plc.program.signals` in the source's program, over the link's block, and in the
+The steps of :mod:`bussim.exact.signal_ways` in the source's program, over the link's block, and in the
 target's program. What any way from source to target waits for that no text tells (a timer, a latch, a
 feedback) is a reason why there is no bound, and so is whatever else writes a device on the way: it may
 overrule the signal. What must let the signal through is a gate; and every rung that stands in front of the
@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
+from bussim.exact.signal_ways import Hop, Search, Side, State
 from bussim.plc.memory import BlockPlace, parse_device
-from bussim.plc.program.signals import Key, Point, Signals, Step
+from bussim.plc.program.signals import Key, Point, Signals
 from bussim.scenario.leads import Lead
 from bussim.scenario.model import Edge
 from bussim.scenario.ways import Way
@@ -27,90 +27,6 @@ class Passage:
     scans: int = 0
     reasons: tuple[str, ...] = ()
     gates: tuple[str, ...] = ()
-
-
-class _State(NamedTuple):
-    """A point in one of the two programs (0: the source's, 1: the target's, or the only one)."""
-
-    place: int
-    point: Point
-
-
-@dataclass(slots=True)
-class _Side:
-    plc: str
-    scan: int
-    signals: Signals
-    linked: Sequence[BlockPlace] = ()
-
-
-@dataclass(slots=True)
-class _Edge:
-    start: _State
-    end: _State
-    cost: int = 0
-    reason: str = ""
-    gates: tuple[str, ...] = ()
-
-
-@dataclass(slots=True)
-class _Search:
-    way: Way
-    sides: tuple[_Side, ...]
-    block: BlockPlace | None
-    shift: int
-    source: Key
-    target: Key
-
-    def next_edges(self, state: _State) -> Iterator[_Edge]:
-        side, (key, number, level) = self.sides[state.place], state.point
-        if state.place == 0 and key is not None and self._shared(key):
-            # The other PLC has it before its scan begins.
-            there = key._replace(address=key.address + self.shift) if key.word else key
-            yield _Edge(state, _State(1, Point(there, -1, level)))
-        # An END tells what something else than the program has left: the program reads it in the scan after.
-        waits = state.place == 0 and key == self.source and number < 0 and key.letter != "X"
-        for step in side.signals.steps(state.point):
-            if (
-                state.place or step.to.key != self.source
-            ):  # what comes back to the source is a change of its own
-                yield self._edge(state, side, step, waits=waits)
-
-    def _edge(self, state: _State, side: _Side, step: Step, *, waits: bool) -> _Edge:
-        return _Edge(
-            state,
-            _State(state.place, step.to),
-            side.scan * (step.later + waits),
-            f"{step.reason} ({side.plc})" if step.reason else "",
-            tuple(f"{gate} ({side.plc})" for gate in step.gates),
-        )
-
-    def _shared(self, key: Key) -> bool:
-        return self.block is not None and key.word is (key.letter == "D") and self.block.holds(key.device)
-
-    def arrives(self, state: _State) -> bool:
-        return state.place == len(self.sides) - 1 and state.point.key == self.target
-
-    def relevant(self, starts: list[_State]) -> list[_Edge]:
-        """The edges that lie on a way from a start to the target."""
-        seen, waiting = set(starts), list(starts)
-        into: dict[_State, list[_Edge]] = {}
-        while waiting:
-            state = waiting.pop()
-            for edge in self.next_edges(state):
-                into.setdefault(edge.end, []).append(edge)
-                if edge.end not in seen:
-                    seen.add(edge.end)
-                    waiting.append(edge.end)
-        useful = [state for state in seen if self.arrives(state)]
-        kept, found = set(useful), []
-        while useful:
-            for edge in into.get(useful.pop(), ()):
-                found.append(edge)
-                if edge.start not in kept:
-                    kept.add(edge.start)
-                    useful.append(edge.start)
-        return found
 
 
 def passage_of(
@@ -126,18 +42,18 @@ def passage_of(
     """
     plcs = (way.source,) if way.bus is None else (way.source, way.target)
     sides = tuple(
-        _Side(plc.name, plc.longest_scan, Signals(plc.program), blocks)
+        Side(plc.name, plc.longest_scan, Signals(plc.program), blocks)
         for plc, blocks in zip(plcs, linked, strict=False)
     )
     source, target = (
         Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
     )
-    search = _Search(way, sides, block, shift, source, target)
+    search = Search(way, sides, block, shift, source, target)
     written = [at.number for at in sides[0].signals.written(source)]
     if not written or way.entry.source in way.source.sources:
         written.append(-1)
     levels = {Edge.RISING: (1,), Edge.FALLING: (0,)}.get(way.entry.edge, (0, 1))
-    starts = [_State(0, Point(source, number, level)) for number in written for level in levels]
+    starts = [State(0, Point(source, number, level)) for number in written for level in levels]
     edges = search.relevant(starts)
     if not any(search.arrives(state) for state in starts) and not edges:
         return Passage(reasons=(_nothing(way),))
@@ -157,12 +73,12 @@ def passage_of(
     return Passage(longest or 0, tuple(reasons), tuple(gates))
 
 
-def _overruled(search: _Search, edges: list[_Edge]) -> Iterator[str]:
+def _overruled(search: Search, edges: list[Hop]) -> Iterator[str]:
     """What else writes the devices on the way, so that they need not follow the signal.
 
     What is kept until something else changes it (SET) says so itself: of it the others are not told.
     """
-    read: dict[_State, set[bool]] = {}
+    read: dict[State, set[bool]] = {}
     for edge in reversed(edges):
         side, (key, number, _) = search.sides[edge.end.place], edge.end.point
         start = edge.start.point
@@ -199,10 +115,10 @@ def _nothing(way: Way) -> str:
     return f"nothing leads from {source} over its block to {target}{why}"
 
 
-def _longest(edges: list[_Edge]) -> int | None:
+def _longest(edges: list[Hop]) -> int | None:
     """The most that a way costs; None if a way comes back to where it was."""
-    out: dict[_State, list[_Edge]] = {}
-    missing: dict[_State, int] = {}
+    out: dict[State, list[Hop]] = {}
+    missing: dict[State, int] = {}
     for edge in edges:
         out.setdefault(edge.start, []).append(edge)
         missing[edge.end] = missing.get(edge.end, 0) + 1
@@ -221,15 +137,15 @@ def _longest(edges: list[_Edge]) -> int | None:
     return most if passed == len(cost) else None
 
 
-def _loop(edges: list[_Edge]) -> str:
+def _loop(edges: list[Hop]) -> str:
     """Which device comes back to itself."""
-    out: dict[_State, list[_State]] = {}
+    out: dict[State, list[State]] = {}
     for edge in edges:
         out.setdefault(edge.start, []).append(edge.end)
     for state in out:
         if state.point.key is None:
             continue
-        seen, waiting = set[_State](), list(out[state])
+        seen, waiting = set[State](), list(out[state])
         while waiting:
             each = waiting.pop()
             if each == state:
