@@ -58,6 +58,7 @@ class Reference:
         self.held: set[str] = set()  # timers and counters whose latest RST had its contact on
         self.labels = {line[0]: at for at, line in enumerate(self.lines) if re.fullmatch(r"P\d+", line[0])}
         self.scans = 0
+        self.lasted: list[int] = []
 
     # -- operands ------------------------------------------------------------------------------
 
@@ -153,6 +154,14 @@ class Reference:
     # -- one scan ------------------------------------------------------------------------------
 
     def scan(self, now: int) -> None:
+        if self.scans:
+            self.lasted.append((now - self.now) // 7200)  # in 0.1 ms
+            for number, value in (
+                (8010, self.lasted[-1]),
+                (8011, min(self.lasted)),
+                (8012, max(self.lasted)),
+            ):
+                self.words["D", number] = value
         self.now = now
         self.scans += 1
         first = self.scans == 1
