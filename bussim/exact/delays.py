@@ -10,8 +10,7 @@ from heapq import heappop, heappush
 from itertools import count
 
 from bussim.exact.signal_ways import Hop, Search, Side, State
-from bussim.plc.memory import BlockPlace, parse_device
-from bussim.plc.program.signals import Key, Point
+from bussim.plc.memory import BlockPlace
 from bussim.scenario.leads import signals_of
 from bussim.scenario.model import Scenario
 from bussim.scenario.ways import Way, net_of, ways
@@ -40,14 +39,8 @@ def _through(way: Way, block: BlockPlace | None, shift: int) -> Delays:
     plcs = (way.source,) if block is None else (way.source, way.target)
     # A scan counts as one: the costs of the steps are numbers of scans then.
     sides = tuple(Side(plc.name, 1, signals_of(plc.program)) for plc in plcs)
-    source, target = (
-        Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
-    )
-    search = Search(way, sides, block, shift, source, target)
-    written = [at.number for at in sides[0].signals.written(source)]
-    if not written or way.entry.source in way.source.sources:
-        written.append(-1)
-    starts = [[State(0, Point(source, number, level)) for number in written] for level in (0, 1)]
+    search = Search.along(way, sides, block, shift)
+    starts = [search.starts([level]) for level in (0, 1)]
     edges = [search.relevant(each) for each in starts]
     return (
         (_least(search, starts[0], edges[0], 0), _least(search, starts[1], edges[1], 0)),

@@ -13,9 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from bussim.exact.signal_ways import Hop, Search, Side, State
-from bussim.plc.memory import BlockPlace, parse_device
-from bussim.plc.program.signals import Key, Point, Signals
-from bussim.scenario.leads import Lead
+from bussim.plc.memory import BlockPlace
+from bussim.scenario.leads import Lead, signals_of
 from bussim.scenario.model import Edge
 from bussim.scenario.ways import Way
 
@@ -42,18 +41,11 @@ def passage_of(
     """
     plcs = (way.source,) if way.bus is None else (way.source, way.target)
     sides = tuple(
-        Side(plc.name, plc.longest_scan, Signals(plc.program), blocks)
+        Side(plc.name, plc.longest_scan, signals_of(plc.program), blocks)
         for plc, blocks in zip(plcs, linked, strict=False)
     )
-    source, target = (
-        Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
-    )
-    search = Search(way, sides, block, shift, source, target)
-    written = [at.number for at in sides[0].signals.written(source)]
-    if not written or way.entry.source in way.source.sources:
-        written.append(-1)
-    levels = {Edge.RISING: (1,), Edge.FALLING: (0,)}.get(way.entry.edge, (0, 1))
-    starts = [State(0, Point(source, number, level)) for number in written for level in levels]
+    search = Search.along(way, sides, block, shift)
+    starts = search.starts({Edge.RISING: (1,), Edge.FALLING: (0,)}.get(way.entry.edge, (0, 1)))
     edges = search.relevant(starts)
     if not any(search.arrives(state) for state in starts) and not edges:
         return Passage(reasons=(_nothing(way),))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from bussim.plc.memory import BlockPlace
+from bussim.plc.memory import BlockPlace, parse_device
 from bussim.plc.program.signals import Key, Point, Signals, Step
 from bussim.scenario.ways import Way
 
@@ -49,6 +49,21 @@ class Search:
     shift: int
     source: Key
     target: Key
+
+    @classmethod
+    def along(cls, way: Way, sides: tuple[Side, ...], block: BlockPlace | None, shift: int) -> Search:
+        """From the way's source to its target, through the programs of ``sides``."""
+        source, target = (
+            Key.of(parse_device(name, observed=True)) for name in (way.entry.source, way.entry.target)
+        )
+        return cls(way, sides, block, shift, source, target)
+
+    def starts(self, levels: Sequence[int]) -> list[State]:
+        """Where a change of the source to one of these levels begins: at its writers, or beside a program."""
+        written = [at.number for at in self.sides[0].signals.written(self.source)]
+        if not written or self.way.entry.source in self.way.source.sources:
+            written.append(-1)
+        return [State(0, Point(self.source, number, level)) for number in written for level in levels]
 
     def next_hops(self, state: State) -> Iterator[Hop]:
         """Where it can go from a state."""
