@@ -15,17 +15,17 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from bussim.errors import UsageError
-from bussim.results.collector import Collector, Rows
-from bussim.results.files import RunFolder
-from bussim.results.latency import LatencySpec, Route
-from bussim.results.latency_text import LatencyBounds
-from bussim.results.load import FolderRows, load_run
-from bussim.results.memory import MemoryRows
-from bussim.results.record import RunRecord
+from bussim.results.meters.collector import Collector, Rows
+from bussim.results.meters.latency import LatencySpec, Route
+from bussim.results.meters.run_record import RunRecord
 from bussim.results.result import Result
-from bussim.scenario.header import trace_header
+from bussim.results.store.folder import RunFolder
+from bussim.results.store.load import FolderRows, load_run
+from bussim.results.store.memory import MemoryRows
+from bussim.results.text.latency import LatencyBounds
+from bussim.scenario.build.trace_header import trace_header
 from bussim.scenario.model import Scenario
-from bussim.trace import RunTotals
+from bussim.trace.records import RunTotals
 from bussim.version import __version__
 
 __all__ = ["Progress", "Result", "Source", "load", "open_run", "run"]
@@ -78,7 +78,7 @@ def run(
         memory = MemoryRows(rows=rows, traced=trace, header=trace_header(scenario))
         totals, record = _simulate(scenario, memory if rows or trace else None, trace, progress)
         return Result(record, memory, totals=totals)
-    from bussim.scenario.dump import dumps
+    from bussim.scenario.yaml.dump import dumps
 
     text = f"# As run by bussim {__version__}, with every default filled in.\n{dumps(scenario)}"
     place = Path(out)
@@ -124,9 +124,9 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBo
     """What is to be measured between devices, and what it may be at worst, by entry."""
     if not scenario.latency:
         return [], {}
-    from bussim.exact.delays import delays_of
-    from bussim.exact.latency import bounds_of
-    from bussim.scenario.ways import ways
+    from bussim.exact.latency.bounds import bounds_of
+    from bussim.exact.latency.extra_scans import delays_of
+    from bussim.scenario.signals.paths import ways
 
     delays = delays_of(scenario)
     specs = [

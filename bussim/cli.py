@@ -33,6 +33,9 @@ COMMANDS = {
     "fit": "Estimate a scenario from a recording.",
 }
 
+#: Commands that are a folder of modules.
+_FOLDERS = frozenset({"exact", "fit", "poll", "size", "sniff"})
+
 #: Exit codes: a failed run, bad input, interrupted from the keyboard.
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -50,7 +53,8 @@ class _Commands(click.Group):
         del ctx
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"bussim.commands.{cmd_name}")
+        home = f"{cmd_name}.command" if cmd_name in _FOLDERS else cmd_name
+        module = importlib.import_module(f"bussim.commands.{home}")
         command: click.Command = module.command
         command.name = cmd_name
         return command
@@ -66,7 +70,7 @@ class _Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, with the nearest name if there is none."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from bussim.scenario.wording import shorten, suggest
+            from bussim.scenario.yaml.wording import shorten, suggest
 
             raise click.UsageError(
                 f"no command {shorten(args[0])!r}; {suggest(args[0], list(COMMANDS))}", ctx

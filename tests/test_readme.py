@@ -11,13 +11,13 @@ import bussim
 from bussim.cli import COMMANDS
 from bussim.engines.nn.frames import MODES
 from bussim.engines.nn.states import MASTER, mermaid
-from bussim.plc.board import LinkBoard
+from bussim.plc.link_registers import LinkBoard
 from bussim.plc.memory import Memory
 from bussim.plc.profiles import PROFILES
-from bussim.plc.program.catalog import SPECS
-from bussim.plc.program.specials import SPECIAL_BITS
+from bussim.plc.program.text.catalog import SPECS
+from bussim.plc.program.text.specials import SPECIAL_BITS
 from bussim.scenario.loader import load, loads
-from bussim.scenario.program_schema import InputIn, LatencyIn
+from bussim.scenario.schema.programs import InputIn, LatencyIn
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 

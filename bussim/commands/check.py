@@ -6,7 +6,7 @@ import json
 
 import click
 
-from bussim.commands.scenario_options import code_option
+from bussim.commands.common.scenario_options import code_option
 from bussim.errors import Problem, ScenarioError
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine

@@ -12,7 +12,7 @@ from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.export.run import Exported
-    from bussim.results.trace_file import Trace
+    from bussim.trace.file import Trace
 
 _FORMATS = ("pcapng", "vcd", "sr", "perfetto", "csv", "parquet")
 
@@ -53,10 +53,10 @@ def command(
 
     Needs a run with --trace. Prints the file, and what the tool that opens it must be told.
     """
-    from bussim.commands.output import busy, checked_target, traced_again
+    from bussim.commands.common.output import busy, checked_target, traced_again
     from bussim.export.run import ENDINGS, export_trace
-    from bussim.results.load import load_run
-    from bussim.results.trace_file import TRACE, read_trace
+    from bussim.results.store.load import load_run
+    from bussim.trace.file import TRACE, read_trace
 
     if encap is not None and fmt != "pcapng":
         raise UsageError(f"--encap goes with --to pcapng, not with {fmt}")
@@ -105,7 +105,7 @@ def _time(option: str, text: str) -> int:
 
 def _default(folder: Path, fmt: str, trace: Trace, bus: str | None) -> Path:
     from bussim.export.run import ENDINGS, STEMS
-    from bussim.results.names import file_names
+    from bussim.results.store.names import file_names
 
     stem = STEMS.get(fmt, "trace")
     if bus is not None:

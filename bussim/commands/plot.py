@@ -11,7 +11,7 @@ import click
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.results.record import RunRecord
+    from bussim.results.meters.run_record import RunRecord
 
 
 #: What each kind draws, by the option that chooses one of them; and what that option is about.
@@ -52,7 +52,7 @@ def command(
 
     The histograms of several runs share one axis. Prints the paths of the pictures.
     """
-    from bussim.results.load import load_run
+    from bussim.results.store.load import load_run
 
     chosen = _chosen(kind, {"bus": bus, "port": port, "latency": latency})
     folders = [Path(run) for run in runs]
@@ -87,9 +87,9 @@ def _chosen(kind: str, given: Mapping[str, str | None]) -> list[str]:
 def _draw_links(
     records: Sequence[RunRecord], labels: Sequence[str], buses: Sequence[str], kind: str, place: Path
 ) -> Iterator[Path]:
-    from bussim.results.names import file_names
-    from bussim.results.plot_run import scan_times_over_run
-    from bussim.results.plots import scan_time_histogram
+    from bussim.results.plots.over_run import scan_times_over_run
+    from bussim.results.plots.scan_times import scan_time_histogram
+    from bussim.results.store.names import file_names
 
     shown, ending = _together(labels)
     stems = file_names(records[0].links)
@@ -106,8 +106,8 @@ def _draw_links(
 def _draw_responses(
     records: Sequence[RunRecord], labels: Sequence[str], nodes: Sequence[str], place: Path
 ) -> Iterator[Path]:
-    from bussim.results.names import file_names
-    from bussim.results.response_plots import masters, response_time_histogram
+    from bussim.results.plots.responses import masters, response_time_histogram
+    from bussim.results.store.names import file_names
 
     shown, ending = _together(labels)
     stems = file_names(masters(records[0]))
@@ -119,8 +119,8 @@ def _draw_responses(
 def _draw_latencies(
     records: Sequence[RunRecord], labels: Sequence[str], entries: Sequence[str], place: Path
 ) -> Iterator[Path]:
-    from bussim.results.latency_plots import latency_picture, measured
-    from bussim.results.names import file_names
+    from bussim.results.plots.latency import latency_picture, measured
+    from bussim.results.store.names import file_names
 
     shown, ending = _together(labels)
     stems = file_names(measured(records[0]))
@@ -131,7 +131,7 @@ def _draw_latencies(
 
 def _together(labels: Sequence[str]) -> tuple[Sequence[str] | None, str]:
     """Labels of the runs on one axis, and what the file's name gets of them; of one run nothing."""
-    from bussim.results.names import file_name
+    from bussim.results.store.names import file_name
 
     return (None, "") if len(labels) == 1 else (labels, f"_{file_name('_'.join(labels))}")
 
@@ -150,7 +150,7 @@ def _labels(folders: Sequence[Path]) -> list[str]:
 
 def _buses(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
     """The links to draw: the wanted one, or all that made scans in every run."""
-    from bussim.results.plots import link_of
+    from bussim.results.plots.scan_times import link_of
 
     if wanted is not None:
         for run in records:
@@ -165,7 +165,7 @@ def _buses(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
 
 def _masters(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
     """The Modbus masters to draw: the wanted one, or all that had an answer in every run."""
-    from bussim.results.response_plots import master_of, masters
+    from bussim.results.plots.responses import master_of, masters
 
     if wanted is not None:
         for run in records:
@@ -176,7 +176,7 @@ def _masters(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
 
 def _latencies(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
     """The latencies to draw: the wanted one, or all of which something was measured in every run."""
-    from bussim.results.latency_plots import latency_of, measured
+    from bussim.results.plots.latency import latency_of, measured
 
     if wanted is not None:
         for run in records:

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.scenario_options import code_option
+from bussim.commands.common.scenario_options import code_option
 from bussim.errors import ScenarioError, UsageError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from bussim.exact.figures import Figures
-    from bussim.exact.lobes import Law
+    from bussim.exact.metrics import Figures
+    from bussim.exact.scan.mixture import Law
     from bussim.report.scene import Scene
     from bussim.report.source import ExactLaw, Source, StationTimes
-    from bussim.results.record import RunRecord
+    from bussim.results.meters.run_record import RunRecord
 
 #: A scenario is no larger (bytes).
 _LARGEST = 4 * 1024 * 1024
@@ -46,10 +46,10 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     timeline (of a run with --trace), figures of every station, settings, scenario, and how to repeat
     it. Prints the path of the page.
     """
-    from bussim.commands.output import checked_target, write_text
+    from bussim.commands.common.output import checked_target, write_text
     from bussim.report.page import labels_of, report_page
     from bussim.report.scene import MOST_SHAPES
-    from bussim.results.load import load_run
+    from bussim.results.store.load import load_run
 
     if len(runs) > _MOST_RUNS:
         raise UsageError(f"{len(runs)} runs on one page cannot be told apart; at most {_MOST_RUNS}")
@@ -83,11 +83,11 @@ def _target(folders: Sequence[Path], out: str | None) -> Path:
 def _source(
     folder: Path, record: RunRecord, label: str, *, shapes: int, exact: bool, allow_code: bool
 ) -> Source:
-    from bussim.commands.output import traced_again
+    from bussim.commands.common.output import traced_again
     from bussim.report.source import Source
     from bussim.report.stations import measured_times
-    from bussim.results.load import FolderRows
-    from bussim.results.trace_file import TRACE
+    from bussim.results.store.load import FolderRows
+    from bussim.trace.file import TRACE
 
     scenario = _scenario(folder)
     laws: dict[str, ExactLaw] = {}
@@ -117,9 +117,9 @@ def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
 
     What has more than ``most`` shapes is left to ``bussim timeline``.
     """
-    from bussim.report.reading import read_stretch, worst_window
     from bussim.report.scene import scene_of
-    from bussim.results.trace_file import read_trace
+    from bussim.report.window_reader import read_stretch, worst_window
+    from bussim.trace.file import read_trace
 
     trace = read_trace(folder)
     scenes = {}
@@ -134,7 +134,7 @@ def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
 
 
 def _scenario(folder: Path) -> str:
-    from bussim.results.files import SCENARIO
+    from bussim.results.store.folder import SCENARIO
 
     path = folder / SCENARIO
     try:
@@ -150,9 +150,9 @@ def _scenario(folder: Path) -> str:
 def _laws(folder: Path, *, allow_code: bool) -> dict[str, ExactLaw]:
     """The law of every N:N link; of one that faults disturb, the law between them."""
     from bussim import api
-    from bussim.exact.figures import Request, figures_of
-    from bussim.exact.reading import from_scenario
-    from bussim.results.files import SCENARIO
+    from bussim.exact.from_scenario import from_scenario
+    from bussim.exact.metrics import Request, figures_of
+    from bussim.results.store.folder import SCENARIO
 
     scenario = api.load(folder / SCENARIO, allow_code=allow_code)
     undisturbed = from_scenario(scenario, ignore_faults=True)
@@ -180,7 +180,7 @@ def _curve(law: Law) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (ms) of P(scan > x), close together where most scans are: bars of 10 µs are cut from it."""
     import numpy as np
 
-    from bussim.exact.figures import tail_curve
+    from bussim.exact.metrics import tail_curve
     from bussim.units import TICKS_PER_MS
 
     heaviest = np.argsort(law.weight)[-_FINE_LOBES:]

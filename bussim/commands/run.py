@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.scenario_options import code_option, values_of
+from bussim.commands.common.scenario_options import code_option, values_of
 
 if TYPE_CHECKING:
     from bussim.api import Result
@@ -51,8 +51,8 @@ def command(
     SCENARIO is a file or the name of a built-in scenario; without it the built-in press_line runs.
     """
     from bussim import api
-    from bussim.commands.progress import simulating_bar
-    from bussim.results.names import file_name
+    from bussim.commands.common.progress import simulating_bar
+    from bussim.results.store.names import file_name
     from bussim.scenario import loader
     from bussim.scenario.builtin import DEFAULT
 
@@ -84,7 +84,7 @@ def command(
 def _show(result: Result) -> None:
     from rich.console import Console
 
-    from bussim.results.text import show_result
+    from bussim.results.text.run import show_result
 
     names = {link.bus: link.station_names for link in result.totals.links} if result.totals else {}
     console = Console(highlight=False)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.port_options import options_of, port_options, time_of
-from bussim.commands.scenario_options import code_option, values_of
+from bussim.commands.common.port_options import options_of, port_options, time_of
+from bussim.commands.common.scenario_options import code_option, values_of
 
 if TYPE_CHECKING:
-    from bussim.results.files import RunFolder
-    from bussim.results.record import RunRecord
+    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.store.folder import RunFolder
     from bussim.scenario.model import Scenario
     from bussim.serve.session import Session
 
@@ -67,8 +67,8 @@ def command(
     """
     from bussim.live.stopping import Stopping
     from bussim.scenario import loader
-    from bussim.serve.places import places
     from bussim.serve.session import FOREVER, Session
+    from bussim.serve.targets import places
 
     values = values_of(overrides, seed=seed)
     loaded = loader.load(scenario, values, allow_code=allow_code)
@@ -107,8 +107,8 @@ def _folder(
 ) -> RunFolder | None:
     if out is None and not trace:
         return None
-    from bussim.results.files import RunFolder
-    from bussim.results.names import file_name
+    from bussim.results.store.folder import RunFolder
+    from bussim.results.store.names import file_name
     from bussim.serve.session import session_header
 
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
@@ -151,7 +151,7 @@ def _tell(session: Session) -> None:
 def _as_served(scenario: Scenario, record: RunRecord) -> str:
     from dataclasses import replace
 
-    from bussim.scenario.dump import dumps
+    from bussim.scenario.yaml.dump import dumps
     from bussim.version import __version__
 
     # A scenario lasts a microsecond at least.
@@ -165,7 +165,7 @@ def _show(session: Session, record: RunRecord, place: Path | None, *, as_json: b
         return
     from rich.console import Console
 
-    from bussim.results.text import show_result
+    from bussim.results.text.run import show_result
 
     names = {link.bus: link.station_names for link in session.totals().links}
     show_result(Console(highlight=False), record, names)

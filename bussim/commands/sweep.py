@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.scenario_options import code_option, values_of
+from bussim.commands.common.scenario_options import code_option, values_of
 
 if TYPE_CHECKING:
     from bussim.sweep.result import SweepResult
@@ -98,7 +98,7 @@ def command(
       --vary noise.0.ber=1e-6:1e-3:log7
       --vary plcs.press2.scan.mean=5ms,10ms,20ms
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
-    from bussim.results.names import file_name
+    from bussim.results.store.names import file_name
     from bussim.sweep.run import run_sweep
 
     target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)

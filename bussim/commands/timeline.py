@@ -11,10 +11,10 @@ import click
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.report.stretch import Stretch
-    from bussim.results.record import RunRecord
-    from bussim.results.trace_file import Trace
-    from bussim.trace import TraceBus
+    from bussim.report.trace_window import Stretch
+    from bussim.results.meters.run_record import RunRecord
+    from bussim.trace.file import Trace
+    from bussim.trace.records import TraceBus
 
 #: Where neither --from nor --span says how long.
 _DEFAULT_SPAN = "200ms"
@@ -47,14 +47,14 @@ def command(
     Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
     run with --trace. Prints the path of the picture.
     """
-    from bussim.commands.output import busy, checked_target, traced_again
+    from bussim.commands.common.output import busy, checked_target, traced_again
     from bussim.report.picture import timeline_picture
-    from bussim.report.reading import read_stretch
     from bussim.report.scene import scene_of
-    from bussim.results.load import load_run
-    from bussim.results.names import file_names
-    from bussim.results.plots import caption
-    from bussim.results.trace_file import TRACE, read_trace
+    from bussim.report.window_reader import read_stretch
+    from bussim.results.plots.scan_times import caption
+    from bussim.results.store.load import load_run
+    from bussim.results.store.names import file_names
+    from bussim.trace.file import TRACE, read_trace
     from bussim.units import seconds
 
     folder = Path(run)
@@ -109,7 +109,7 @@ def _window(
     trace: Trace, record: RunRecord, bus: str, since: str | None, span: str | None, *, worst: bool
 ) -> tuple[int, int]:
     """First and last tick to draw."""
-    from bussim.report.reading import worst_window
+    from bussim.report.window_reader import worst_window
     from bussim.units import format_time, seconds
 
     if since is None:
@@ -146,7 +146,7 @@ def _time(option: str, text: str) -> int:
 
 def _as_json(stretch: Stretch, target: Path) -> dict[str, object]:
     """What every link scan that lies whole in the window was made of. Times in ms, instants in s."""
-    from bussim.report.stretch import parts_of_scan
+    from bussim.report.trace_window import parts_of_scan
     from bussim.units import milliseconds, seconds
 
     scans = []

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.scenario_options import code_option, values_of
+from bussim.commands.common.scenario_options import code_option, values_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.results.watch import Watch, Watched
+    from bussim.results.meters.watch import Watch, Watched
     from bussim.scenario.model import Scenario
 
 #: Rows that a terminal gets; a file gets them all.
@@ -65,7 +65,7 @@ def command(
     and D; T0 and C0 are the contacts of timers and counters, TN0 and CN0 their current values (CN200 and
     up have 32 bits), V0 to V7 and Z0 to Z7 the index registers.
     """
-    from bussim.commands.output import checked_target, write_text
+    from bussim.commands.common.output import checked_target, write_text
     from bussim.scenario import loader
     from bussim.units import seconds
     from bussim.version import __version__
@@ -89,7 +89,7 @@ def command(
     if table is not None:
         write_text(table, _csv(watch, begin, end))
     if picture is not None:
-        from bussim.results.watch_plots import shown_devices, watch_picture
+        from bussim.results.plots.watch import shown_devices, watch_picture
 
         left_out = watched[shown_devices(watched) :]
         if left_out:
@@ -116,8 +116,8 @@ def command(
 
 def _watched(scenario: Scenario, devices: str) -> list[Watched]:
     from bussim.plc.memory import parse_device
-    from bussim.results.watch import Watched
-    from bussim.scenario.wording import shorten, suggest
+    from bussim.results.meters.watch import Watched
+    from bussim.scenario.yaml.wording import shorten, suggest
 
     known = [plc.name for plc in scenario.plcs]
     found: dict[str, Watched] = {}
@@ -168,9 +168,9 @@ def _window(scenario: Scenario, since: str | None, until: str | None) -> tuple[i
 
 
 def _simulated(scenario: Scenario, watched: list[Watched]) -> Watch:
-    from bussim.commands.progress import simulating_bar
-    from bussim.results.collector import Collector
-    from bussim.results.watch import Watch
+    from bussim.commands.common.progress import simulating_bar
+    from bussim.results.meters.collector import Collector
+    from bussim.results.meters.watch import Watch
     from bussim.sim.runner import simulate
 
     wanted: dict[str, list[str]] = {}
@@ -187,7 +187,7 @@ def _simulated(scenario: Scenario, watched: list[Watched]) -> Watch:
 
 
 def _csv(watch: Watch, begin: int, end: int) -> str:
-    from bussim.results.names import cell
+    from bussim.results.store.names import cell
     from bussim.units import seconds
 
     text = io.StringIO()
@@ -202,7 +202,7 @@ def _show(watch: Watch, begin: int, end: int) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from bussim.commands.console import wide_console
+    from bussim.commands.common.console import wide_console
     from bussim.units import seconds
 
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0))

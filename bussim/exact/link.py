@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, QUIET_CHARS, data_chars
-from bussim.exact.sums import MAX_KINDS, count_kinds
+from bussim.exact.scan.turnaround_sums import MAX_KINDS, count_kinds
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.plc.profiles import AbsentStation, ErrorCount, Turnaround
 from bussim.units import TICKS_PER_MS, milliseconds

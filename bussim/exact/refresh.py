@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bussim.exact.exchange import poll_path
-from bussim.exact.hidden import Matrix
-from bussim.exact.laws import Solved
+from bussim.exact.bursts.channel import Matrix
+from bussim.exact.bursts.exchange import poll_path
+from bussim.exact.bursts.state_mixture import Terms, Vectors, failures
 from bussim.exact.link import MASTER, LinkModel, Station
-from bussim.exact.lobes import Law
-from bussim.exact.sums import spread_of
-from bussim.exact.vectors import Terms, Vectors, failures
+from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.turnaround_sums import spread_of
+from bussim.exact.solve import Solved
 from bussim.plc.profiles import AbsentStation
 
 #: Lobes lighter than this are dropped. A chain ends when so little of it is left, or after so many scans.

@@ -15,7 +15,7 @@ from bussim.export.source import Survey, timing_of
 from bussim.line.characters import LineTiming
 from bussim.line.uart import Uart
 from bussim.line.wave import Interval, Wave, clip, low_intervals
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 
 #: Frames that run into each other are judged together up to so many: a jabbering station has no end.
 _MOST_TOGETHER = 512

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from bussim.export.heard import lows_of
 from bussim.export.source import Selection, Survey, in_order
 from bussim.line.wave import Interval
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_US
 
 # What neither a VCD nor sigrok's command line takes in the name of a channel.

@@ -14,7 +14,7 @@ from bussim.export.heard import Heard, hear, remarks
 from bussim.export.pcapng import SYMBOL_ERROR, PcapngWriter
 from bussim.export.source import BusSurvey, Selection, Survey, in_order
 from bussim.export.udp import PORT, Gateway
-from bussim.results.rows import nanoseconds
+from bussim.results.store.rows import nanoseconds
 from bussim.version import __version__
 
 #: How Modbus RTU frames are wrapped.

@@ -16,8 +16,8 @@ from typing import Any
 
 from bussim.errors import UsageError
 from bussim.export.source import Selection, nothing_there
-from bussim.results.trace_file import Record
-from bussim.trace import (
+from bussim.trace.file import Record
+from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
     DeviceValueRecord,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from bussim.errors import UsageError
 from bussim.export.source import BusSurvey, Selection, Survey, survey
-from bussim.results.trace_file import Trace
+from bussim.trace.file import Trace
 from bussim.wording import suggest
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from functools import lru_cache
 
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
-from bussim.results.trace_file import Trace
-from bussim.trace import FrameRecord
+from bussim.trace.file import Trace
+from bussim.trace.records import FrameRecord
 from bussim.units import format_time, seconds
 from bussim.wording import suggest
 

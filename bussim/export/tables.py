@@ -6,10 +6,10 @@ from pathlib import Path
 
 from bussim.export.heard import Heard, hear
 from bussim.export.source import Selection, Survey, in_order
-from bussim.results.rows import nanoseconds
-from bussim.results.tables import CsvTable, ParquetTable, Row, Table
+from bussim.results.store.rows import nanoseconds
+from bussim.results.store.tables import CsvTable, ParquetTable, Row, Table
 
-#: Columns, and what they hold (as in :mod:`bussim.results.tables`). ``bytes`` are the characters sent,
+#: Columns, and what they hold (as in :mod:`bussim.results.store.tables`). ``bytes`` are the characters sent,
 #: ``heard`` those that a receiver on the bus read (:mod:`bussim.export.heard`); bits are counted from
 #: the frame's first start bit. ``damaged_at`` names the receivers in which alone bits were inverted,
 #: ``damaged_at_bits`` says which, receiver by receiver.

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from bussim.plc.board import TAKE_PART, setting_defaults
 from bussim.plc.inputs import Stimulus
+from bussim.plc.link_registers import TAKE_PART, setting_defaults
 from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports import cpavl
 from bussim.plc.profiles import Profile

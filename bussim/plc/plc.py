@@ -8,13 +8,14 @@ from fractions import Fraction
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master
-from bussim.plc.board import LinkBoard, LinkEngine, setting_defaults
+from bussim.line.random_streams import Streams
 from bussim.plc.errors import SerialErrors
 from bussim.plc.inputs import Change, Stimulus
+from bussim.plc.link_registers import LinkBoard, LinkEngine, setting_defaults
 from bussim.plc.logic import Logic
 from bussim.plc.memory import Device, Memory, parse_device
-from bussim.plc.ports.board import Maps, PortBoard
 from bussim.plc.ports.cpavl import COM2_STATION
+from bussim.plc.ports.port_registers import Maps, PortBoard
 from bussim.plc.ports.rs2 import Drive, Rs2, port_of
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
@@ -22,7 +23,6 @@ from bussim.plc.program.faults import Halt, OperationFault
 from bussim.plc.program.program import Program
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source
-from bussim.plc.streams import Streams
 from bussim.units import round_half_up
 
 #: What the link has received for this PLC after one tick and up to another: (station, newest image).

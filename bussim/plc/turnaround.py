@@ -5,8 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from itertools import accumulate
 
+from bussim.line.random_streams import Streams
 from bussim.plc.profiles import Turnaround
-from bussim.plc.streams import Streams
 
 
 class Turnarounds:

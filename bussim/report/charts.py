@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 from bussim.report.picture import LOOKS, MARKS, look_of
 from bussim.report.scene import END, Scene
 from bussim.report.source import ExactLaw
-from bussim.results.histogram import BIN_TICKS, Histogram
-from bussim.results.latency_record import PARTS, LatencyRecord
-from bussim.results.latency_text import part_names
-from bussim.results.record import LinkRecord
-from bussim.results.style import PARTS_OF_LATENCY
-from bussim.results.timeline import Span
+from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.meters.latency_record import PARTS, LatencyRecord
+from bussim.results.meters.run_record import LinkRecord
+from bussim.results.meters.timeline import Span
+from bussim.results.plots.style import PARTS_OF_LATENCY
+from bussim.results.text.latency import part_names
 from bussim.units import milliseconds, seconds
 
 # A page of seven runs stays under 5 MB, whatever they are: what a chart carries is bounded.

@@ -10,9 +10,9 @@ from bussim.report import charts, tables
 from bussim.report.parts import Chart, Charts
 from bussim.report.source import Source
 from bussim.report.tables import NONE, Cell, Table, found, number, pointer
-from bussim.report.words import ms
-from bussim.results.latency_record import PARTS, LatencyRecord
-from bussim.results.latency_text import (
+from bussim.report.text import ms
+from bussim.results.meters.latency_record import PARTS, LatencyRecord
+from bussim.results.text.latency import (
     bound_caveats,
     counts_in_words,
     edge_in_words,

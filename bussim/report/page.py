@@ -17,10 +17,10 @@ from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.source import Source
 from bussim.report.tables import Table
-from bussim.report.words import alone, expected, health, ports, seen
-from bussim.results.plots import run_labels
-from bussim.results.style import RUNS
-from bussim.results.timeline import fault_spans
+from bussim.report.text import alone, expected, health, ports, seen
+from bussim.results.meters.timeline import fault_spans
+from bussim.results.plots.scan_times import run_labels
+from bussim.results.plots.style import RUNS
 from bussim.units import seconds
 from bussim.version import __version__
 from bussim.wording import about

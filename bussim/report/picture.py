@@ -30,7 +30,7 @@ from bussim.report.scene import (
     Mark,
     Scene,
 )
-from bussim.results.style import (
+from bussim.results.plots.style import (
     FAULT,
     FRAMES,
     GREY,
@@ -60,7 +60,7 @@ class Look:
     meaning: str = ""
 
 
-#: Frames have the colours of :data:`bussim.results.style.FRAMES`.
+#: Frames have the colours of :data:`bussim.results.plots.style.FRAMES`.
 LOOKS = {
     SCAN: Look("#e4e4e4", 0.7, meaning="link scan"),
     GOOD: Look("#c8c8c8", 0.5, meaning="answered attempt"),

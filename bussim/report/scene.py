@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from bussim.report.stretch import Stretch, parts_of_scan, told
-from bussim.results.timeline import Span
-from bussim.trace import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
+from bussim.report.trace_window import Stretch, parts_of_scan, told
+from bussim.results.meters.timeline import Span
+from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import milliseconds, seconds
 
 #: Most lanes of devices that changed; the least busy ones are left out.
@@ -20,7 +20,7 @@ MOST_DEVICES = 8
 #: Most shapes of the timelines that one page can carry.
 MOST_SHAPES = 6_000
 
-#: Kinds of boxes besides those of frames (:data:`bussim.results.style.FRAMES`), and what they are.
+#: Kinds of boxes besides those of frames (:data:`bussim.results.plots.style.FRAMES`), and what they are.
 SCAN, GOOD, WAIT, DAMAGE, HEARD_DAMAGE, LEVEL = "scan", "good", "wait", "damage", "heard damage", "level"
 ACTING, FLAG, LOST = "acting", "flag", "lost"
 #: Kinds of marks.

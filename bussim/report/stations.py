@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from bussim.report.source import Source, StationTimes
-from bussim.results.histogram import QUANTILES, SAMPLES_BEYOND
-from bussim.results.timeline import Span
+from bussim.results.meters.histogram import QUANTILES, SAMPLES_BEYOND
+from bussim.results.meters.timeline import Span
 from bussim.units import seconds
 
 if TYPE_CHECKING:

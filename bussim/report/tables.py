@@ -11,8 +11,8 @@ from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
 from bussim.report.source import ExactLaw, Source
 from bussim.report.stations import StationRow, station_rows
-from bussim.report.words import CODES
-from bussim.results.histogram import BIN_TICKS, Histogram
+from bussim.report.text import CODES
+from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.units import milliseconds
 from bussim.wording import about
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bussim.results.histogram import QUANTILES, Histogram
+from bussim.results.meters.histogram import QUANTILES, Histogram
 from bussim.units import milliseconds, seconds
 
 #: Decimals of a number: ns for times in ms.

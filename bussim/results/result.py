@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from bussim.errors import UsageError
-from bussim.results.record import RunRecord
-from bussim.trace import RunTotals
+from bussim.results.meters.run_record import RunRecord
+from bussim.trace.records import RunTotals
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from bussim.results.style import Picture
-    from bussim.results.trace_file import Trace
+    from bussim.results.plots.style import Picture
+    from bussim.trace.file import Trace
 
 
 class StoredRows(Protocol):
@@ -138,7 +138,7 @@ class Result:
         return self._rows.trace()
 
     def open_trace(self) -> Trace:
-        """The trace as records of :mod:`bussim.trace`, by type, bus and time, without reading all of it.
+        """The trace as records of :mod:`bussim.trace.records`, by type, bus and time, without reading all of it.
 
         Raises UsageError if the run was not traced.
         """
@@ -150,7 +150,7 @@ class Result:
         ``path``, ending in .png or .svg, is where to save it. In a notebook the figure shows itself.
         Raises UsageError if there is no such bus or nothing to draw.
         """
-        from bussim.results.plots import scan_time_histogram
+        from bussim.results.plots.scan_times import scan_time_histogram
 
         return _saved(scan_time_histogram([self.record], self._bus(bus)), path)
 
@@ -158,7 +158,7 @@ class Result:
         self, path: str | os.PathLike[str] | None = None, bus: str | None = None
     ) -> Figure:
         """Scan times over the run with its faults and stations in error; else as plot_scan_times."""
-        from bussim.results.plot_run import scan_times_over_run
+        from bussim.results.plots.over_run import scan_times_over_run
 
         return _saved(scan_times_over_run(self.record, self._bus(bus)), path)
 
@@ -171,7 +171,7 @@ class Result:
         ``path`` as of :meth:`plot_scan_times`. Raises UsageError if there is no such master or
         nothing to draw.
         """
-        from bussim.results.response_plots import masters, response_time_histogram
+        from bussim.results.plots.responses import masters, response_time_histogram
 
         if port is None:
             port = next(iter(masters(self.record)), None)
@@ -188,7 +188,7 @@ class Result:
         measured). ``path`` as of :meth:`plot_scan_times`. Raises UsageError if there is no such entry or
         nothing to draw.
         """
-        from bussim.results.latency_plots import latency_picture, measured
+        from bussim.results.plots.latency import latency_picture, measured
 
         if name is None:
             name = next(iter(measured(self.record)), None)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from bussim.results.latency_record import LatencyRecord
-from bussim.results.latency_text import LatencyBounds, latency_summary
+from bussim.results.meters.latency_record import LatencyRecord
+from bussim.results.meters.ports import PortRecord
+from bussim.results.meters.refresh import Refresh
+from bussim.results.meters.run_record import SCHEMA, LinkRecord, ScanTimes
 from bussim.results.numbers import by_code, ms, quantiles, s, share, whole
 from bussim.results.port_summary import bus_summary, device_summary, port_summary, unlisted_ports
-from bussim.results.ports import PortRecord
-from bussim.results.record import SCHEMA, LinkRecord, ScanTimes
-from bussim.results.refresh import Refresh
-from bussim.trace import LinkTotals, PlcTotals, RunTotals
+from bussim.results.text.latency import LatencyBounds, latency_summary
+from bussim.trace.records import LinkTotals, PlcTotals, RunTotals
 from bussim.units import milliseconds
 from bussim.version import __version__
 

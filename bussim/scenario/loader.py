@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bussim.errors import Problem, ScenarioError, UsageError
-from bussim.scenario import builtin, yaml
-from bussim.scenario.code import Code
-from bussim.scenario.files import Files
+from bussim.scenario import builtin
 from bussim.scenario.model import Scenario
-from bussim.scenario.overrides import Override, apply_overrides
-from bussim.scenario.places import Places, Report
-from bussim.scenario.plain import copied
-from bussim.scenario.wording import nearest
+from bussim.scenario.yaml import parser as yaml
+from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.overrides import Override, apply_overrides
+from bussim.scenario.yaml.plain import copied
+from bussim.scenario.yaml.source_map import Places, Report
+from bussim.scenario.yaml.user_code import Code
+from bussim.scenario.yaml.wording import nearest
 
 #: Values set from outside of the file: ``key.path=value``, or an Override with a label of its own.
 Overrides = Iterable[str | Override]
@@ -126,9 +127,9 @@ def _judge(
         empty = Problem(places.file, 0, 0, "is empty; a scenario begins with schema: 1")
         return Examined(None, tuple(sorted(problems)) or (empty,), ())
     # Here, because pydantic costs a tenth of a second that only a readable file should pay.
-    from bussim.scenario.build import build
-    from bussim.scenario.rules import check_rules
-    from bussim.scenario.validate import read_draft
+    from bussim.scenario.build.scenario import build
+    from bussim.scenario.rules.check import check_rules
+    from bussim.scenario.schema.draft import read_draft
 
     data = apply_overrides(data, places, overrides)
     draft = read_draft(data, report)

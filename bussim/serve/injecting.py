@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from bussim.errors import ScenarioError, UsageError
-from bussim.scenario import loader, model, yaml
-from bussim.scenario.wording import shorten, suggest
+from bussim.scenario import loader, model
+from bussim.scenario.yaml import parser as yaml
+from bussim.scenario.yaml.wording import shorten, suggest
 
 #: Kinds of faults that can be injected: all that a scenario may schedule.
 KINDS = (

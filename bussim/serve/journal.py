@@ -11,10 +11,10 @@ from bussim.live.arrival import Timed
 from bussim.live.sniff.heard import Protocol as Spoken
 from bussim.live.sniff.splitters import MOST_DAMAGE, Splitter, splitter
 from bussim.sim.serial.node import SerialNode
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 
 if TYPE_CHECKING:
-    from bussim.serve.open_line import OpenLine
+    from bussim.serve.partly_external_line import OpenLine
 
 
 class Journal:

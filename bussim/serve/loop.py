@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from bussim.live.clock import Clock
 from bussim.live.runner import PATIENCE
 from bussim.live.waiting import wait
-from bussim.serve.way import Way
+from bussim.serve.bridge import Way
 from bussim.sim.kernel import Kernel
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_ms
 

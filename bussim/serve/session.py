@@ -13,19 +13,19 @@ from bussim.line.characters import LineTiming
 from bussim.live.clock import Clock
 from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
-from bussim.results.collector import Collector, Rows
-from bussim.results.record import LinkRecord, RunRecord
+from bussim.results.meters.collector import Collector, Rows
+from bussim.results.meters.run_record import LinkRecord, RunRecord
 from bussim.scenario import model
-from bussim.scenario.header import trace_header
-from bussim.serve.lines import OutsideLinkBus, OutsideSerialBus
+from bussim.scenario.build.trace_header import trace_header
+from bussim.serve.bridge import Way
+from bussim.serve.external_lines import OutsideLinkBus, OutsideSerialBus
 from bussim.serve.loop import RealTime
-from bussim.serve.places import Place
-from bussim.serve.way import Way
+from bussim.serve.targets import Place
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.reporter import Reporter
 from bussim.sim.runner import Simulation
 from bussim.sim.wire.line import Witness
-from bussim.trace import RunTotals, Sink, TraceBus, TraceHeader
+from bussim.trace.records import RunTotals, Sink, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
 
 #: A run without an end: nobody waits so long (100 years).

@@ -7,15 +7,15 @@ from dataclasses import replace
 from fractions import Fraction
 
 from bussim.line.characters import LineTiming
-from bussim.plc.streams import Streams
+from bussim.line.random_streams import Streams
 from bussim.scenario import model
 from bussim.sim.kernel import FAULT, Kernel
 from bussim.sim.units import PlcUnit, Unit
-from bussim.sim.wire.disturb import Drop, FrameFault
+from bussim.sim.wire.disturber import Drop, FrameFault
 from bussim.sim.wire.jabber import Jabber
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
-from bussim.trace import NoteRecord, Sink
+from bussim.trace.records import NoteRecord, Sink
 from bussim.units import format_time
 
 Undo = Callable[[int], None]

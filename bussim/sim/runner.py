@@ -7,31 +7,31 @@ from typing import Protocol
 
 from bussim.devices.lx import LxMap
 from bussim.line.characters import LineTiming
-from bussim.plc.board import D_STATION, bad_parameters, master_config, setting_values
+from bussim.line.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
+from bussim.line.random_streams import Streams
 from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
+from bussim.plc.link_registers import D_STATION, bad_parameters, master_config, setting_values
 from bussim.plc.memory import parse_device
-from bussim.plc.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
 from bussim.plc.plc import Plc
-from bussim.plc.streams import Streams
 from bussim.scenario import model
 from bussim.sim import totals
-from bussim.sim.ends import EndsTeller
+from bussim.sim.end_recorder import EndsTeller
 from bussim.sim.faults import FaultPlan
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
 from bussim.sim.nn.reporter import Reporter
+from bussim.sim.plc_probe import Watcher
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.units import DeviceUnit, PlcUnit, Unit
-from bussim.sim.watcher import Watcher
-from bussim.sim.wire.disturb import Loss, PlacedNoise
+from bussim.sim.wire.disturber import Loss, PlacedNoise
 from bussim.sim.wire.line import Line, Witness
 from bussim.sim.wire.node import Node
-from bussim.trace import LinkTotals, RunTotals, Sink
+from bussim.trace.records import LinkTotals, RunTotals, Sink
 
 Progress = Callable[[int, int], None]
 

@@ -7,7 +7,7 @@ from bussim.scenario.model import HmiSettings
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.plc_port import PlcPort
-from bussim.trace import BusTotals, DeviceTotals, PlcTotals, PortTotals
+from bussim.trace.records import BusTotals, DeviceTotals, PlcTotals, PortTotals
 
 
 def plc_totals(plc: Plc) -> PlcTotals:

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import IO, Any, Literal, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.results.files import SUFFIX, _one_at_a_time, _try_lock
+from bussim.results.store.folder import SUFFIX, _one_at_a_time, _try_lock
 from bussim.sweep.identity import MANIFEST, differences, manifest_text, read_manifest
 from bussim.sweep.journal import Journal
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from bussim.scenario.code import Code
-from bussim.scenario.files import Files
 from bussim.scenario.model import Scenario
-from bussim.scenario.overrides import Override
+from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.overrides import Override
+from bussim.scenario.yaml.user_code import Code
 from bussim.sweep.figures import Number, figures_of
 from bussim.sweep.template import Template
 from bussim.version import __version__

@@ -8,10 +8,10 @@ from typing import Any
 
 from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.scenario import builtin, loader
-from bussim.scenario.code import Code
-from bussim.scenario.files import Files
-from bussim.scenario.overrides import Override
-from bussim.scenario.wording import shorten
+from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.overrides import Override
+from bussim.scenario.yaml.user_code import Code
+from bussim.scenario.yaml.wording import shorten
 from bussim.sweep.identity import SCHEMA
 from bussim.sweep.jobs import Job
 from bussim.sweep.seeds import run_seed

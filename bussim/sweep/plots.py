@@ -11,8 +11,17 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bussim.results.names import file_names
-from bussim.results.style import GREY, LAW, SIMULATED, Picture, finish_picture, new_picture, shorten, style
+from bussim.results.plots.style import (
+    GREY,
+    LAW,
+    SIMULATED,
+    Picture,
+    finish_picture,
+    new_picture,
+    shorten,
+    style,
+)
+from bussim.results.store.names import file_names
 from bussim.sweep.figures import LATENCY, latencies_in, masters_in
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, Table

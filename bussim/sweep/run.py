@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from bussim.errors import RunError
-from bussim.scenario.overrides import Override
+from bussim.scenario.yaml.overrides import Override
 from bussim.sweep.executors import Executor, WorkerLost, open_executor
 from bussim.sweep.folder import SweepFolder
 from bussim.sweep.journal import Journal
@@ -111,7 +111,7 @@ def _kept(plan: Plan, journal: Journal) -> str:
 
 def _write(plan: Plan, journal: Journal, folder: Path) -> None:
     """The files of a whole sweep."""
-    from bussim.scenario.dump import dumps
+    from bussim.scenario.yaml.dump import dumps
     from bussim.sweep.plots import draw
 
     runs = runs_table(plan, journal.entries())

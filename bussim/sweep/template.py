@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from bussim.errors import UsageError
-from bussim.scenario import yaml
-from bussim.scenario.code import Code
-from bussim.scenario.files import Files
 from bussim.scenario.loader import Examined, _judge
-from bussim.scenario.overrides import Override, apply_overrides
-from bussim.scenario.places import Places
+from bussim.scenario.yaml import parser as yaml
+from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.overrides import Override, apply_overrides
+from bussim.scenario.yaml.source_map import Places
+from bussim.scenario.yaml.user_code import Code
 
 
 class Template:

@@ -11,9 +11,9 @@ from itertools import product
 from math import floor, prod
 
 from bussim.errors import UsageError
-from bussim.scenario.overrides import Override
-from bussim.scenario.wording import RawFloat, RawInt, shorten
-from bussim.scenario.yaml import read
+from bussim.scenario.yaml.overrides import Override
+from bussim.scenario.yaml.parser import read
+from bussim.scenario.yaml.wording import RawFloat, RawInt, shorten
 from bussim.units import UNIT_TICKS, parse_time
 
 #: Most runs of a sweep: points times repeats.

@@ -17,12 +17,12 @@ from random import Random
 import simpy
 
 from bussim.engines.nn.frames import data_chars
-from bussim.exact.figures import Request, figures_of
-from bussim.exact.goals import Goals
-from bussim.exact.grid import evaluate
 from bussim.exact.link import LineNoise, LinkModel, NoiseSource, Station, frame_ticks
-from bussim.exact.scan import scan_law
-from bussim.exact.sizing import size
+from bussim.exact.metrics import Request, figures_of
+from bussim.exact.scan.memoryless import scan_law
+from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.grid import evaluate
+from bussim.exact.sizing.size import size
 from bussim.plc.profiles import PROFILES
 
 MS = 72_000

@@ -29,10 +29,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from bussim.line.characters import NN_LINE
 from bussim.plc.profiles import PROFILES
 from bussim.plc.sources import Counter
-from bussim.results.collector import Collector
+from bussim.results.meters.collector import Collector
 from bussim.scenario import model
 from bussim.sim.runner import Simulation
-from bussim.trace import AttemptRecord, FrameRecord, NoteRecord, ScanRecord
+from bussim.trace.records import AttemptRecord, FrameRecord, NoteRecord, ScanRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 STATIONS = 8

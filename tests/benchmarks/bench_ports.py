@@ -20,10 +20,10 @@ import simpy
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from bussim.results.collector import Collector
+from bussim.results.meters.collector import Collector
 from bussim.scenario.loader import loads
 from bussim.sim.runner import Simulation
-from bussim.trace import ScanRecord, TransactionRecord
+from bussim.trace.records import ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
 
 PORTS = 4

@@ -10,8 +10,9 @@ from click.testing import CliRunner, Result
 
 import bussim
 from bussim.cli import main
-from bussim.commands import exact, size
-from bussim.commands.verify import verify
+from bussim.commands.exact.command import command as exact
+from bussim.commands.size.command import command as size
+from bussim.commands.size.verify import verify
 from bussim.errors import RunError, UsageError
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from bussim.results.trace_file import read_trace
-from bussim.trace import FrameRecord
+from bussim.trace.file import read_trace
+from bussim.trace.records import FrameRecord
 
 FILES = {
     "pcapng": "trace.pcapng",

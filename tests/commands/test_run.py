@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from bussim.results.files import MARKER
-from bussim.results.load import FolderRows, load_run
+from bussim.results.store.folder import MARKER
+from bussim.results.store.load import FolderRows, load_run
 
 ROOT = Path(__file__).parents[2]
 FILES = {

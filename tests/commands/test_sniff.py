@@ -19,8 +19,8 @@ from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.line.characters import NN_LINE, CharFormat
 from bussim.line.wave import low_intervals
 from bussim.live.served import ServedSlave
-from bussim.results.trace_file import read_trace
-from bussim.trace import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
+from bussim.trace.file import read_trace
+from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")

@@ -15,7 +15,7 @@ import rich.progress
 from bussim import api
 from bussim.cli import main
 from bussim.commands import sweep
-from bussim.results.names import from_cell
+from bussim.results.store.names import from_cell
 from bussim.sweep import plots, run
 from bussim.sweep.plan import Plan
 from tests.sweep.samples import BER, RETRIES, TIMEOUT, HereExecutor, noisy

@@ -10,8 +10,8 @@ import pytest
 
 import bussim
 from bussim.cli import main
-from bussim.scenario.dump import dumps
 from bussim.scenario.loader import examine, load, loads
+from bussim.scenario.yaml.dump import dumps
 
 ALONE = """\
 schema: 1

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bussim.exact.lobes import Law
+from bussim.exact.scan.mixture import Law
 
 #: Kolmogorov's statistic times √n exceeds this once in a million: √(-ln(α / 2) / 2).
 KOLMOGOROV = math.sqrt(-math.log(5e-7) / 2)

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bussim.exact.laws import Solved
-from bussim.exact.reading import from_scenario
+from bussim.exact.from_scenario import from_scenario
 from bussim.exact.refresh import gap_laws
+from bussim.exact.solve import Solved
 from bussim.scenario.loader import from_data
 from bussim.sim.runner import simulate
-from bussim.trace import AttemptRecord, FrameRecord, NoteRecord, RunTotals, ScanRecord
+from bussim.trace.records import AttemptRecord, FrameRecord, NoteRecord, RunTotals, ScanRecord
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.exact.chain import ScanChain
-from bussim.exact.exchange import line_of
-from bussim.exact.hidden import Line
-from bussim.exact.laws import Solved
+from bussim.exact.bursts.channel import Line
+from bussim.exact.bursts.exchange import line_of
+from bussim.exact.bursts.scan_chain import ScanChain
 from bussim.exact.link import LineNoise, LinkModel, NoiseSource
-from bussim.exact.scan import fails_of, odds_of, scan_law
+from bussim.exact.scan.memoryless import fails_of, odds_of, scan_law
+from bussim.exact.solve import Solved
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.exact.links import FULL, MS, PROBE, link, with_burst, with_noise
 from tests.exact.play import play

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from bussim.exact.figures import YEAR, Request, figures_of, over_mission, tail_curve
-from bussim.exact.laws import Solved
+from bussim.exact.metrics import YEAR, Request, figures_of, over_mission, tail_curve
 from bussim.exact.refresh import gap_law
-from bussim.exact.words import ms, scans_over, years_between
+from bussim.exact.solve import Solved
+from bussim.exact.text import ms, scans_over, years_between
 from bussim.wording import about
 from tests.exact.links import MS, change, link, with_noise
 

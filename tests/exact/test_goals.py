@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.exact.goals import FORMS, Goals
+from bussim.exact.sizing.goals import FORMS, Goals
 from tests.exact.links import MS
 
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.exact.figures import Request, figures_of
-from bussim.exact.grid import all_timeouts, evaluate
 from bussim.exact.link import LinkModel
-from bussim.exact.scan import fails_of, odds_of
+from bussim.exact.metrics import Request, figures_of
+from bussim.exact.scan.memoryless import fails_of, odds_of
+from bussim.exact.sizing.grid import all_timeouts, evaluate
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import MS, PROBE, change, link, with_burst, with_noise
 

@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 
 from bussim import api
-from bussim.exact.latency import bounds_of
-from bussim.exact.reading import from_scenario
-from bussim.results.collector import Collector
-from bussim.results.latency_record import PARTS, LatencyRecord, Sample
+from bussim.exact.from_scenario import from_scenario
+from bussim.exact.latency.bounds import bounds_of
+from bussim.results.meters.collector import Collector
+from bussim.results.meters.latency_record import PARTS, LatencyRecord, Sample
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.sim.runner import simulate
-from bussim.trace import AttemptRecord, DeviceValueRecord, EndsRecord, FrameRecord, InputRecord
+from bussim.trace.records import AttemptRecord, DeviceValueRecord, EndsRecord, FrameRecord, InputRecord
 from bussim.units import TICKS_PER_MS as MS
 
 
@@ -138,7 +138,7 @@ def sampled(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> tuple[dict[str,
 
 @dataclass
 class Errors:
-    """What went wrong on a link while a change was under way, in the words of :mod:`bussim.exact.latency`."""
+    """What went wrong on a link while a change was under way, in the words of :mod:`bussim.exact.latency.bounds`."""
 
     begins: list[int]
     ends: list[int]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.exact.latency import EVERY_RETRY, NO_ERROR, LatencyBound
+from bussim.exact.latency.bounds import EVERY_RETRY, NO_ERROR, LatencyBound
 from tests.exact.worst_scans import Line, longest_wait
 
 LINES = [

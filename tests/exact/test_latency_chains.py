@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 
 from bussim import api
-from bussim.exact.delays import Delays, delays_of
-from bussim.exact.latency import bounds_of
+from bussim.exact.latency.bounds import bounds_of
+from bussim.exact.latency.extra_scans import Delays, delays_of
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
-from bussim.trace import DeviceValueRecord, EndsRecord, FrameRecord, InputRecord
+from bussim.trace.records import DeviceValueRecord, EndsRecord, FrameRecord, InputRecord
 from bussim.units import TICKS_PER_MS as MS
 
 from .test_latency import Kept, sampled

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.exact.lobes import Law, merged
-from bussim.exact.sums import TurnaroundSums
+from bussim.exact.scan.mixture import Law, merged
+from bussim.exact.scan.turnaround_sums import TurnaroundSums
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import PW10
 

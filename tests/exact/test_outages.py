@@ -7,9 +7,9 @@ import random
 import numpy as np
 import pytest
 
-from bussim.exact.laws import Solved
 from bussim.exact.link import LinkModel
-from bussim.exact.outages import clean_scan, dead_means, detection, longest_scan, ride_through
+from bussim.exact.scan.outages import clean_scan, dead_means, detection, longest_scan, ride_through
+from bussim.exact.solve import Solved
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import FULL, MS, PROBE, change, link, with_burst
 from tests.exact.play import play

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from bussim import api
-from bussim.exact.latency import LatencyBound, bounds_of
+from bussim.exact.latency.bounds import LatencyBound, bounds_of
 from bussim.plc.profiles import AbsentStation
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario

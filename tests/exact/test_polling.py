@@ -14,15 +14,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.talker import Saying
+from bussim.devices.scripted import Saying
 from bussim.devices.user import Entry
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
-from bussim.exact.polls.figures import PollFigures, poll_figures
-from bussim.exact.polls.pace import Direct, Scans, Span, exactly
-from bussim.exact.polls.passage import mean_passage
-from bussim.exact.polls.reading import poll_lists
+from bussim.exact.polls.from_scenario import poll_lists
+from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
+from bussim.exact.polls.metrics import PollFigures, poll_figures
+from bussim.exact.polls.whole_scans import mean_passage
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec

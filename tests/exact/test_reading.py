@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from bussim.exact.figures import figures_of
+from bussim.exact.from_scenario import from_scenario
 from bussim.exact.link import LinkModel
-from bussim.exact.reading import from_scenario
+from bussim.exact.metrics import figures_of
 from bussim.plc.profiles import AbsentStation
 from bussim.scenario.loader import from_data
 from tests.exact.links import MS

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.exact.laws import Solved
 from bussim.exact.link import MASTER, LinkModel
 from bussim.exact.refresh import gap_law, gap_laws, pairs
-from bussim.exact.scan import scan_law
+from bussim.exact.scan.memoryless import scan_law
+from bussim.exact.solve import Solved
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.exact.links import FULL, PROBE, link, with_burst, with_noise
 from tests.exact.play import play

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.exact.laws import Solved
 from bussim.exact.link import LinkModel, frame_ticks
-from bussim.exact.scan import any_flag, fails_of, mean_exchange, odds_of, scan_law, scan_terms
+from bussim.exact.scan.memoryless import any_flag, fails_of, mean_exchange, odds_of, scan_law, scan_terms
+from bussim.exact.solve import Solved
 from bussim.plc.profiles import Turnaround
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.exact.links import FULL, MS, PROBE, change, link, with_noise

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bussim.exact.figures import Request, figures_of
-from bussim.exact.goals import Goals
-from bussim.exact.judging import attempts_of, judge, least, missed_per_year, rows_of, timeout_floor
-from bussim.exact.ladder import LEVELS, OUTAGES, ladder_of, with_failing
-from bussim.exact.laws import Solved
 from bussim.exact.link import LinkModel
-from bussim.exact.remedies import with_less_noise, with_mode
-from bussim.exact.sizing import Choice, size
+from bussim.exact.metrics import Request, figures_of
+from bussim.exact.sizing.evaluation import attempts_of, judge, least, missed_per_year, rows_of, timeout_floor
+from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.noise_levels import LEVELS, OUTAGES, ladder_of, with_failing
+from bussim.exact.sizing.size import Choice, size
+from bussim.exact.sizing.unmet_goals import with_less_noise, with_mode
+from bussim.exact.solve import Solved
 from bussim.plc.profiles import AbsentStation, Attempts
 from tests.exact.links import MS, PROBE, change, link, with_burst
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.exact.sums import DIGIT, TurnaroundSums, irwin_hall_excess, irwin_hall_tail
+from bussim.exact.scan.turnaround_sums import DIGIT, TurnaroundSums, irwin_hall_excess, irwin_hall_tail
 from bussim.plc.profiles import Turnaround
 
 NARROW, WIDE = Turnaround(30_060, 7_200), Turnaround(90_000, 54_000)

@@ -22,8 +22,8 @@ from bussim.engines.modbus.pdu import (
 from bussim.engines.nn.frames import MODES, LinkSettings, encode_data, encode_parameters, encode_poll
 from bussim.export.run import export_trace
 from bussim.line.characters import CharFormat, LineTiming
-from bussim.results.trace_file import Record, Trace, trace_of
-from bussim.trace import FrameRecord, TraceBus, TraceHeader
+from bussim.trace.file import Record, Trace, trace_of
+from bussim.trace.records import FrameRecord, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS
 
 LINK = TraceBus(

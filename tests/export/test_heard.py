@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from bussim.export.heard import Heard, hear, remarks
 from bussim.export.source import Selection, in_order, survey
 from bussim.line.characters import CharFormat
-from bussim.trace import FrameRecord, TraceBus
+from bussim.trace.records import FrameRecord, TraceBus
 from tests.export.samples import FEEDER, LINK, OVEN, bits_of, exchanges, frame, link_frames, timing, trace
 
 

@@ -12,8 +12,8 @@ import bussim
 from bussim.errors import UsageError
 from bussim.export import perfetto
 from bussim.export.run import export_trace
-from bussim.results.trace_file import Record, Trace, interval, read_trace
-from bussim.trace import (
+from bussim.trace.file import Record, Trace, interval, read_trace
+from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
     DeviceValueRecord,

@@ -8,7 +8,7 @@ import pytest
 
 from bussim.engines.modbus.adu import Mode
 from bussim.live.recordings.sources import Kind, characters, kind_of
-from bussim.trace import FrameRecord, TraceBus
+from bussim.trace.records import FrameRecord, TraceBus
 from tests.export.samples import FEEDER, LINK, PUMPS, exchanges, exported, link_frames, timing, trace
 
 CASES = [

@@ -10,7 +10,7 @@ import pytest
 
 from bussim.engines.modbus.pdu import pack_words
 from bussim.export.lanes import microseconds
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 from tests.export.peers import sigrok, sigrok_bytes
 from tests.export.samples import (
     FEEDER,

@@ -11,9 +11,9 @@ import pytest
 import bussim
 from bussim.export.packets import script
 from bussim.line.characters import CharFormat
-from bussim.results.trace_file import Trace
 from bussim.scenario.loader import loads
-from bussim.trace import FrameRecord
+from bussim.trace.file import Trace
+from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_SECOND, TICKS_PER_US
 from tests.export.peers import CRC, RTU_SERIAL, RTU_UDP, number, sigrok, tshark
 from tests.export.samples import exported, timing

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from bussim.export.tables import COLUMNS
-from bussim.results.rows import nanoseconds
+from bussim.results.store.rows import nanoseconds
 from tests.export.samples import FEEDER, LINK, frame, link_frames, trace
 from tests.export.samples import exported as export
 

@@ -14,8 +14,8 @@ from bussim.export.heard import Heard, hear
 from bussim.export.packets import script
 from bussim.export.source import Selection, in_order, survey
 from bussim.line.checksums import crc16
-from bussim.results.trace_file import Trace
-from bussim.trace import FrameRecord, TraceBus
+from bussim.trace.file import Trace
+from bussim.trace.records import FrameRecord, TraceBus
 from bussim.units import TICKS_PER_SECOND
 from tests.export.peers import CRC, RTU_SERIAL, RTU_UDP, number, tshark, tshark_text
 from tests.export.samples import (

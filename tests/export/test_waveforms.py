@@ -11,7 +11,7 @@ from bussim.errors import UsageError
 from bussim.export.lanes import Lanes, microseconds
 from bussim.export.run import export_trace
 from bussim.export.source import Selection, survey
-from bussim.trace import FrameRecord, TraceBus
+from bussim.trace.records import FrameRecord, TraceBus
 from bussim.units import TICKS_PER_SECOND
 from tests.export.samples import FEEDER, LINK, bits_of, exchanges, exported, frame, link_frames, trace
 from tests.export.waves import clipped, lows, of_sr, of_vcd

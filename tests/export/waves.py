@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bussim.export.lanes import microseconds
 from bussim.line.characters import CharFormat
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 from tests.export.samples import timing
 
 Lows = list[tuple[int, int]]

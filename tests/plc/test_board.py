@@ -7,7 +7,7 @@ import pytest
 from bussim.engines.nn.frames import LinkSettings
 from bussim.engines.nn.master import Master
 from bussim.engines.nn.slave import Slave
-from bussim.plc.board import (
+from bussim.plc.link_registers import (
     LinkBoard,
     bad_parameters,
     master_config,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.plc.noise import (
+from bussim.line.noise import (
     BitNoise,
     BurstRate,
     ConstantRate,
@@ -19,7 +19,7 @@ from bussim.plc.noise import (
     Run,
     hit_probability,
 )
-from bussim.plc.streams import Streams
+from bussim.line.random_streams import Streams
 
 BIT = Fraction(1875)
 #: Bits that do not last a whole number of ticks: 57600 bps with a clock 137 ppm fast.

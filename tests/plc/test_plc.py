@@ -8,11 +8,11 @@ import pytest
 
 from bussim.engines.nn.frames import LinkSettings
 from bussim.engines.nn.slave import Slave
+from bussim.line.random_streams import Streams
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc, PlcState
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Constant, Counter, Source, Toggle
-from bussim.plc.streams import Streams
 
 PW10 = PROFILES["pw10"]
 SCAN, PHASE = 1100, 500

@@ -7,8 +7,8 @@ from math import sqrt
 
 import numpy as np
 
+from bussim.line.random_streams import Streams
 from bussim.plc.profiles import Turnaround
-from bussim.plc.streams import Streams
 from bussim.plc.turnaround import Turnarounds
 
 
@@ -27,7 +27,7 @@ def test_a_stream_depends_on_the_seed_and_its_name_alone() -> None:
 
 def test_the_same_numbers_in_another_process() -> None:
     program = (
-        "from itertools import islice; from bussim.plc.streams import Streams; "
+        "from itertools import islice; from bussim.line.random_streams import Streams; "
         "print(list(islice(Streams(7).uniforms('noise', 'a'), 200)))"
     )
     # Another hash seed: names must not pass through hash().

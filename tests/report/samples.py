@@ -7,10 +7,10 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import bussim
-from bussim.report.reading import read_stretch, worst_window
-from bussim.report.stretch import Stretch
-from bussim.results.record import RunRecord
-from bussim.results.trace_file import Trace, read_trace
+from bussim.report.trace_window import Stretch
+from bussim.report.window_reader import read_stretch, worst_window
+from bussim.results.meters.run_record import RunRecord
+from bussim.trace.file import Trace, read_trace
 
 #: Eight stations on a line so noisy that some link scan repeats a poll.
 EIGHT = """\

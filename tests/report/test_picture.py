@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 
 from bussim.report.picture import LOOKS, look_of, timeline_picture
 from bussim.report.scene import WAIT, scene_of
-from bussim.results.style import FRAMES, IN_ERROR, PALETTE
+from bussim.results.plots.style import FRAMES, IN_ERROR, PALETTE
 from tests.report.samples import NAMES, eight_folder, longest
 from tests.results.test_plots import assert_legible, has, png_texts
 

@@ -19,9 +19,9 @@ from bussim.report.scene import (
     Box,
     scene_of,
 )
-from bussim.report.stretch import Stretch
-from bussim.results.timeline import Span
-from bussim.trace import DeviceValueRecord, FrameRecord, InputRecord, NoteRecord, TransactionRecord
+from bussim.report.trace_window import Stretch
+from bussim.results.meters.timeline import Span
+from bussim.trace.records import DeviceValueRecord, FrameRecord, InputRecord, NoteRecord, TransactionRecord
 from tests.report.samples import NAMES, eight_folder, longest
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import bussim
-from bussim.report.reading import read_stretch, worst_window
 from bussim.report.scene import scene_of
-from bussim.report.stretch import Part, Stretch, parts_of_scan, told
-from bussim.trace import ScanRecord
+from bussim.report.trace_window import Part, Stretch, parts_of_scan, told
+from bussim.report.window_reader import read_stretch, worst_window
+from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_MS
 from tests.report.samples import eight_folder, longest, opened
 

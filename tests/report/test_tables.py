@@ -16,9 +16,9 @@ from bussim.report.latency import in_words, latency_part, overlays, parts_data
 from bussim.report.parts import Charts
 from bussim.report.source import ExactLaw, Source
 from bussim.report.stations import measured_times, station_rows
-from bussim.results.histogram import BIN_TICKS, Histogram
-from bussim.results.latency_text import counts_in_words
-from bussim.results.record import RunRecord
+from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.text.latency import counts_in_words
 
 
 @pytest.fixture(scope="module")

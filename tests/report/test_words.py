@@ -8,8 +8,8 @@ import pytest
 
 import bussim
 from bussim.report.source import ExactLaw
-from bussim.report.words import cause_in_words, expected, health, ports, seen
-from bussim.results.timeline import Span
+from bussim.report.text import cause_in_words, expected, health, ports, seen
+from bussim.results.meters.timeline import Span
 from bussim.units import TICKS_PER_SECOND
 
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import RunError, UsageError
-from bussim.results.files import MARKER, RunFolder, free_folder
-from bussim.results.load import load_run
-from bussim.results.rows import FileRows
-from bussim.results.style import Picture
+from bussim.results.plots.style import Picture
+from bussim.results.store.folder import MARKER, RunFolder, free_folder
+from bussim.results.store.load import load_run
+from bussim.results.store.rows import FileRows
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake, quiet
@@ -205,7 +205,7 @@ PROGRAM = """
 import sys
 sys.path.insert(0, {here!r})
 from pathlib import Path
-from bussim.results.files import RunFolder
+from bussim.results.store.folder import RunFolder
 from fakes import Fake
 target, force, traced = Path(sys.argv[1]), sys.argv[2] == "force", sys.argv[3] == "trace"
 with RunFolder(target, rows=True, traced=traced, fmt="csv", force=force) as folder:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.results.histogram import BIN_TICKS, QUANTILES, SAMPLES_BEYOND, Histogram
+from bussim.results.meters.histogram import BIN_TICKS, QUANTILES, SAMPLES_BEYOND, Histogram
 
 TIMES = st.integers(0, 40_000_000)
 

@@ -15,10 +15,12 @@ from matplotlib.patches import Rectangle
 import bussim
 from bussim.errors import UsageError
 from bussim.report.latency import in_words
-from bussim.results.latency import LatencyMeter, LatencySpec, Route
-from bussim.results.latency_plots import latency_picture, measured
-from bussim.results.latency_record import LatencyRecord, Sample
-from bussim.results.latency_text import (
+from bussim.results.meters.latency import LatencyMeter, LatencySpec, Route
+from bussim.results.meters.latency_record import LatencyRecord, Sample
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.plots.latency import latency_picture, measured
+from bussim.results.plots.style import GREY, LAW, RUNS
+from bussim.results.text.latency import (
     PART_NAMES,
     LatencyBounds,
     bound_caveats,
@@ -26,9 +28,7 @@ from bussim.results.latency_text import (
     latency_summary,
     part_names,
 )
-from bussim.results.record import RunRecord
-from bussim.results.style import GREY, LAW, RUNS
-from bussim.trace import DeviceValueRecord, InputRecord
+from bussim.trace.records import DeviceValueRecord, InputRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 from .test_plots import assert_legible, has

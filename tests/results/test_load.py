@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from bussim.errors import UsageError
-from bussim.results.files import MARKER
-from bussim.results.load import FolderRows, load_run
+from bussim.results.store.folder import MARKER
+from bussim.results.store.load import FolderRows, load_run
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake
@@ -111,7 +111,7 @@ def test_missing_histograms(folder: Path) -> None:
 
 
 def test_a_file_that_is_too_large(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bussim.results.load._LARGEST", 1000)
+    monkeypatch.setattr("bussim.results.store.load._LARGEST", 1000)
     with pytest.raises(UsageError, match="more than any run writes"):
         load_run(folder)
 

@@ -14,13 +14,13 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from bussim.errors import UsageError
-from bussim.results.bars import is_far, usual_range, whole_range
-from bussim.results.histogram import BIN_TICKS, Histogram
-from bussim.results.plot_run import scan_times_over_run
-from bussim.results.plots import run_labels, scan_time_histogram
-from bussim.results.record import RunRecord
-from bussim.results.style import FAULT, FRAMES, IN_ERROR, LAW, PALETTE, RUNS, SIMULATED, Picture
-from bussim.trace import NoteRecord
+from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.plots.bars import is_far, usual_range, whole_range
+from bussim.results.plots.over_run import scan_times_over_run
+from bussim.results.plots.scan_times import run_labels, scan_time_histogram
+from bussim.results.plots.style import FAULT, FRAMES, IN_ERROR, LAW, PALETTE, RUNS, SIMULATED, Picture
+from bussim.trace.records import NoteRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 from .fakes import Fake, quiet

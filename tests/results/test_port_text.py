@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bussim.results.port_text import port_lines
+from bussim.results.text.ports import port_lines
 
 from .fakes import Fake, Feeder
 from .test_text import shown

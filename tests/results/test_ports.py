@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.errors import UsageError
-from bussim.results.collector import Collector
-from bussim.results.load import FolderRows
-from bussim.results.memory import MemoryRows
-from bussim.results.ports import PortRecord, response_time
-from bussim.results.record import RunRecord
-from bussim.results.rows import FileRows
-from bussim.trace import (
+from bussim.results.meters.collector import Collector
+from bussim.results.meters.ports import PortRecord, response_time
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.store.load import FolderRows
+from bussim.results.store.memory import MemoryRows
+from bussim.results.store.rows import FileRows
+from bussim.trace.records import (
     CycleRecord,
     FreeRecord,
     PollRecord,

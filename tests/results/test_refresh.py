@@ -5,8 +5,8 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.results.histogram import BIN_TICKS
-from bussim.results.refresh import RefreshMeter
+from bussim.results.meters.histogram import BIN_TICKS
+from bussim.results.meters.refresh import RefreshMeter
 
 SEATS = 5
 

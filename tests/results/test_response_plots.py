@@ -7,15 +7,15 @@ import pytest
 from matplotlib.figure import Figure
 
 from bussim.errors import UsageError
-from bussim.results.collector import Collector
-from bussim.results.files import RunFolder
-from bussim.results.load import load_run
-from bussim.results.memory import MemoryRows
-from bussim.results.record import RunRecord
-from bussim.results.response_plots import masters, response_time_histogram
+from bussim.results.meters.collector import Collector
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.plots.responses import masters, response_time_histogram
+from bussim.results.plots.style import IN_ERROR
 from bussim.results.result import Result
-from bussim.results.style import IN_ERROR
-from bussim.trace import RunTotals
+from bussim.results.store.folder import RunFolder
+from bussim.results.store.load import load_run
+from bussim.results.store.memory import MemoryRows
+from bussim.trace.records import RunTotals
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 from .fakes import Fake, Feeder, record_of

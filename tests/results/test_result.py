@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import UsageError
-from bussim.results.load import FolderRows
-from bussim.results.memory import MemoryRows
 from bussim.results.result import Result
+from bussim.results.store.load import FolderRows
+from bussim.results.store.memory import MemoryRows
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake, quiet

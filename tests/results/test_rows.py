@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.errors import UsageError
-from bussim.results.load import FolderRows
-from bussim.results.memory import MemoryRows
-from bussim.results.names import cell, file_name, file_names, from_cell
-from bussim.results.rows import FileRows, nanoseconds
-from bussim.results.tables import CsvTable, open_table
-from bussim.trace import ScanRecord
+from bussim.results.store.load import FolderRows
+from bussim.results.store.memory import MemoryRows
+from bussim.results.store.names import cell, file_name, file_names, from_cell
+from bussim.results.store.rows import FileRows, nanoseconds
+from bussim.results.store.tables import CsvTable, open_table
+from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake
@@ -97,7 +97,7 @@ def test_parquet_is_written_in_row_groups_and_is_the_same_every_time(
 ) -> None:
     from pyarrow import parquet
 
-    monkeypatch.setattr("bussim.results.tables._ROW_GROUP", 100)
+    monkeypatch.setattr("bussim.results.store.tables._ROW_GROUP", 100)
     contents = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()

@@ -5,7 +5,7 @@ import json
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.results.timeline import (
+from bussim.results.meters.timeline import (
     MOST_CELLS,
     MOST_SPANS,
     Span,

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 import bussim
 from bussim.errors import UsageError
-from bussim.results.trace_file import TRACE, Record, Trace, TraceWriter, interval, read_trace, trace_of
-from bussim.scenario.header import trace_header
-from bussim.trace import (
+from bussim.scenario.build.trace_header import trace_header
+from bussim.trace.file import TRACE, Record, Trace, TraceWriter, interval, read_trace, trace_of
+from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
     DeviceValueRecord,

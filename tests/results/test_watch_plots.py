@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.results.watch import Watch, Watched
-from bussim.results.watch_plots import shown_devices, watch_picture
+from bussim.results.meters.watch import Watch, Watched
+from bussim.results.plots.watch import shown_devices, watch_picture
 from bussim.units import TICKS_PER_SECOND as S
 
 

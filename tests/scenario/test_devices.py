@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
+from bussim.devices.scripted import Saying
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput
-from bussim.devices.talker import Saying
 from bussim.devices.user import Entry, UserMap
 from bussim.devices.values import Computed, Fixed, Noise, Sweep
 from bussim.engines.modbus.adu import Mode

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import Problem, ScenarioError
-from bussim.scenario import yaml
 from bussim.scenario.loader import check, load, loads
+from bussim.scenario.yaml import parser as yaml
 
 from .samples import BASE
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.scenario.input_table import read_times
-from bussim.scenario.places import Places, Report
+from bussim.scenario.yaml.input_table import read_times
+from bussim.scenario.yaml.source_map import Places, Report
 from bussim.units import TICKS_PER_SECOND as S
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import bussim
-from bussim.exact.latency import bounds_of
+from bussim.exact.latency.bounds import bounds_of
 from bussim.plc.memory import Memory
 from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
-from bussim.plc.program.signals import Key
-from bussim.scenario.leads import Lead, Net, Question, Station
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
-from bussim.scenario.ways import ways
+from bussim.scenario.signals.paths import ways
+from bussim.scenario.signals.program_signals import Key
+from bussim.scenario.signals.reachability import Lead, Net, Question, Station
 from bussim.units import TICKS_PER_MS
 
 from ..plc.program.random_programs import Writer

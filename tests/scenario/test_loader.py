@@ -15,7 +15,7 @@ from bussim.plc.program.times import InstructionTimes
 from bussim.plc.sources import Constant, Counter, Ramp, Toggle
 from bussim.scenario import model
 from bussim.scenario.loader import from_data, loads
-from bussim.scenario.profile_schema import ProfileIn
+from bussim.scenario.schema.profiles import ProfileIn
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 from .samples import BASE, added, changed

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from bussim.devices.talker import Saying
+from bussim.devices.scripted import Saying
 from bussim.errors import ScenarioError, UsageError
 from bussim.plc.profiles import AbsentStation
 from bussim.scenario import model
 from bussim.scenario.loader import load, loads
 from bussim.scenario.model import Scenario
-from bussim.scenario.overrides import Override
+from bussim.scenario.yaml.overrides import Override
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 from .port_samples import PORTS

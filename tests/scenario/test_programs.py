@@ -10,9 +10,9 @@ import pytest
 
 from bussim.errors import ScenarioError
 from bussim.plc.inputs import Pulse, RandomInput, Square, Times
-from bussim.scenario.dump import dumps
 from bussim.scenario.loader import examine, from_data, load, loads
 from bussim.scenario.model import Edge, Seat
+from bussim.scenario.yaml.dump import dumps
 from bussim.units import TICKS_PER_MS as MS
 from bussim.units import TICKS_PER_SECOND as S
 

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 from bussim.errors import ScenarioError, UsageError
 from bussim.scenario import builtin
-from bussim.scenario.device_schema import MODELS, ItemIn, SayingIn
-from bussim.scenario.disturbances import FAULT_KINDS, NOISE_KINDS, FaultIn, NoiseIn
-from bussim.scenario.dump import dumps
 from bussim.scenario.loader import from_data, load, loads
 from bussim.scenario.model import Scenario
-from bussim.scenario.poll_schema import PollIn
-from bussim.scenario.profile_schema import ProfileIn
-from bussim.scenario.schema import BusIn, DocumentIn, NNIn, PlcIn, PortIn
+from bussim.scenario.schema.devices import MODELS, ItemIn, SayingIn
+from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS, FaultIn, NoiseIn
+from bussim.scenario.schema.document import BusIn, DocumentIn, NNIn, PlcIn, PortIn
+from bussim.scenario.schema.polls import PollIn
+from bussim.scenario.schema.profiles import ProfileIn
+from bussim.scenario.yaml.dump import dumps
 from bussim.units import format_nanoseconds, format_time
 
 from .port_samples import FULL_PORTS, PORTS

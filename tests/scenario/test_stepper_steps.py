@@ -7,8 +7,8 @@ import pytest
 from bussim import api
 from bussim.errors import ScenarioError
 from bussim.scenario import model
-from bussim.scenario.dump import dumps
 from bussim.scenario.loader import loads
+from bussim.scenario.yaml.dump import dumps
 
 # The panel starts the project (coil 00009) once.
 TEXT = """\

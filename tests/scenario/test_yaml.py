@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.scenario import yaml
-from bussim.scenario.wording import RawFloat, RawInt
+from bussim.scenario.yaml import parser as yaml
+from bussim.scenario.yaml.wording import RawFloat, RawInt
 
 
 def _value(text: str) -> object:

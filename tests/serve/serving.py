@@ -10,9 +10,9 @@ from typing import Any, Self
 
 from bussim.live.options import PortOptions
 from bussim.scenario.loader import loads
-from bussim.serve.places import places
 from bussim.serve.session import Session
-from bussim.trace import RunTotals
+from bussim.serve.targets import places
+from bussim.trace.records import RunTotals
 from bussim.units import TICKS_PER_SECOND
 
 #: Seconds: nothing here takes so long unless something is broken.

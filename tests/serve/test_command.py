@@ -16,7 +16,7 @@ import pytest
 
 from bussim.cli import main
 from bussim.engines.modbus.adu import Mode
-from bussim.results.load import load_run
+from bussim.results.store.load import load_run
 from bussim.scenario.loader import load
 from tests.serve.serving import SLAVES
 

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from bussim.commands.sniff import command as sniff
+from bussim.commands.sniff.command import command as sniff
 from bussim.engines.nn.frames import LinkSettings, encode_data, encode_parameters, encode_poll
 from bussim.live.options import PortOptions
-from bussim.results.load import load_run
-from bussim.results.memory import MemoryRows
+from bussim.results.store.load import load_run
+from bussim.results.store.memory import MemoryRows
 from bussim.scenario.loader import loads
-from bussim.serve.places import places
 from bussim.serve.session import session_header
+from bussim.serve.targets import places
 from bussim.sim.runner import simulate
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_SECOND, milliseconds
 from tests.serve.serving import HEAD, Serving
 from tests.sim.build import Recorder
@@ -86,7 +86,7 @@ def test_a_link_runs_between_its_two_halves(paced: bool, record_property: pytest
 def test_sniff_measures_the_link_in_a_session_s_trace(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from bussim.results.files import RunFolder
+    from bussim.results.store.folder import RunFolder
 
     scenario = loads(LINK)
     header = session_header(scenario, places(scenario, ["press"], []))

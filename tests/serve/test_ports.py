@@ -6,7 +6,7 @@ import pytest
 
 from bussim.errors import UsageError
 from bussim.scenario.loader import load, loads
-from bussim.serve.places import places, servables
+from bussim.serve.targets import places, servables
 from tests.live.rfc2217 import remote
 from tests.serve.serving import HEAD, SLAVES, Serving
 

@@ -12,13 +12,13 @@ import pytest
 
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.live.options import PortOptions
-from bussim.results.collector import Collector
+from bussim.results.meters.collector import Collector
 from bussim.scenario.loader import load, loads
-from bussim.serve.places import places
 from bussim.serve.session import Session
+from bussim.serve.targets import places
 from bussim.sim.kernel import FAULT
 from bussim.sim.runner import simulate
-from bussim.trace import TransactionRecord
+from bussim.trace.records import TransactionRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.serve.serving import HEAD, LENIENT, PATIENCE, SLAVES, Serving
 

@@ -12,7 +12,7 @@ from bussim.plc.profiles import PROFILES, Profile, Turnaround
 from bussim.scenario import model
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.runner import Simulation
-from bussim.trace import (
+from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
     DeviceValueRecord,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.talker import Saying
+from bussim.devices.scripted import Saying
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.ports.cpavl import (

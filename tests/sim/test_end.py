@@ -13,7 +13,7 @@ import pytest
 from bussim.plc.profiles import Reply, Turnaround
 from bussim.plc.sources import Constant, Counter
 from bussim.scenario import model
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 
 from . import chance
 from .build import (

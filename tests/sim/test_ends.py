@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
+from bussim.line.random_streams import Streams
 from bussim.plc.scan import ScanCycle
-from bussim.plc.streams import Streams
 from bussim.scenario import model
 from bussim.scenario.loader import load
 from bussim.sim.runner import simulate

@@ -21,7 +21,7 @@ from bussim.sim.kernel import Timer
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
 from bussim.sim.wire.line import Audience
-from bussim.trace import NoteRecord
+from bussim.trace.records import NoteRecord
 
 from . import chance
 from .build import MS, TURNAROUND, Done, bus_of, data, fault, link, run, started, timeout

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import bussim
-from bussim.scenario.dump import dumps
 from bussim.scenario.loader import loads
+from bussim.scenario.yaml.dump import dumps
 
 SCENARIO = """\
 schema: 1

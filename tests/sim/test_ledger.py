@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.sim.nn.ledger import Ledger
+from bussim.sim.nn.block_history import Ledger
 
 SEATS, STATIONS = 4, 2
 HORIZON = 12

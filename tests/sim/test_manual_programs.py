@@ -6,7 +6,7 @@ from bisect import bisect_right
 from functools import cache
 
 from bussim.plc.memory import parse_device
-from bussim.results.watch import Watch, Watched
+from bussim.results.meters.watch import Watch, Watched
 from bussim.scenario.loader import load
 from bussim.scenario.model import Scenario
 from bussim.sim.runner import simulate

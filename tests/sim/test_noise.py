@@ -11,7 +11,7 @@ import pytest
 
 from bussim.plc.profiles import PROFILES
 from bussim.scenario import model
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 
 from .build import (
     CHAR,

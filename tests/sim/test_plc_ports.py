@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from bussim.devices.talker import Saying
+from bussim.devices.scripted import Saying
 from bussim.line.characters import NN_LINE
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec

@@ -9,7 +9,7 @@ from math import sqrt
 import pytest
 
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.talker import Saying
+from bussim.devices.scripted import Saying
 from bussim.devices.user import Entry
 from bussim.devices.values import Sweep
 from bussim.engines.modbus.adu import Mode

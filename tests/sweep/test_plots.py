@@ -8,7 +8,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from bussim.results.style import LAW, Picture
+from bussim.results.plots.style import LAW, Picture
 from bussim.sweep.plan import Plan
 from bussim.sweep.plots import AGE_PANELS, LATENCY_PANELS, MASTER_PANELS, PANELS, draw, heat_maps, lines
 from bussim.sweep.tables import Table, points_table, runs_table

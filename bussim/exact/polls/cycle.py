@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from bussim.exact.polls.master_timing import Pace, Span, exactly
 from bussim.exact.polls.model import PollListModel, PollModel
-from bussim.exact.polls.pace import Pace, Span, exactly
 
 
 @dataclass(frozen=True, slots=True)

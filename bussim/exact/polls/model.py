@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bussim.exact.polls.pace import Pace, Span
+from bussim.exact.polls.master_timing import Pace, Span
 
 
 @dataclass(frozen=True, slots=True)

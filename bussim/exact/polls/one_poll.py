@@ -9,11 +9,11 @@ from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.framing import Framing, reply_times
 from bussim.engines.modbus.master import refusal
 from bussim.engines.modbus.pdu import MAX_PDU, READS, WRITES, Request, encode_request, response_size
+from bussim.exact.polls.master_timing import Pace, Span, exactly
 from bussim.exact.polls.model import PollModel
-from bussim.exact.polls.pace import Pace, Span, exactly
 from bussim.exact.polls.slaves import SlaveModel
 from bussim.line.characters import LineTiming
-from bussim.plc.ports.places import fits, is_bits
+from bussim.plc.ports.device_layout import fits, is_bits
 from bussim.plc.ports.requests import make_request
 from bussim.plc.ports.spec import PollSpec
 from bussim.units import format_ms

@@ -10,10 +10,10 @@ from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.pdu import READS, ExceptionResponse, Request
 from bussim.engines.modbus.server import SPACES, serve
-from bussim.exact.polls.pace import Span, exactly
+from bussim.exact.polls.master_timing import Span, exactly
 from bussim.line.characters import LineTiming
 from bussim.scenario.model import BusDevice, LxSettings
-from bussim.scenario.register_maps import register_map
+from bussim.scenario.resolve.register_maps import register_map
 
 _NOTHING = exactly(0)
 

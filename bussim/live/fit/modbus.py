@@ -11,7 +11,7 @@ from bussim.engines.modbus.adu import BROADCAST
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
 from bussim.live.fit.turnaround import Law, law_of
 from bussim.live.sniff.heard import Heard, Protocol
-from bussim.trace import TransactionRecord
+from bussim.trace.records import TransactionRecord
 
 #: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
 _LATE, _MOST = 0.25, 0.9

@@ -6,7 +6,7 @@ from bussim.engines.modbus.adu import Adu, decode_ascii, decode_rtu
 from bussim.engines.nn.frames import Frame
 from bussim.engines.nn.frames import decode as decode_nn
 from bussim.live.sniff.heard import Heard, Protocol
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 
 #: Kind of a frame that a listener could not read.
 DAMAGED = "damaged"

@@ -14,7 +14,7 @@ from bussim.engines.nn import codes
 from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
 from bussim.engines.nn.status import STATIONS
 from bussim.live.sniff.heard import Heard
-from bussim.trace import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, ScanRecord, Sink
+from bussim.trace.records import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, ScanRecord, Sink
 
 #: 10 ms, the unit of D8180, in ticks.
 _TIMEOUT_UNIT = 720_000

@@ -10,7 +10,7 @@ from bussim.live.sniff.heard import Heard, Protocol
 from bussim.live.sniff.link import LinkWatcher
 from bussim.live.sniff.modbus import ModbusWatcher
 from bussim.live.sniff.recognise import Recogniser
-from bussim.trace import BusTotals, LinkTotals, PlcTotals, RunTotals, Sink
+from bussim.trace.records import BusTotals, LinkTotals, PlcTotals, RunTotals, Sink
 
 
 class Listener:

@@ -22,7 +22,7 @@ from bussim.engines.modbus.pdu import (
     decode_response,
 )
 from bussim.live.sniff.heard import Heard
-from bussim.trace import BusTotals, FrameRecord, Sink, TransactionRecord
+from bussim.trace.records import BusTotals, FrameRecord, Sink, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
 
 #: An echo is an answer up to so many times the slowest answer of its station…

@@ -17,9 +17,9 @@ from bussim.engines.free.events import CharacterDamaged, Ended, Received, Sent
 from bussim.engines.free.packing import pack, unpack
 from bussim.engines.modbus.codes import PortError
 from bussim.plc.ports.cpavl import COMPLETE, RECEIVED, RECEIVING, SEND_REQUEST, TIMED_OUT, TO_SEND, WAITING
+from bussim.plc.ports.device_layout import fetch_words, store_words, words_fit
 from bussim.plc.ports.events import FreeReceived, FreeSent
-from bussim.plc.ports.freelist import FreeList
-from bussim.plc.ports.places import fetch_words, store_words, words_fit
+from bussim.plc.ports.free_list import FreeList
 from bussim.plc.ports.rs2 import Drive, FreeCall, Rs2, free_call
 from bussim.plc.ports.side import EngineItem
 from bussim.plc.ports.spec import FreeSpec

@@ -21,8 +21,8 @@ from bussim.engines.modbus.master import Master, refusal
 from bussim.engines.modbus.pdu import READS, WRITES, Limits, Request
 from bussim.engines.modbus.polls import PollList
 from bussim.plc.ports.cpavl import COMMUNICATION_ERROR, RUNNING, TIMED_OUT
+from bussim.plc.ports.device_layout import fetch, fits, store
 from bussim.plc.ports.events import TransactionTaken, TurnEnded
-from bussim.plc.ports.places import fetch, fits, store
 from bussim.plc.ports.requests import make_request
 from bussim.plc.ports.rs2 import Call, Drive, Rs2, modbus_call
 from bussim.plc.ports.side import EngineItem

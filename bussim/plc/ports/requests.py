@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from bussim.engines.modbus.pdu import COIL_OFF, COIL_ON, WRITES, Function, Request
 from bussim.engines.modbus.polls import Poll
-from bussim.plc.ports.places import is_bits
+from bussim.plc.ports.device_layout import is_bits
 from bussim.plc.ports.spec import PollSpec
 
 

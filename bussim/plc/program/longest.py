@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from bussim.plc.program.build import standing_time, time_when_on
-from bussim.plc.program.catalog import Instruction
-from bussim.plc.program.check import slots_of
+from bussim.plc.program.compiled.build import standing_time, time_when_on
 from bussim.plc.program.program import Program
+from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.check import slots_of
 from bussim.plc.program.times import InstructionTimes, ticks_of
 
 #: Instructions that lead backwards or elsewhere and back: how often they do so is known only when they run.

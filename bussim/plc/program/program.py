@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 from bussim.errors import Problem, ProgramError
 from bussim.plc.memory import Device
-from bussim.plc.program.catalog import Instruction
-from bussim.plc.program.check import Extent, extents
-from bussim.plc.program.flow import FlowCheck, Stretch, cut
-from bussim.plc.program.ladder import Ladder
 from bussim.plc.program.machine import BACKWARDS
-from bussim.plc.program.source import Source
-from bussim.plc.program.specials import not_simulated
+from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.check import Extent, extents
+from bussim.plc.program.text.flow import FlowCheck, Stretch, cut
+from bussim.plc.program.text.ladder import Ladder
+from bussim.plc.program.text.source import Source
+from bussim.plc.program.text.specials import not_simulated
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
@@ -61,7 +61,7 @@ class Program:
     @property
     def steps(self) -> int:
         """Program steps, as a programming tool counts them."""
-        from bussim.plc.program.catalog import steps_of
+        from bussim.plc.program.text.catalog import steps_of
 
         last = self.instructions[-1]
         return last.step + steps_of(last.form, last.operands)

@@ -25,11 +25,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bussim.plc.memory import Memory
-from bussim.plc.program.access import value_reader
-from bussim.plc.program.build import Builder, standing_time
-from bussim.plc.program.catalog import Instruction
-from bussim.plc.program.coils import FIRST_RETENTIVE_TIMER
-from bussim.plc.program.flow import MAX_CALLS, Stretch
+from bussim.plc.program.compiled.access import value_reader
+from bussim.plc.program.compiled.build import Builder, standing_time
+from bussim.plc.program.compiled.shapes import Step
+from bussim.plc.program.instructions.coils import FIRST_RETENTIVE_TIMER
 from bussim.plc.program.machine import (
     CALLS_TOO_DEEP,
     ERROR,
@@ -42,7 +41,8 @@ from bussim.plc.program.machine import (
     Ports,
 )
 from bussim.plc.program.program import LINK_SETTINGS, Program
-from bussim.plc.program.shapes import Step
+from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.flow import MAX_CALLS, Stretch
 from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes, ticks_of
 from bussim.units import TICKS_PER_MS
 

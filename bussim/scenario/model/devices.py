@@ -13,8 +13,8 @@ from bussim.plc.ports.spec import PollSpec
 from bussim.scenario.model.plc import Scan
 
 if TYPE_CHECKING:  # what only a scenario with devices pays
+    from bussim.devices.scripted import Saying
     from bussim.devices.stepper.axis import Switch
-    from bussim.devices.talker import Saying
     from bussim.devices.user import Entry
 
 

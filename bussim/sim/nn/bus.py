@@ -8,15 +8,15 @@ from bussim.engines.contract import STORED
 from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, Frame
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import DEADLINES, Kernel
-from bussim.sim.nn.gallery import Gallery
-from bussim.sim.nn.lane import Lane
-from bussim.sim.nn.ledger import Ledger
+from bussim.sim.nn.block_history import Ledger
+from bussim.sim.nn.fast_path import Lane
 from bussim.sim.nn.port import LinkPort
 from bussim.sim.nn.reporter import Reporter
+from bussim.sim.nn.shared_listener import Gallery
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
 from bussim.sim.wire.transmission import Transmission, WireFrame
-from bussim.trace import Sink
+from bussim.trace.records import Sink
 
 
 class LinkBus(Line):

@@ -8,10 +8,10 @@ from bussim.engines.nn.events import NnEvent
 from bussim.engines.nn.frames import QUIET_CHARS
 from bussim.engines.nn.master import Master
 from bussim.line.characters import LineTiming
-from bussim.plc.board import LinkEngine
+from bussim.line.random_streams import Streams
+from bussim.plc.link_registers import LinkEngine
 from bussim.plc.plc import Plc, PlcState
 from bussim.plc.profiles import Reply
-from bussim.plc.streams import Streams
 from bussim.plc.turnaround import Turnarounds
 from bussim.sim.kernel import Kernel
 from bussim.sim.wire.node import Node

@@ -19,7 +19,7 @@ from bussim.engines.nn.events import (
     StationLost,
 )
 from bussim.engines.nn.master import Master
-from bussim.plc.board import (
+from bussim.plc.link_registers import (
     D_STATION,
     D_TIMEOUT,
     SERIAL_ERROR,
@@ -28,7 +28,7 @@ from bussim.plc.board import (
     selected_port,
 )
 from bussim.plc.plc import Plc
-from bussim.trace import AttemptRecord, NoteRecord, ScanRecord, Sink
+from bussim.trace.records import AttemptRecord, NoteRecord, ScanRecord, Sink
 from bussim.units import format_ms
 
 if TYPE_CHECKING:

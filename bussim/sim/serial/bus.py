@@ -11,7 +11,7 @@ from bussim.line.characters import LineTiming
 from bussim.sim.wire.line import Line, Witness
 from bussim.sim.wire.node import Node
 from bussim.sim.wire.transmission import Transmission, WireFrame
-from bussim.trace import Sink
+from bussim.trace.records import Sink
 
 if TYPE_CHECKING:
     from bussim.sim.serial.node import SerialNode

@@ -8,9 +8,9 @@ from bussim.engines.contract import SERVE
 from bussim.engines.free.events import Sent
 from bussim.engines.modbus.events import CycleEnded, PollEnded, TransactionEnded
 from bussim.engines.modbus.slave import Slave
+from bussim.line.random_streams import Streams
 from bussim.plc.ports.events import TurnEnded
 from bussim.plc.scan import ScanCycle
-from bussim.plc.streams import Streams
 from bussim.scenario import model
 from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus

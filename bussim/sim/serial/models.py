@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.scripted import Talker
 from bussim.devices.stepper.events import in_words
-from bussim.devices.talker import Talker
 from bussim.devices.user import UserMap
 from bussim.engines.modbus.master import MasterConfig
 from bussim.engines.modbus.polling import PollingMaster
@@ -15,10 +15,10 @@ from bussim.engines.modbus.polls import PollList
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.line.characters import LineTiming
+from bussim.line.random_streams import Streams
 from bussim.plc.ports.requests import poll_of
-from bussim.plc.streams import Streams
 from bussim.scenario import model
-from bussim.scenario.register_maps import register_map, stepper
+from bussim.scenario.resolve.register_maps import register_map, stepper
 from bussim.sim.serial.reporter import SerialReporter
 
 

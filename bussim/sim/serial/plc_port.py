@@ -8,7 +8,6 @@ from typing import Any
 from bussim.engines.contract import SERVE
 from bussim.engines.modbus.events import CycleEnded, FrameRejected, RequestServed, StationRefused
 from bussim.plc.plc import Plc, PlcState
-from bussim.plc.ports.board import PortBoard
 from bussim.plc.ports.events import (
     FreeReceived,
     FreeSent,
@@ -16,6 +15,7 @@ from bussim.plc.ports.events import (
     TransactionTaken,
     TurnEnded,
 )
+from bussim.plc.ports.port_registers import PortBoard
 from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.node import SerialNode

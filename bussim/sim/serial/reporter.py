@@ -16,7 +16,7 @@ from bussim.engines.modbus.events import (
     TransactionEnded,
 )
 from bussim.plc.ports.events import PortErrorRaised, TurnEnded
-from bussim.trace import CycleRecord, FreeRecord, NoteRecord, PollRecord, Sink, TransactionRecord
+from bussim.trace.records import CycleRecord, FreeRecord, NoteRecord, PollRecord, Sink, TransactionRecord
 
 if TYPE_CHECKING:
     from bussim.sim.serial.node import SerialNode

@@ -11,9 +11,9 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from bussim.line.characters import LineTiming
-from bussim.sim.wire.disturb import Disturber
+from bussim.sim.wire.disturber import Disturber
 from bussim.sim.wire.transmission import Transmission, WireFrame
-from bussim.trace import FrameRecord, Sink
+from bussim.trace.records import FrameRecord, Sink
 
 if TYPE_CHECKING:
     from bussim.sim.wire.node import Node

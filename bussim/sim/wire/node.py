@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, Transmit
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import DEADLINES, HEARING, SENDING, Kernel
-from bussim.sim.wire.ear import Ear
+from bussim.sim.wire.receiver import Ear
 from bussim.sim.wire.transmission import Transmission
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import bussim
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.recordings.frames import heard_of
 from bussim.scenario.loader import from_data
-from bussim.trace import FrameRecord
+from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, parse_time
 
 SEEDS = range(10)

@@ -27,8 +27,8 @@ from bussim.live.sniff.heard import Heard, Protocol
 from bussim.live.sniff.link import LinkWatcher
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusWatcher
-from bussim.results.collector import Collector
-from bussim.trace import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
+from bussim.results.meters.collector import Collector
+from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 LINE = LineTiming(19200, CharFormat(8, "E", 1))

@@ -9,13 +9,13 @@ from typing import Any
 from bussim.devices.lx import LxMap
 from bussim.engines.contract import OPEN, RxChar
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.random_streams import Streams
 from bussim.plc.plc import Plc
 from bussim.plc.ports.cpavl import FORMAT, PROTOCOL, PROTOCOL_CODES, STATION, default_places, format_word
 from bussim.plc.ports.events import PortErrorRaised, PortEvent, TransactionTaken
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Source
-from bussim.plc.streams import Streams
 from bussim.units import TICKS_PER_MS
 from tests.engines.modbus.wire import HEARING, TIMERS, Wire
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from bussim.engines.modbus.pdu import Request
 from bussim.engines.modbus.polls import Poll
 from bussim.plc.memory import Device, Memory
-from bussim.plc.ports.places import fetch, fits, store
+from bussim.plc.ports.device_layout import fetch, fits, store
 from bussim.plc.ports.requests import make_request, poll_of
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 

@@ -13,14 +13,14 @@ from bussim.engines.modbus.pdu import Request, write_register
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.slave import Slave
+from bussim.line.random_streams import Streams
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc
-from bussim.plc.ports.board import PortBoard
 from bussim.plc.ports.cpavl import default_places
+from bussim.plc.ports.port_registers import PortBoard
 from bussim.plc.ports.spec import PortSpec
 from bussim.plc.profiles import PROFILES
 from bussim.plc.sources import Counter
-from bussim.plc.streams import Streams
 from tests.plc.ports.bench import ASCII_LINE, LINE, MS, PHASE, SCAN, Bench
 
 RTU = Framing.rtu(LINE)

@@ -7,10 +7,10 @@ import pickle
 import pytest
 
 from bussim.plc.memory import Device, Memory
-from bussim.plc.program.build import _APPLIED, _BASIC
-from bussim.plc.program.catalog import FORMS, SPECS, Role
+from bussim.plc.program.compiled.build import _APPLIED, _BASIC
 from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
+from bussim.plc.program.text.catalog import FORMS, SPECS, Role
 from bussim.plc.program.times import InstructionTimes
 from bussim.units import TICKS_PER_MS
 

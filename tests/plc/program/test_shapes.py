@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from bussim.plc.program.shapes import SHAPES, Atom, ToAct, ToCoil
+from bussim.plc.program.compiled.shapes import SHAPES, Atom, ToAct, ToCoil
 
 #: Each form as logic.
 SAYS: dict[str, Callable[..., object]] = {

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from bussim.errors import ProgramError, ScenarioError
 from bussim.plc.memory import Memory
-from bussim.plc.program.catalog import FORMS, Role
-from bussim.plc.program.operands import parse_operand
 from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
-from bussim.plc.program.source import MAX_CHARACTERS
+from bussim.plc.program.text.catalog import FORMS, Role
+from bussim.plc.program.text.operands import parse_operand
+from bussim.plc.program.text.source import MAX_CHARACTERS
 
 from .rigs import problems
 from .test_run import Heard

@@ -1,0 +1,60 @@
+"""What latencies are at worst, in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from bussim.exact.latency.bounds import LatencyBound
+
+
+def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
+    """Print a table: one row a latency, its parts and its cases in ms."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from bussim.units import TICKS_PER_MS
+
+    def cell(ticks: int) -> str:
+        return f"{ticks / TICKS_PER_MS:,.3f}"
+
+    table = Table(
+        title=Text("latency at worst (ms), and what it is made of without error"),
+        title_justify="left",
+        box=None,
+        pad_edge=False,
+        padding=(0, 2),
+    )
+    table.add_column("from, to")
+    parts = ["scan", "turn", "wire", "destination", "output"]
+    if any(bound.program for bound in bounds.values()):
+        parts.append("program")
+    for name in (*parts, "no error", "1 lost reply", "every retry"):
+        table.add_column(Text(name), justify="right")
+    for name, bound in bounds.items():
+        if bound.valid:
+            lost = [bound.lost(1), bound.every_retry] if bound.link_scan else []
+            label = f"{name} (age)" if bound.word else name
+            table.add_row(
+                Text(label), *map(cell, (*(getattr(bound, part) for part in parts), bound.no_error, *lost))
+            )
+    if table.row_count:
+        console.print(table)
+    for name, bound in bounds.items():
+        for said in [f"no bound: {reason}" for reason in bound.reasons] or bound.caveats:
+            console.print(Text(f"  {name}: {said}"))
+    linked = [bound for bound in bounds.values() if bound.valid and bound.link_scan]
+    if linked:
+        longest = cell(max(bound.missed for bound in linked))
+        console.print(
+            Text(
+                "  no error: nor is a station's error flag still on at the change, which would cost "
+                f"{cell(max(bound.parameters for bound in linked))} ms. every retry: the source is in error "
+                "for one link scan and answers the last attempt of the next, any reply of all others may be "
+                f"lost. A frame that only the target misses adds up to {longest} ms. None holds "
+                "for a change before the link has formed."
+            )
+        )

@@ -1,0 +1,59 @@
+"""Files that commands write at the user's word: never over an existing one unless told, never half."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from bussim.errors import UsageError
+
+
+def checked_target(path: Path, endings: Sequence[str], *, force: bool, option: str = "-o") -> Path:
+    """The path, if a file may be written there; ``option`` is that which names it.
+
+    Raises UsageError for another ending, for a folder, for a file that exists unless ``force``, or
+    where there is no folder to write it to.
+    """
+    if path.suffix.lower() not in endings:
+        allowed = " or ".join(endings)
+        raise UsageError(f"{path} ends in {path.suffix or 'nothing'}; write a name that ends in {allowed}")
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file")
+    if path.exists() and not force:
+        raise UsageError(f"{path} exists; choose another name with {option}, or replace it with --force")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: there is no folder {path.parent}")
+    return path
+
+
+def traced_again(folder: Path) -> str:
+    """The command that repeats a run with a trace."""
+    from bussim.results.store.folder import SCENARIO
+
+    return f"bussim run {folder / SCENARIO} --trace --out NEW_DIR"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file beside its place and move it there. Raises UsageError where that fails."""
+    part = path.with_name(f"{path.name}.part")
+    try:
+        with part.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def busy(what: str) -> Iterator[None]:
+    """Say on stderr what takes its time, only on a terminal."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
+        yield

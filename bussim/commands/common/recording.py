@@ -1,0 +1,111 @@
+"""Recordings of lines for commands: which bus, which line, and all that was heard in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.commands.common.port_options import format_of
+
+if TYPE_CHECKING:
+    from bussim.line.characters import LineTiming
+    from bussim.live.recordings.sources import Kind
+    from bussim.live.sniff.heard import Heard, Protocol
+    from bussim.live.sniff.listener import Listener
+    from bussim.trace.records import TraceBus
+
+
+#: What may be spoken on a recorded line; auto: what is recognised.
+PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
+
+
+def bus_of(source: str, name: str | None) -> tuple[TraceBus, bool]:
+    """The bus of a trace (of that name, else the first), and whether its times are exact."""
+    from bussim.trace.file import read_trace
+
+    trace = read_trace(source)
+    if name is None and trace.header.buses:
+        if others := [repr(bus.name) for bus in trace.header.buses[1:]]:
+            first = trace.header.buses[0].name
+            click.echo(f"this is bus {first!r}; with --bus also: {', '.join(others)}", err=True)
+        return trace.header.buses[0], trace.header.exact
+    return trace.bus(name or "line"), trace.header.exact
+
+
+def is_recording(source: str) -> bool:
+    """Whether a source is a file or folder, and not a device of the system."""
+    path = Path(source)
+    return path.is_dir() or path.is_file()
+
+
+def line_of(
+    protocol: Protocol | None,
+    baud: int | None,
+    *,
+    data_bits: int | None,
+    parity: str | None,
+    stop_bits: int | None,
+) -> LineTiming:
+    """Rate and format: what is given, the rest as usual for the protocol (auto: the N:N link)."""
+    from bussim.engines.modbus.adu import Mode
+    from bussim.line.characters import NN_LINE, LineTiming
+    from bussim.live.modbus import STANDARD_FORMATS
+    from bussim.live.sniff.heard import Protocol
+
+    if protocol in (None, Protocol.NN):
+        usual, rate = NN_LINE.format, NN_LINE.baud
+    else:
+        usual = STANDARD_FORMATS[Mode.RTU if protocol is Protocol.RTU else Mode.ASCII]
+        rate = 19200
+    fmt = format_of(usual, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
+    return LineTiming(baud or rate, fmt)
+
+
+def read(
+    path: Path,
+    kind: Kind,
+    listener: Listener,
+    channel: str | None,
+    limit: int | None,
+    on_heard: Callable[[list[Heard]], None] = lambda _frames: None,
+) -> int:
+    """Read a recording up to a tick, to the end of its listener; returns when it ends.
+
+    ``on_heard`` is told of the frames as the listener knows them.
+    """
+    from bussim.live.recordings.sources import Kind, characters
+
+    last = 0
+    if kind is Kind.TRACE:
+        last = _trace(path, listener, limit, on_heard)
+    else:
+        for chars in characters(path, kind, listener.timing, channel=channel):
+            if limit is not None and chars[-1][2] > limit:
+                last = limit
+                break
+            last = chars[-1][2]
+            on_heard(listener.chars(chars))
+    on_heard(listener.close())
+    return last
+
+
+def _trace(path: Path, listener: Listener, limit: int | None, on_heard: Callable[[list[Heard]], None]) -> int:
+    from bussim.live.recordings.frames import heard_of
+    from bussim.trace.file import read_trace
+    from bussim.trace.records import FrameRecord
+
+    trace = read_trace(path)
+    last = 0
+    for record in trace.of(FrameRecord, bus=listener.bus):
+        if limit is not None and record.end > limit:
+            return limit
+        heard = heard_of(record)
+        if heard is not None:
+            on_heard(listener.heard(heard))
+        last = max(last, record.end)
+    if limit is None and trace.header.duration is not None:
+        last = max(last, trace.header.duration)
+    return last

@@ -1,0 +1,26 @@
+"""Options that commands on a scenario share, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from bussim.scenario.yaml.overrides import Override
+
+#: Without it a scenario that names functions of the user is refused: nothing else runs code.
+code_option = click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Load the Python functions that the scenario names; they can do anything.",
+)
+
+
+def values_of(sets: Sequence[str], **short: str | None) -> list[str | Override]:
+    """What ``--set`` sets, and the options that stand for one key: ``seed``, ``duration``."""
+    from bussim.scenario.yaml.overrides import Override
+
+    given = [Override(key, value, f"--{key} {value}") for key, value in short.items() if value is not None]
+    return [*sets, *given]

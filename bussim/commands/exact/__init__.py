@@ -1,0 +1,1 @@
+"""``bussim exact``."""

@@ -1,0 +1,259 @@
+"""``bussim exact``: the exact law of the link scan time, closed forms of Modbus polls and of latencies."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.commands.common.scenario_options import code_option
+from bussim.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from bussim.exact.metrics import Figures
+    from bussim.exact.metrics import Request as RequestType
+    from bussim.exact.polls.metrics import PollFigures
+    from bussim.scenario.model import Scenario
+
+#: Levels of exceeding that the picture reaches below the least quantile asked for.
+_BELOW = 1e-1
+_POINTS = 1200
+
+
+@click.command()
+@click.argument("scenario", metavar="SCENARIO")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+@click.option(
+    "--q",
+    "levels",
+    metavar="P,P,...",
+    default="1e-3,1e-6,1e-9",
+    show_default=True,
+    help="Quantiles, by the probability of exceeding them.",
+)
+@click.option("--deadline", "deadlines", metavar="T", multiple=True, help="Also P(link scan > T).")
+@click.option(
+    "--mission", metavar="T", default="1y", show_default=True, help="Time for the law of the maximum D8202."
+)
+@click.option("--ignore-faults", is_flag=True, help="The law of the stretches without faults.")
+@click.option(
+    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
+)
+@click.option("--plot", is_flag=True, help="Draw law and simulated histogram, as PNG and SVG.")
+@click.option("--out", metavar="DIR", help="Folder for the pictures (default: this one).")
+@code_option
+def command(
+    scenario: str,
+    *,
+    as_json: bool,
+    levels: str,
+    deadlines: tuple[str, ...],
+    mission: str,
+    ignore_faults: bool,
+    overrides: tuple[str, ...],
+    plot: bool,
+    out: str | None,
+    allow_code: bool,
+) -> None:
+    """Work out link scan times, tails included, and Modbus poll cycles, without simulating.
+
+    SCENARIO is a file or the name of a built-in scenario. Where a closed form does not hold, the answer
+    says why instead. Of a poll list: cycle time without errors, what dead slaves and spent retries make of
+    it, response times, bus load, age of the data. Of the scenario's latencies: what they are at worst.
+    """
+    from bussim import api
+    from bussim.exact.from_scenario import from_scenario
+    from bussim.exact.latency.bounds import bounds_of
+    from bussim.exact.metrics import Request, figures_of
+
+    request = Request(
+        levels=_levels(levels),
+        deadlines=tuple(_time("--deadline", text) for text in deadlines),
+        mission=_time("--mission", mission),
+    )
+    loaded = api.load(scenario, overrides, allow_code=allow_code)
+    models = from_scenario(loaded, ignore_faults=ignore_faults)
+    polls = _polls(loaded)
+    if not (models or polls or loaded.latency):
+        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list nor a latency")
+    if plot and not models:
+        raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
+    found = {bus: figures_of(model, request) for bus, model in models.items()}
+    bounds = bounds_of(loaded) if loaded.latency else {}
+    if as_json:
+        links = {bus: figures.to_json() for bus, figures in found.items()}
+        lists = {node: figures.to_json() for node, figures in polls.items()}
+        answer: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
+        if bounds:
+            answer["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
+        click.echo(json.dumps(answer, indent=2, ensure_ascii=False))
+    else:
+        from bussim.commands.common.console import wide_console
+
+        console = wide_console()
+        for bus, figures in found.items():
+            _show(console, bus, figures, request)
+        if polls:
+            from bussim.commands.exact.polls import show
+
+            for figures_of_list in polls.values():
+                show(console, figures_of_list)
+        if bounds:
+            from bussim.commands.common.latency_bounds import show_bounds
+
+            show_bounds(console, bounds)
+    if plot:
+        for path in _draw(loaded, found, request, Path(out or ".")):
+            click.echo(path, err=as_json)
+    elif out is not None:
+        raise UsageError("--out is where --plot puts its pictures: give --plot as well")
+
+
+def _polls(scenario: Scenario) -> dict[str, PollFigures]:
+    """Figures of every poll list, by its node."""
+    if not (scenario.devices or any(plc.polls or plc.program for plc in scenario.plcs)):
+        return {}
+    from bussim.exact.polls.from_scenario import poll_lists
+    from bussim.exact.polls.metrics import poll_figures
+
+    return {node: poll_figures(model) for node, model in poll_lists(scenario).items()}
+
+
+def _time(option: str, text: str) -> int:
+    from bussim.units import parse_time
+
+    try:
+        ticks = parse_time(text)
+    except ValueError as error:
+        raise UsageError(f"{option} {error}") from None
+    if ticks <= 0:
+        raise UsageError(f"{option} is {text!r}, it must be above 0")
+    return ticks
+
+
+def _levels(text: str) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for part in text.split(","):
+        key = part.strip()
+        try:
+            level = float(key)
+        except ValueError:
+            raise UsageError(f"--q has {key!r}, not a probability; write such as 1e-3,1e-6") from None
+        if not 1e-15 <= level < 1:
+            raise UsageError(f"--q has {key}, allowed 1e-15 up to, not including, 1")
+        found[key] = level
+    return found
+
+
+def _show(console: Console, bus: str, figures: Figures, request: RequestType) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from bussim.exact.text import ms
+    from bussim.wording import about
+
+    model = figures.model
+    slaves = len(model.stations)
+    attempts = "attempt" if model.attempts == 1 else "attempts"
+    console.print(
+        Text(
+            f"{bus}: {slaves + 1} stations, mode {model.mode}, {model.retries} retries = "
+            f"{model.attempts} {attempts} a poll, timeout {ms(model.timeout)} ms",
+            style="bold",
+        )
+    )
+    for sentence in (*figures.in_words(), *model.notes):
+        console.print(Text(f"  {sentence}"))
+    if not figures.valid:
+        return
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2))
+    rows: list[tuple[str, str]] = [
+        ("link scan time", f"mean {_ms(figures.mean)}, sd {_ms(figures.sd)} ms"),
+        ("  without errors", f"{_ms(figures.shortest)} to {_ms(figures.longest_clean)} ms"),
+        ("  at worst", f"{_ms(figures.worst_case)} ms (every attempt of every station spent)"),
+    ]
+    rows += [(f"  exceeded with {key}", f"{_ms(x)} ms") for key, x in figures.quantiles.items()]
+    rows += [
+        (f"  longest in {_span(request.mission)}", f"{_ms(x)} ms ({key})")
+        for key, x in figures.maximum.items()
+    ]
+    for station, chance in figures.error_per_scan.items():
+        year = figures.error_per_year[station]
+        text = f"{about(chance)} a scan, {about(year)} at least once a year"
+        rows.append((f"error flag of {model.name(station)}", text))
+    if figures.silence is not None and figures.corruption is not None:
+        text = f"silence of {_ms(figures.silence)} ms, corruption of {_ms(figures.corruption)} ms"
+        rows.append(("rides through", text))
+    if figures.one_dead is not None:
+        rows.append(("one station dead", f"link scan {_ms(figures.one_dead)} ms"))
+    if figures.two_dead is not None:
+        rows.append(("two stations dead", f"link scan {_ms(figures.two_dead)} ms"))
+    if figures.detect_mean is not None:
+        text = f"mean {_ms(figures.detect_mean)}, at worst {_ms(figures.detect_longest)} ms"
+        rows.append(("dead station noticed", text))
+    for name, text in rows:
+        table.add_row(Text(name), Text(text))
+    console.print(table)
+    _show_refresh(console, figures)
+
+
+def _show_refresh(console: Console, figures: Figures) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    heading = Text("time between refreshes (ms), and a heartbeat preset from it")
+    table = Table(title=heading, title_justify="left", box=None, pad_edge=False, padding=(0, 2))
+    keys = list(figures.quantiles)
+    table.add_column(Text("pair"))
+    for name in ("mean", *keys, "heartbeat"):
+        table.add_column(Text(name), justify="right")
+    for pair, refresh in figures.refresh.items():
+        times = [refresh.mean, *(refresh.quantiles.get(key) for key in keys), refresh.heartbeat]
+        table.add_row(Text(pair), *(_ms(time) for time in times))
+    console.print(table)
+
+
+def _ms(ticks: float | None) -> str:
+    from bussim.units import TICKS_PER_MS
+
+    return "–" if ticks is None else f"{ticks / TICKS_PER_MS:,.3f}"
+
+
+def _span(ticks: int) -> str:
+    from bussim.units import UNIT_TICKS
+
+    for unit in ("y", "d", "h", "min", "s"):
+        value = ticks / UNIT_TICKS[unit]
+        if value >= 1:
+            return f"{float(value):g} {unit}"
+    return f"{float(ticks / UNIT_TICKS['ms']):g} ms"
+
+
+def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, place: Path) -> list[Path]:
+    import numpy as np
+
+    from bussim import api
+    from bussim.results.plots.distribution import law_and_histogram
+    from bussim.results.store.names import file_names
+    from bussim.version import __version__
+
+    result = api.run(scenario, rows=False)
+    lowest = min(request.levels.values(), default=1e-6) * _BELOW
+    paths: list[Path] = []
+    for bus, stem in file_names(found).items():
+        law = found[bus].law
+        if law is None:
+            click.echo(f"{bus}: no picture, since there is no exact law", err=True)
+            continue
+        least, _ = law.support
+        x = np.linspace(least, law.quantile(lowest), _POINTS)
+        about = f"{scenario.name}, seed {scenario.seed}, bussim {__version__}"
+        simulated = result.record.links[bus].scan_times.histogram
+        picture = law_and_histogram(bus, x, law.tail(x), simulated, about, lowest)
+        place.mkdir(parents=True, exist_ok=True)
+        paths += picture.save_both(place / f"law_{stem}")
+    return paths

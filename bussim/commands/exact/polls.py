@@ -1,0 +1,92 @@
+"""The tables of ``bussim exact`` for Modbus poll lists."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from bussim.exact.polls.master_timing import Span
+from bussim.exact.polls.metrics import PollFigures
+from bussim.exact.polls.text import percent
+from bussim.exact.text import ms
+from bussim.units import milliseconds
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def show(console: Console, figures: PollFigures) -> None:
+    """One poll list: what there is to say of the cycle, then a line for each poll."""
+    from rich.table import Table
+    from rich.text import Text
+
+    model = figures.model
+    count = len(model.polls)
+    about = f"{count} {'poll' if count == 1 else 'polls'}, timeout {ms(model.timeout)} ms, "
+    about += f"interval {ms(model.pace.interval)} ms"
+    line = f" ({model.line})" if model.line else ""
+    heading = f"{model.node}: {model.protocol or 'no protocol'} on {model.bus}{line}"
+    console.print(Text(f"{heading}, {about}" if model.valid else heading, style="bold"))
+    for sentence in (*figures.in_words(), *model.notes, *figures.remarks):
+        console.print(Text(f"  {sentence}"))
+    if not model.valid:
+        return
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2))
+    for name, text in _rows(figures):
+        table.add_row(Text(name), Text(text))
+    console.print(table)
+    _show_polls(console, figures)
+
+
+def _rows(figures: PollFigures) -> list[tuple[str, str]]:
+    rows: list[tuple[str, str]] = []
+    if figures.cycle is not None:
+        mean = f", mean {_number(figures.mean)}" if figures.mean is not None else ""
+        rows.append(("poll cycle", f"{_span(figures.cycle)} ms without errors{mean}"))
+    if figures.worst is not None:
+        rows.append(("  at worst", f"{_number(figures.worst)} ms (every attempt of every poll spent)"))
+    if figures.command is not None and figures.worst_command is not None:
+        text = f"up to {_number(figures.command)} ms, at worst {_number(figures.worst_command)} ms"
+        rows.append(("  with a command", f"{text} more"))
+    if figures.load is not None:
+        rows.append(("bus load", f"{percent(figures.load)} by these polls"))
+    return rows
+
+
+def _show_polls(console: Console, figures: PollFigures) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    heading = Text(
+        "polls without errors (ms): response time; from the request to its taking over; "
+        "oldest data when they arrive, and when they are replaced"
+    )
+    table = Table(title=heading, title_justify="left", box=None, pad_edge=False, padding=(0, 2))
+    for name in ("poll", "asks", "function", "every"):
+        table.add_column(Text(name))
+    for name in ("response", "taken over", "arriving", "replaced"):
+        table.add_column(Text(name), justify="right")
+    for one in figures.polls:
+        poll = one.poll
+        every = f"{ms(poll.every)} ms" if poll.every else "always"
+        if poll.times is not None:
+            every = f"{poll.times} × in all"
+        cells = (
+            poll.name,
+            poll.device or "all",
+            f"{poll.function:02X} × {poll.count}",
+            every,
+            _span(one.response),
+            _span(one.transaction),
+            _number(one.on_arrival),
+            _number(one.before_refresh),
+        )
+        table.add_row(*map(Text, cells))
+    console.print(table)
+
+
+def _number(ticks: float | None) -> str:
+    return "–" if ticks is None else f"{milliseconds(ticks):,.3f}"
+
+
+def _span(span: Span) -> str:
+    return _number(span.least) if span.fixed else f"{_number(span.least)} to {_number(span.most)}"

@@ -1,0 +1,179 @@
+"""``bussim fit``: estimate from a recording what the model needs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bussim.commands.common.output import busy
+from bussim.commands.common.port_options import time_of
+from bussim.commands.common.recording import PROTOCOLS, is_recording, line_of
+from bussim.commands.common.scenario_options import code_option
+from bussim.errors import UsageError
+
+if TYPE_CHECKING:
+    from bussim.commands.fit.recording import Fitted
+    from bussim.results.meters.run_record import RunRecord
+    from bussim.scenario.model import Scenario
+
+#: A longer recording is compared with a simulation of this length: ten minutes.
+_LONGEST_SIMULATED = "10 min"
+
+
+@click.command()
+@click.argument("trace", metavar="TRACE")
+@click.option("--scenario", "base", metavar="FILE", help="Put the estimates into this scenario.")
+@click.option("-o", "--output", metavar="FILE", help="Write the scenario with the estimates.")
+@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@click.option(
+    "--protocol", type=click.Choice(PROTOCOLS), default="auto", help="What is spoken (auto: recognised)."
+)
+@click.option("-b", "baud", metavar="N", type=click.IntRange(1, 4_000_000), help="Rate, of what is no trace.")
+@click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits, of what is no trace.")
+@click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits, of what is no trace.")
+@click.option("-P", "parity", metavar="P", help="Parity, of what is no trace: none, even or odd.")
+@click.option("--bus", metavar="NAME", help="Bus of a trace (default: the first), or what to call the line.")
+@click.option("--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file.")
+@click.option("--tolerance", metavar="T", help="Silence inside a frame that the system may have made.")
+@click.option("--seed", metavar="N", type=click.IntRange(0), default=1, show_default=True)
+@click.option(
+    "--simulate",
+    metavar="T",
+    default=_LONGEST_SIMULATED,
+    show_default=True,
+    help="Longest simulation to compare with; 0 s: none.",
+)
+@click.option("--plot", metavar="DIR", help="Folder for a picture of both histograms.")
+@click.option("--json", "as_json", is_flag=True, help="Print the estimates as JSON.")
+@code_option
+def command(
+    trace: str,
+    *,
+    base: str | None,
+    output: str | None,
+    force: bool,
+    protocol: str,
+    baud: int | None,
+    data_bits: int | None,
+    stop_bits: int | None,
+    parity: str | None,
+    bus: str | None,
+    channel: str | None,
+    tolerance: str | None,
+    seed: int,
+    simulate: str,
+    plot: str | None,
+    as_json: bool,
+    allow_code: bool,
+) -> None:
+    """Estimate from a recording what the model needs, and compare it with a simulation.
+
+    TRACE is anything that sniff reads: a run's folder or trace.jsonl, a recording of sniff, pcapng,
+    a sigrok session, raw bytes with timestamps. Estimated are turnarounds, the master's gap and
+    overhead, loss and bit errors with their 95 % confidence intervals, and poll intervals.
+    """
+    from bussim.commands.fit.recording import fit
+    from bussim.commands.fit.show import comparison_of, show, to_json
+    from bussim.live.sniff.heard import Protocol
+
+    if not is_recording(trace):
+        raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
+    target = _target(output, force=force)
+    known = None if protocol == "auto" else Protocol(protocol)
+    line = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
+    with busy(f"reading {trace}"):
+        fitted = fit(trace, line, protocol=known, bus=bus, channel=channel, tolerance=tolerance)
+    scenario = scenario_of(
+        fitted,
+        base,
+        name=f"fitted to {Path(trace).stem}",
+        seed=seed,
+        longest=time_of("--simulate", simulate),
+        allow_code=allow_code,
+    )
+    with busy("simulating the estimates"):
+        simulated = _simulated(scenario, fitted, wanted=time_of("--simulate", simulate) > 0)
+    comparison = None if simulated is None else comparison_of(fitted, simulated)
+    if target is not None:
+        _write(target, scenario, trace)
+    if plot is not None:
+        _plot(Path(plot), fitted, simulated)
+    if as_json:
+        found = to_json(fitted, comparison)
+        click.echo(json.dumps({"source": trace, "scenario": output, **found}, ensure_ascii=False, indent=2))
+        return
+    show(fitted, simulated, comparison)
+    if target is not None:
+        click.echo(f"scenario: {target}")
+
+
+def scenario_of(
+    fitted: Fitted, base: str | None, *, name: str, seed: int, longest: int, allow_code: bool = False
+) -> Scenario:
+    """The scenario of the estimates, or ``base`` with them. Raises ScenarioError or UsageError."""
+    from bussim import api
+    from bussim.commands.fit.scenario import bus_scenario, link_scenario, put_link
+    from bussim.scenario.loader import from_data
+    from bussim.units import TICKS_PER_SECOND
+
+    duration = max(TICKS_PER_SECOND, min(fitted.duration, longest) if longest else fitted.duration)
+    if base is not None:
+        if fitted.link is None:
+            raise UsageError("--scenario takes estimates of an N:N link; this recording is of a Modbus bus")
+        data = put_link(api.load(base, allow_code=allow_code), fitted.link, fitted.bus)
+    elif fitted.link is not None:
+        data = link_scenario(fitted.link, fitted.bus, fitted.names, name=name, duration=duration, seed=seed)
+    else:
+        assert fitted.ports is not None  # noqa: S101 - narrows the type
+        data = bus_scenario(fitted.ports, fitted.bus, name=name, duration=duration, seed=seed)
+    folder = None if base is None else Path(base).parent
+    return from_data(data, name=base or "<fit>", allow_code=allow_code, folder=folder)
+
+
+def _target(output: str | None, *, force: bool) -> Path | None:
+    if output is None:
+        return None
+    target = Path(output)
+    if target.exists() and not force:
+        raise UsageError(f"{target} exists; choose another name, or replace it with --force")
+    return target
+
+
+def _simulated(scenario: Scenario, fitted: Fitted, *, wanted: bool) -> RunRecord | None:
+    from bussim import api
+
+    if not wanted or fitted.link is None or not fitted.link.scans:
+        return None
+    record = api.run(scenario, rows=False).record
+    link = record.links.get(fitted.bus)
+    return record if link is not None and link.scan_times.histogram.count else None
+
+
+def _write(target: Path, scenario: Scenario, source: str) -> None:
+    from bussim.scenario.yaml.dump import dumps
+    from bussim.version import __version__
+
+    text = f"# Made by bussim {__version__} fit from {source}.\n{dumps(scenario)}"
+    part = target.with_name(target.name + ".part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8", newline="\n")
+        part.replace(target)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise UsageError(f"{target} cannot be written: {error.strerror or error}") from error
+
+
+def _plot(place: Path, fitted: Fitted, simulated: RunRecord | None) -> None:
+    from bussim.results.plots.scan_times import scan_time_histogram
+    from bussim.results.store.names import file_name
+
+    if simulated is None:
+        raise UsageError("there are no link scans to draw")
+    place.mkdir(parents=True, exist_ok=True)
+    picture = scan_time_histogram([fitted.measured, simulated], fitted.bus, ["measured", "simulated"])
+    for path in picture.save_both(place / f"fit_{file_name(fitted.bus)}"):
+        click.echo(f"picture: {path}", err=True)

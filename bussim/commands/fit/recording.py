@@ -1,0 +1,70 @@
+"""What ``bussim fit`` reads out of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bussim.commands.common.port_options import time_of
+from bussim.commands.common.recording import bus_of, read
+from bussim.commands.fit.sink import FitSink
+from bussim.errors import UsageError
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.recordings.sources import Kind, kind_of
+from bussim.live.sniff.link import station_name
+from bussim.live.sniff.listener import Listener
+from bussim.units import TICKS_PER_MS
+
+if TYPE_CHECKING:
+    from bussim.live.fit.link import LinkEstimate
+    from bussim.live.fit.modbus import BusEstimate
+    from bussim.live.sniff.heard import Protocol
+    from bussim.results.meters.run_record import RunRecord
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """What a recording told."""
+
+    bus: str
+    names: dict[int, str]
+    exact: bool
+    duration: int
+    link: LinkEstimate | None
+    ports: BusEstimate | None
+    measured: RunRecord
+
+
+def fit(
+    source: str,
+    line: LineTiming,
+    *,
+    protocol: Protocol | None = None,
+    bus: str | None = None,
+    channel: str | None = None,
+    tolerance: str | None = None,
+) -> Fitted:
+    """The estimates of a recording. Raises UsageError if it cannot be read or tells nothing."""
+    path, kind = Path(source), kind_of(Path(source))
+    names: dict[int, str] = {}
+    exact = kind in (Kind.SIGROK, Kind.PCAPNG)
+    if kind is Kind.TRACE:
+        known, exact = bus_of(source, bus)
+        bus, line = known.name, LineTiming(known.baud, CharFormat.parse(known.format))
+        names = {number: node for node, number in reversed(known.stations.items())}
+    gap = 20 * TICKS_PER_MS if kind is Kind.RAW else 0
+    if tolerance is not None:
+        gap = time_of("--tolerance", tolerance)
+    sink = FitSink(line, names.get(0, station_name(0)), bus or "line")
+    listener = Listener(bus or "line", line, sink, tolerance=gap, protocol=protocol, names=names)
+    duration = read(path, kind, listener, channel, None, sink.heard)
+    link, ports = sink.estimates()
+    if link is None and ports is None:
+        raise UsageError(
+            f"{source}: no exchange was recognised in {listener.characters:,} characters at {line.baud} bps "
+            f"{line.format}; rate and format are set by -b, -d, -P and -s, the protocol by --protocol"
+        )
+    totals = listener.totals(max(duration, listener.last))
+    measured = sink.run(totals, scenario="measured", seed=0)
+    return Fitted(listener.bus, names, exact, totals.duration, link, ports, measured)

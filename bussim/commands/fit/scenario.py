@@ -1,0 +1,259 @@
+"""Scenarios made of estimates: a new one, or a given one with what was measured put in."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING, Any
+
+from bussim.engines.modbus.pdu import WRITES
+from bussim.engines.modbus.server import SPACES, Space
+from bussim.errors import UsageError
+from bussim.live.fit.link import LinkEstimate, StationEstimate
+from bussim.live.fit.modbus import BusEstimate
+from bussim.live.fit.turnaround import Law
+from bussim.plc.link_registers import D_STATION
+from bussim.plc.profiles import PROFILES
+from bussim.units import TICKS_PER_MS, format_time
+
+if TYPE_CHECKING:
+    from bussim.scenario.model import Scenario
+
+#: Longest delay of a device that a scenario takes.
+_LONGEST_DELAY = 60_000 * TICKS_PER_MS
+_SPACE_KEYS = {
+    Space.COILS: "coils",
+    Space.INPUTS: "inputs",
+    Space.INPUT_REGISTERS: "input_registers",
+    Space.HOLDING: "registers",
+}
+
+
+def link_scenario(
+    link: LinkEstimate, bus: str, names: dict[int, str], *, name: str, duration: int, seed: int
+) -> dict[str, Any]:
+    """A scenario of one N:N link in plain data. ``names`` are those of stations that are known.
+
+    What cannot be seen on the wire is as in the default profile: the PLCs' scan times above all.
+    """
+    settings = link.settings
+    low, high = PROFILES["pw10"].timeout_range
+    base = "pw10" if low <= settings.timeout <= high else "fx2n"
+    master = {
+        "name": names.get(0, "station0"),
+        "profile": _master_profile(link, base),
+        "nn": {
+            "bus": bus,
+            "port": "COM4",
+            "station": 0,
+            "slaves": settings.slaves,
+            "mode": settings.mode,
+            "retries": settings.retries,
+            "timeout": f"{settings.timeout * 10} ms",
+        },
+    }
+    plcs = [master]
+    for number in range(1, settings.slaves + 1):
+        found = next((each for each in link.stations if each.station == number), None)
+        plcs.append(
+            {
+                "name": names.get(number, f"station{number}"),
+                "profile": _slave_profile(found, base),
+                "nn": {"bus": bus, "port": "COM4", "station": number},
+            }
+        )
+    called = {number: str(plc["name"]) for number, plc in enumerate(plcs)}
+    return {
+        "schema": 1,
+        "name": name,
+        "duration": format_time(duration),
+        "seed": seed,
+        "buses": [{"name": bus, "nn": True}],
+        "plcs": plcs,
+        "noise": _link_noise(link, bus, called),
+        "faults": [
+            {
+                "at": format_time(outage.start),
+                **_lasting(outage.start, outage.end),
+                "power_off": called[k.station],
+            }
+            for k in link.stations
+            for outage in k.outages
+            if k.station in called and outage.start < duration
+        ],
+    }
+
+
+def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]:
+    """A given scenario's data with what was measured of its link ``bus``.
+
+    Its other keys stay, its faults too; noise of the link that is measured anew is replaced.
+    Raises UsageError if it has no such link.
+    """
+    data: dict[str, Any] = copy.deepcopy(dict(scenario.source))
+    seated = {
+        plc.name: plc.registers.get(f"D{D_STATION}", 0)
+        for plc in scenario.plcs
+        if plc.seat is not None and plc.seat.bus == bus
+    }
+    if not seated:
+        links = [each.name for each in scenario.buses if each.nn]
+        raise UsageError(
+            f"scenario {scenario.name!r} has no PLCs on an N:N link {bus!r}; its links are "
+            f"{', '.join(links) or 'none'} (--bus names one of the recording, which must be called alike)"
+        )
+    called = {number: name for name, number in reversed(seated.items())}
+    for plc in data["plcs"]:
+        number = seated.get(plc["name"])
+        if number is None:
+            continue
+        old = plc.get("profile", "pw10")
+        kept = dict(old) if isinstance(old, dict) else {"base": old}
+        if number == 0:
+            new = _master_profile(link, str(kept.get("base", "pw10")))
+            if link.told and isinstance(plc.get("nn"), dict):
+                plc["nn"] |= {
+                    "slaves": link.settings.slaves,
+                    "mode": link.settings.mode,
+                    "retries": link.settings.retries,
+                    "timeout": f"{link.settings.timeout * 10} ms",
+                }
+        else:
+            found = next((each for each in link.stations if each.station == number), None)
+            new = _slave_profile(found, str(kept.get("base", "pw10")))
+        plc["profile"] = kept | new
+    kept_noise = [
+        each
+        for each in data.get("noise", [])
+        if each.get("bus") != bus or not ({"ber", "reply_loss"} & set(each))
+    ]
+    data["noise"] = kept_noise + _link_noise(link, bus, called)
+    return data
+
+
+def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed: int) -> dict[str, Any]:
+    """A scenario of a Modbus bus in plain data: an HMI with the polls, and a register map a slave."""
+    mode = "ascii" if found.protocol == "modbus-ascii" else "rtu"
+    hmi: dict[str, Any] = {"name": "master", "model": "hmi", "bus": bus, "mode": mode}
+    if found.timeout is not None:
+        hmi["timeout"] = format_time(found.timeout)
+    if found.interval is not None:
+        hmi["interval"] = format_time(min(found.interval, _LONGEST_DELAY))
+    hmi["polls"] = []
+    for poll in found.polls:
+        entry: dict[str, Any] = {
+            "station": poll.station,
+            "function": poll.function,
+            "address": poll.address,
+            "count": poll.quantity,
+            "retries": min(poll.retries, 100),
+        }
+        if poll.function in WRITES:
+            entry["values"] = [0] * poll.quantity  # what was written may have changed each time
+        if poll.every is not None and poll.periodic:
+            entry["every"] = format_time(poll.every)
+            entry["at"] = format_time(max(0, poll.first - found.begin))
+        if poll.turns == 1:
+            entry["times"] = 1
+        hmi["polls"].append(entry)
+    noise: list[dict[str, Any]] = []
+    if found.ber is not None and found.ber.value:
+        noise.append({"bus": bus, "ber": found.ber.value})
+    devices = [hmi]
+    for slave in found.slaves:
+        device: dict[str, Any] = {
+            "name": f"station{slave.station}",
+            "model": "map",
+            "bus": bus,
+            "station": slave.station,
+            "mode": mode,
+        }
+        if slave.law is not None:
+            device |= _delay(slave.law)
+        device |= _items(found, slave.station)
+        devices.append(device)
+        if slave.loss is not None and slave.loss.value and slave.delay is not None:
+            noise.append({"bus": bus, "station": device["name"], "reply_loss": slave.loss.value})
+    return {
+        "schema": 1,
+        "name": name,
+        "duration": format_time(duration),
+        "seed": seed,
+        "buses": [{"name": bus, "baud": found.baud, "format": found.format}],
+        "plcs": [{"name": "idle"}],  # a scenario needs one
+        "devices": devices,
+        "noise": noise,
+    }
+
+
+def _delay(law: Law) -> dict[str, str]:
+    """A device waits ``delay`` and up to ``jitter`` more."""
+    least = max(0, law.mean - law.jitter)
+    return {
+        "delay": format_time(min(least, _LONGEST_DELAY)),
+        "jitter": format_time(min(2 * law.jitter, _LONGEST_DELAY)),
+    }
+
+
+def _items(found: BusEstimate, station: int) -> dict[str, list[dict[str, Any]]]:
+    """The items that a station was asked for, without gaps between those that overlap."""
+    items: dict[str, list[dict[str, Any]]] = {}
+    for space, key in _SPACE_KEYS.items():
+        asked = sorted(
+            (poll.address, poll.address + poll.quantity)
+            for poll in found.polls
+            if poll.station == station and SPACES[poll.function] is space and poll.quantity
+        )
+        merged: list[list[int]] = []
+        for start, end in asked:
+            if merged and start <= merged[-1][1]:
+                merged[-1][1] = max(end, merged[-1][1])
+            else:
+                merged.append([start, end])
+        if merged:
+            writable = {"writable": True} if space in (Space.COILS, Space.HOLDING) else {}
+            items[key] = [
+                {"address": start, "count": end - start, "value": 0, **writable} for start, end in merged
+            ]
+    return items
+
+
+def _master_profile(link: LinkEstimate, base: str) -> dict[str, Any]:
+    profile: dict[str, Any] = {"base": base}
+    if link.master_gap is not None:
+        profile["master_gap"] = format_time(round(link.master_gap.value))
+    if link.scan_overhead is not None:
+        profile["scan_overhead"] = format_time(max(0, round(link.scan_overhead.value)))
+    return profile
+
+
+def _slave_profile(found: StationEstimate | None, base: str) -> dict[str, Any]:
+    if found is None or found.law is None:
+        return {"base": base}
+    law = found.law
+    if law.values:
+        counts: dict[int, int] = {}
+        for value in law.values:
+            counts[value] = counts.get(value, 0) + 1
+        turnaround: dict[str, Any] = {
+            "values": [format_time(value) for value in counts],
+            "weights": list(counts.values()),
+        }
+    else:
+        turnaround = {"mean": format_time(law.mean), "jitter": format_time(min(law.jitter, law.mean))}
+    return {"base": base, "turnaround": turnaround}
+
+
+def _link_noise(link: LinkEstimate, bus: str, called: dict[int, str]) -> list[dict[str, Any]]:
+    noise: list[dict[str, Any]] = []
+    if link.ber is not None and link.ber.value:
+        noise.append({"bus": bus, "ber": link.ber.value})
+    noise += [
+        {"bus": bus, "station": called[found.station], "reply_loss": found.loss.value}
+        for found in link.stations
+        if found.loss is not None and found.loss.value and found.station in called
+    ]
+    return noise
+
+
+def _lasting(start: int, end: int | None) -> dict[str, str]:
+    return {} if end is None else {"for": format_time(max(1, end - start))}

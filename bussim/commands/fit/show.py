@@ -1,0 +1,279 @@
+"""What ``bussim fit`` prints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bussim.commands.sniff.tally import statistics
+from bussim.live.fit.statistics import Estimate, Fit, compare
+from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.units import milliseconds, seconds
+
+if TYPE_CHECKING:
+    from bussim.commands.fit.recording import Fitted
+    from bussim.live.fit.turnaround import Law
+    from bussim.results.meters.run_record import RunRecord
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Measured link scans against simulated ones."""
+
+    measured: Histogram
+    simulated: Histogram
+    fit: Fit
+
+
+def comparison_of(fitted: Fitted, simulated: RunRecord) -> Comparison:
+    """How far the two histograms, of bins of 10 µs, are from each other."""
+    theirs = simulated.links[fitted.bus].scan_times.histogram
+    ours = fitted.measured.links[fitted.bus].scan_times.histogram
+    return Comparison(ours, theirs, compare(_samples(ours), _samples(theirs)))
+
+
+def _samples(histogram: Histogram) -> list[int]:
+    return [position * BIN_TICKS for position, count in histogram.bins.items() for _ in range(count)]
+
+
+def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
+    """The estimates as plain data; times in ms."""
+    found: dict[str, Any] = {
+        "schema": 1,
+        "bus": fitted.bus,
+        "exact_times": fitted.exact,
+        "duration_s": round(seconds(fitted.duration), 6),
+        "confidence": 0.95,
+    }
+    link = fitted.link
+    if link is not None:
+        found["link"] = {
+            "settings": dict(
+                zip(("slaves", "mode", "retries", "timeout_ms"), _settings(fitted), strict=True)
+            ),
+            "settings_heard": link.told,
+            "master_gap_ms": _time(link.master_gap),
+            "scan_overhead_ms": _time(link.scan_overhead),
+            "reply_loss": _plain(link.loss),
+            "ber": _plain(link.ber),
+            "frames": link.frames,
+            "damaged": link.damaged,
+            "scans": len(link.scans),
+            "stations": {
+                str(each.station): {
+                    "name": fitted.names.get(each.station),
+                    "polls": each.polls,
+                    "turnaround_ms": _time(each.turnaround),
+                    "law": _law(each.law),
+                    "reply_loss": _plain(each.loss),
+                    "outages_s": [
+                        [seconds(o.start), None if o.end is None else seconds(o.end)] for o in each.outages
+                    ],
+                }
+                for each in link.stations
+            },
+        }
+    ports = fitted.ports
+    if ports is not None:
+        found["modbus"] = {
+            "protocol": ports.protocol.value,
+            "interval_ms": _ms(ports.interval),
+            "timeout_ms": _ms(ports.timeout),
+            "ber": _plain(ports.ber),
+            "frames": ports.frames,
+            "damaged": ports.damaged,
+            "polls": [
+                {
+                    "station": poll.station,
+                    "function": poll.function,
+                    "address": poll.address,
+                    "count": poll.quantity,
+                    "turns": poll.turns,
+                    "every_ms": _ms(poll.every),
+                    "every_90_percent_ms": [_ms(poll.low), _ms(poll.high)],
+                    "periodic": poll.periodic,
+                    "retries": poll.retries,
+                }
+                for poll in ports.polls
+            ],
+            "stations": {
+                str(each.station): {
+                    "requests": each.requests,
+                    "delay_ms": _time(each.delay),
+                    "law": _law(each.law),
+                    "reply_loss": _plain(each.loss),
+                    "exceptions": {f"{code:02X}": count for code, count in each.exceptions.items()},
+                }
+                for each in ports.slaves
+            },
+        }
+    if comparison is not None:
+        found["comparison"] = {
+            "ks_distance": comparison.fit.distance,
+            "p": comparison.fit.p,
+            "measured_ms": {"count": comparison.measured.count, **statistics(comparison.measured)},
+            "simulated_ms": {"count": comparison.simulated.count, **statistics(comparison.simulated)},
+        }
+    return found
+
+
+def _settings(fitted: Fitted) -> tuple[int, int, int, int]:
+    assert fitted.link is not None  # noqa: S101 - narrows the type
+    slaves, mode, retries, timeout = fitted.link.settings
+    return slaves, mode, retries, 10 * timeout
+
+
+def _ms(ticks: float | None) -> float | None:
+    return None if ticks is None else round(milliseconds(ticks), 6)
+
+
+def _time(found: Estimate | None) -> dict[str, float | None] | None:
+    if found is None:
+        return None
+    return {"value": _ms(found.value), "low": _ms(found.low), "high": _ms(found.high), "count": found.count}
+
+
+def _plain(found: Estimate | None) -> dict[str, float | None] | None:
+    if found is None:
+        return None
+    return {"value": found.value, "low": found.low, "high": found.high, "count": found.count}
+
+
+def _law(law: Law | None) -> dict[str, Any] | None:
+    if law is None:
+        return None
+    return {
+        "mean_ms": _ms(law.mean),
+        "jitter_ms": _ms(law.jitter),
+        "values_ms": [_ms(value) for value in law.values],
+        "uniform_ks_distance": law.fit.distance,
+        "uniform_p": law.fit.p,
+    }
+
+
+def show(fitted: Fitted, simulated: RunRecord | None, comparison: Comparison | None) -> None:
+    """Print the estimates, and both histograms side by side."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from bussim.commands.common.console import wide_console
+
+    console = wide_console()
+    source = "exact times" if fitted.exact else "times of the operating system, its delays included"
+    click.echo(f"{fitted.bus}: {seconds(fitted.duration):.1f} s, {source}")
+    if fitted.link is not None:
+        slaves, mode, retries, timeout = _settings(fitted)
+        told = "as the master said" if fitted.link.told else "as seen"
+        click.echo(f"  {slaves} slaves, mode {mode}, {retries} retries, timeout {timeout} ms ({told})")
+    table = Table(box=None, pad_edge=False, padding=(0, 2))
+    table.add_column("  estimate")
+    for name in ("value", "95 % confidence", "from"):
+        table.add_column(name, justify="right")
+    for row in _rows(fitted):
+        table.add_row(*map(Text, row))
+    console.print(table)
+    for line in _outages(fitted):
+        click.echo(line)
+    if comparison is not None and simulated is not None:
+        for line in _side_by_side(comparison):
+            console.print(line, markup=False)
+
+
+def _rows(fitted: Fitted) -> list[tuple[str, str, str, str]]:
+    rows: list[tuple[str, str, str, str]] = []
+
+    def time(name: str, found: Estimate | None) -> None:
+        if found is not None:
+            span = "–"
+            if found.low is not None and found.high is not None:
+                span = f"{milliseconds(found.low):.4f} … {milliseconds(found.high):.4f}"
+            rows.append((f"  {name}", f"{milliseconds(found.value):.4f} ms", span, f"{found.count:,}"))
+
+    def rate(name: str, found: Estimate | None) -> None:
+        if found is not None:
+            low = "0" if found.low is None else f"{found.low:.3g}"
+            high = "1" if found.high is None else f"{found.high:.3g}"
+            rows.append((f"  {name}", f"{found.value:.3g}", f"{low} … {high}", f"{found.count:,}"))
+
+    link, ports = fitted.link, fitted.ports
+    if link is not None:
+        time("master gap", link.master_gap)
+        time("scan overhead", link.scan_overhead)
+        for each in link.stations:
+            name = fitted.names.get(each.station) or f"station {each.station}"
+            time(f"turnaround of {name}", each.turnaround)
+            _add_law(rows, each.law)
+            rate(f"lost replies of {name}", each.loss)
+        rate("lost replies, all", link.loss)
+        rate("bit error rate", link.ber)
+    if ports is not None:
+        for poll in ports.polls:
+            name = f"{poll.station}: {poll.function:02X} at {poll.address} × {poll.quantity}"
+            every = "–" if poll.every is None else f"{milliseconds(poll.every):.3f} ms"
+            span = "–"
+            if poll.low is not None and poll.high is not None:
+                span = f"90 % in {milliseconds(poll.low):.3f} … {milliseconds(poll.high):.3f}"
+            rows.append((f"  every {name}", every, span, f"{poll.turns:,}"))
+        for slave in ports.slaves:
+            time(f"answer of station {slave.station} after", slave.delay)
+            _add_law(rows, slave.law)
+            rate(f"no answer of station {slave.station}", slave.loss)
+        rate("bit error rate", ports.ber)
+        for name, ticks in (("pause before a request", ports.interval), ("timeout", ports.timeout)):
+            if ticks is not None:
+                rows.append((f"  {name}", f"{milliseconds(ticks):.3f} ms", "", ""))
+    return rows
+
+
+def _add_law(rows: list[tuple[str, str, str, str]], law: Law | None) -> None:
+    if law is None:
+        return
+    text = f"± {milliseconds(law.jitter):.4f} ms"
+    what = f"measured law of {len(law.values)} values" if law.values else "uniform"
+    rows.append((f"    {what}", text, f"p {law.fit.p:.2g}", ""))
+
+
+def _outages(fitted: Fitted) -> list[str]:
+    lines = []
+    for each in fitted.link.stations if fitted.link is not None else ():
+        name = fitted.names.get(each.station) or f"station {each.station}"
+        for outage in each.outages:
+            until = "the end" if outage.end is None else f"{seconds(outage.end):.3f} s"
+            lines.append(f"  {name} was silent from {seconds(outage.start):.3f} s to {until}")
+    return lines
+
+
+_ROWS, _WIDTH = 24, 30
+
+
+def _side_by_side(comparison: Comparison) -> list[str]:
+    measured, simulated = comparison.measured, comparison.simulated
+    low = min(*measured.bins, *simulated.bins)
+    high = max(*measured.bins, *simulated.bins)
+    step = max(1, -(-(high - low + 1) // _ROWS))
+    lines = [
+        f"  link scan time (ms)   measured, {measured.count:,} scans{'':12}simulated, {simulated.count:,}"
+    ]
+    for row in range(low, high + 1, step):
+        shares = [
+            sum(count for at, count in one.bins.items() if row <= at < row + step) / one.count
+            for one in (measured, simulated)
+        ]
+        if not any(shares):
+            continue
+        bars = ["█" * round(_WIDTH * share) or ("▏" if share else "") for share in shares]
+        left = milliseconds(row * BIN_TICKS)
+        lines.append(
+            f"  {left:12.2f}  {shares[0]:7.2%} {bars[0]:<{_WIDTH}} {shares[1]:7.2%} {bars[1]}".rstrip()
+        )
+    for name, one in (("measured", measured), ("simulated", simulated)):
+        figures = statistics(one)
+        shown = ", ".join(f"{key} {value:.3f}" for key, value in figures.items() if value is not None)
+        lines.append(f"  {name:<10} {shown}")
+    lines.append(
+        f"  Kolmogorov-Smirnov distance {comparison.fit.distance:.4f}, "
+        f"p {comparison.fit.p:.3g} (probability of a distance like this if both are one law)"
+    )
+    return lines

@@ -1,0 +1,57 @@
+"""What ``bussim fit`` gathers while a recording is read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from bussim.live.fit.link import LinkEstimate, LinkObserver
+from bussim.live.fit.modbus import BusEstimate, BusObserver
+from bussim.live.sniff.heard import Heard, Protocol
+from bussim.results.meters.collector import Collector
+from bussim.trace.records import TransactionRecord
+
+if TYPE_CHECKING:
+    from bussim.line.characters import LineTiming
+
+
+class FitSink(Collector):
+    """Collects link scans for the comparison, and hands frames and transactions to the observers."""
+
+    def __init__(self, line: LineTiming, master: str, bus: str) -> None:
+        super().__init__(bus_of={master: bus})
+        self._line = line
+        self._seen_link: LinkObserver | None = None
+        self._seen_bus: BusObserver | None = None
+        self._transactions: list[TransactionRecord] = []
+
+    def heard(self, frames: list[Heard]) -> None:
+        """Take in frames, after the listener has told of what follows from them."""
+        for heard in frames:
+            if heard.protocol is Protocol.NN:
+                if self._seen_link is None:
+                    self._seen_link = LinkObserver()
+                self._seen_link.heard(heard)
+                continue
+            if self._seen_bus is None:
+                self._seen_bus = BusObserver(
+                    heard.protocol,
+                    baud=self._line.baud,
+                    fmt=str(self._line.format),
+                    bits=self._line.format.bits,
+                )
+            self._seen_bus.heard(heard)
+        if self._seen_bus is not None:
+            for record in self._transactions:
+                self._seen_bus.transaction(record)
+            self._transactions.clear()
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Keep a transaction until its frames are handed over."""
+        self._transactions.append(record)
+
+    def estimates(self) -> tuple[LinkEstimate | None, BusEstimate | None]:
+        """What all of it tells."""
+        return (
+            None if self._seen_link is None else self._seen_link.estimate(),
+            None if self._seen_bus is None else self._seen_bus.estimate(),
+        )

@@ -1,0 +1,248 @@
+"""What ``bussim poll`` does and shows."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bussim.commands.sniff.tally import statistics
+from bussim.engines.modbus.codes import MEANINGS
+from bussim.engines.modbus.pdu import READS
+from bussim.errors import UsageError
+from bussim.live.polling import PollTurns, Turn
+from bussim.results.meters.histogram import Histogram
+from bussim.results.store.tables import CsvTable
+from bussim.units import milliseconds, seconds
+
+if TYPE_CHECKING:
+    from bussim.commands.poll.plan import Plan, Planned
+
+#: Exception codes in words (Modbus application protocol, section 7).
+_EXCEPTIONS = {
+    1: "illegal function",
+    2: "illegal address",
+    3: "illegal value",
+    4: "device failure",
+    5: "acknowledge",
+    6: "device busy",
+}
+#: Columns of the CSV file.
+COLUMNS = {
+    "time_s": "s",
+    "station": "int",
+    "function": "int",
+    "address": "int",
+    "count": "int",
+    "attempts": "int",
+    "outcome": "text",
+    "response_ms": "ms",
+    "values": "text",
+}
+
+
+class Tally:
+    """What came of one poll so far."""
+
+    def __init__(self, planned: Planned) -> None:
+        self.planned = planned
+        self.turns = self.attempts = self.ok = self.exceptions = 0
+        self.errors: dict[str, int] = {}
+        self.times = Histogram()
+        self.values: list[int | float | str] = []
+
+    def add(self, turn: Turn) -> None:
+        """Take in a turn."""
+        self.turns += 1
+        self.attempts += len(turn.attempts)
+        for attempt in turn.attempts:
+            if attempt.error is not None:
+                word = _outcome(attempt.error, attempt.exception)
+                self.errors[word] = self.errors.get(word, 0) + 1
+        if turn.last.error is None:
+            self.ok += 1
+            self.values = _values(turn, self.planned)
+        elif turn.last.exception:
+            self.exceptions += 1
+        if turn.response is not None:
+            self.times.add(turn.response)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; times in ms."""
+        request = self.planned.poll.request
+        return {
+            "name": self.planned.name,
+            "station": self.planned.poll.station,
+            "function": int(request.function),
+            "address": request.address,
+            "count": request.quantity,
+            "turns": self.turns,
+            "attempts": self.attempts,
+            "ok": self.ok,
+            "exceptions": self.exceptions,
+            "errors": dict(sorted(self.errors.items())),
+            "response_ms": statistics(self.times),
+            "values": self.values,
+        }
+
+
+def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
+    """Poll until every round is done or Ctrl-C; prints the summary. Returns the exit code."""
+    from bussim.engines.modbus.polls import PollList
+    from bussim.live.modbus import master_runner
+    from bussim.live.stopping import Stopping
+    from bussim.live.wire import Wire
+
+    tallies = [Tally(planned) for planned in plan.polls]
+    wire = Wire(plan.url, plan.line, plan.options, report=lambda text: click.echo(text, err=True))
+    with ExitStack() as stack:
+        table = None if csv is None else stack.enter_context(_Csv(csv))
+
+        def on_turn(turn: Turn) -> None:
+            tally = tallies[turn.index]
+            tally.add(turn)
+            if table is not None:
+                table.write(turn, tally.planned)
+            if not as_json:
+                click.echo(_line(turn, tally.planned))
+
+        polls = [planned.poll for planned in plan.polls]
+        turns = PollTurns(polls, on_turn, plan.rounds)
+        runner = master_runner(
+            wire,
+            plan.mode,
+            PollList(polls),
+            timeout=plan.timeout,
+            interval=plan.interval,
+            turnaround=plan.turnaround,
+            handling=turns,
+        )
+        stop = stack.enter_context(Stopping())
+        stack.callback(runner.close)
+        runner.start()
+        if wire.name != plan.url:
+            click.echo(f"polling on {wire.name}", err=True)
+        begun = wire.clock.now()
+        runner.run(lambda: turns.done or stop())
+        duration = wire.clock.now() - begun
+    summary = {
+        "schema": 1,
+        "url": plan.url,
+        "mode": plan.mode.value,
+        "baud": plan.line.baud,
+        "format": str(plan.line.format),
+        "duration_s": round(seconds(duration), 6),
+        "polls": [tally.to_json() for tally in tallies],
+        "rejected_frames": dict(sorted(turns.rejected.items())),
+        "port": wire.counts.to_json(),
+    }
+    if as_json:
+        click.echo(json.dumps(summary, ensure_ascii=False, allow_nan=False, indent=2))
+    else:
+        _show(tallies, summary)
+    silent = all(not tally.ok and not tally.exceptions for tally in tallies)
+    broadcast = all(tally.planned.poll.station == 0 for tally in tallies)
+    return 1 if silent and not broadcast else 0
+
+
+class _Csv:
+    """The CSV file of a session, one row a turn, whole rows whenever it ends."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._table = CsvTable(path, COLUMNS)
+        except OSError as error:
+            raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
+
+    def __enter__(self) -> _Csv:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._table.close()
+
+    def write(self, turn: Turn, planned: Planned) -> None:
+        """Write a turn."""
+        from bussim.results.store.rows import nanoseconds
+
+        request, response = planned.poll.request, turn.response
+        values = _values(turn, planned) if turn.last.error is None else []
+        self._table.append(
+            (
+                nanoseconds(turn.ended.start),
+                planned.poll.station,
+                int(request.function),
+                request.address,
+                request.quantity,
+                len(turn.attempts),
+                "ok" if turn.last.error is None else _outcome(turn.last.error, turn.last.exception),
+                None if response is None else nanoseconds(response),
+                " ".join(map(str, values)) or None,
+            )
+        )
+
+
+def _outcome(error: int, exception: int) -> str:
+    if exception:
+        return f"exception {exception:02X}, {_EXCEPTIONS.get(exception, 'unknown')}"
+    return MEANINGS[error]
+
+
+def _values(turn: Turn, planned: Planned) -> list[int | float | str]:
+    from bussim.live.values import to_values
+
+    response = turn.last.response
+    if response is None or planned.poll.request.function not in READS:
+        return []
+    if planned.form is None:
+        return list(response.values)
+    return to_values(response.values, planned.form, big=planned.big)
+
+
+def _line(turn: Turn, planned: Planned) -> str:
+    """A turn for people: ``station 1  [1] 17  [2] 18  (2.4 ms)``."""
+    last = turn.last
+    tries = f" after {len(turn.attempts)} attempts" if len(turn.attempts) > 1 else ""
+    if last.error is not None:
+        return f"{planned.name}  {_outcome(last.error, last.exception)}{tries}"
+    width = 1 if planned.form is None else planned.form.registers
+    values = _values(turn, planned)
+    if values:
+        shown = "  ".join(f"[{planned.first + place * width}] {value}" for place, value in enumerate(values))
+    else:
+        shown = f"written: {planned.poll.request.quantity} from [{planned.first}]"
+    time = "" if turn.response is None else f"  ({milliseconds(turn.response):.3f} ms{tries})"
+    return f"{planned.name}  {shown}{time}"
+
+
+def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from bussim.commands.common.bars import bars
+    from bussim.commands.common.console import wide_console
+
+    console = wide_console()
+    table = Table(box=None, pad_edge=False, padding=(0, 2))
+    table.add_column("poll")
+    for name in ("turns", "ok", "failed attempts", "median ms", "mean", "max"):
+        table.add_column(name, justify="right")
+    for tally in tallies:
+        figures = tally.to_json()["response_ms"]
+        failed = ", ".join(f"{count} × {word}" for word, count in sorted(tally.errors.items())) or "0"
+        times = ["–" if figures[key] is None else f"{figures[key]:.3f}" for key in ("p50", "mean", "max")]
+        table.add_row(*map(Text, (tally.planned.name, str(tally.turns), str(tally.ok), failed, *times)))
+    console.print()
+    console.print(table)
+    everything = Histogram()
+    for tally in tallies:
+        everything.merge(tally.times)
+    for line in bars(everything):
+        console.print(line, markup=False)
+    for reason, count in summary["rejected_frames"].items():
+        click.echo(f"frames that were no answers: {count} × {reason}")
+    port = summary["port"]
+    if port["losses"] or port["dropped"]:
+        click.echo(f"port: lost {port['losses']} times, {port['dropped']} bytes not sent")

@@ -1,0 +1,116 @@
+"""Does the simulation agree with the exact law? For ``bussim size --verify``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from bussim.exact.from_scenario import from_scenario
+from bussim.exact.metrics import Request, figures_of
+from bussim.scenario import model
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+if TYPE_CHECKING:
+    from bussim.exact.link import LinkModel
+
+#: Two-sided 99.9 %: with some tens of comparisons a false alarm stays rare.
+_WIDTH = 3.29
+#: Simulated at least so long, in ticks.
+_LEAST = 600 * TICKS_PER_SECOND
+#: Scans are averaged in so many batches, so that neighbours that hang together do no harm.
+_BATCHES = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One setting: exact figures beside simulated ones. Times in ms.
+
+    ``half`` is half the width of the simulated mean's 99.9 % interval; ``errors`` are scans that left
+    a station in error, ``allowed`` the range that the law gives them with 99.9 %.
+    """
+
+    retries: int
+    timeout: int
+    scans: int
+    exact_mean: float
+    mean: float
+    half: float
+    expected_errors: float
+    errors: int
+    allowed: tuple[int, int]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the law lies within the simulation's intervals."""
+        low, high = self.allowed
+        return abs(self.exact_mean - self.mean) <= self.half and low <= self.errors <= high
+
+    def to_json(self) -> dict[str, object]:
+        """As plain data."""
+        return {
+            "D8179": self.retries,
+            "D8180": self.timeout // (10 * TICKS_PER_MS),
+            "scans": self.scans,
+            "exact_mean_ms": round(self.exact_mean, 6),
+            "simulated_mean_ms": round(self.mean, 6),
+            "half_width_ms": round(self.half, 6),
+            "expected_station_errors": self.expected_errors,
+            "station_errors": self.errors,
+            "allowed_station_errors": list(self.allowed),
+            "agrees": self.agrees,
+        }
+
+
+def with_setting(
+    scenario: model.Scenario, bus: str, retries: int, timeout: int, loss: float | None
+) -> model.Scenario:
+    """The scenario without faults and with another D8179 and D8180 (``timeout`` in ticks) of one link.
+
+    ``loss``, where given, replaces its noise: each reply of the link vanishes with that chance.
+    """
+    settings = {"D8179": retries, "D8180": timeout // (10 * TICKS_PER_MS)}
+    plcs = tuple(
+        replace(plc, registers={**plc.registers, **settings})
+        if plc.seat is not None and plc.seat.bus == bus and plc.registers.get("D8176", 0) == 0
+        else plc
+        for plc in scenario.plcs
+    )
+    noise = tuple(entry for entry in scenario.noise if entry.window == model.Window())
+    if loss is not None:
+        noise = tuple(entry for entry in noise if entry.target.bus != bus)
+        noise += (model.Noise("assumed", model.Target(bus), model.ReplyLoss(loss)),)
+    duration = max(scenario.duration, _LEAST)
+    faults = tuple(fault for fault in scenario.faults if fault.window == model.Window())
+    return replace(scenario, plcs=plcs, noise=noise, faults=faults, duration=duration)
+
+
+def verify(scenario: model.Scenario, bus: str, retries: int, timeout: int, loss: float | None) -> Verdict:
+    """Simulate one link with a setting (``timeout`` in ticks) and compare it with its law."""
+    from bussim import api
+
+    changed = with_setting(scenario, bus, retries, timeout, loss)
+    exact: LinkModel = from_scenario(changed)[bus]
+    figures = figures_of(exact, Request(levels={}))
+    result = api.run(changed)
+    scans = result.link_scans
+    times = scans.loc[scans["bus"] == bus, "duration_ms"].to_numpy()[1:]  # the first has the start-up in it
+    mean, half = _mean_and_half(times.tolist())
+    errors = sum(result.summary["links"][bus]["station_errors"].values())
+    expected = len(times) * sum(figures.error_per_scan.values())
+    spread = _WIDTH * math.sqrt(max(expected, 1.0))
+    # For rare errors the normal range is too narrow above: with an expectation of 0.01 one is no wonder.
+    allowed = (max(0, math.floor(expected - spread)), math.ceil(expected + spread + 2))
+    exact_mean = figures.mean / TICKS_PER_MS if figures.mean is not None else math.nan
+    return Verdict(retries, timeout, len(times), exact_mean, mean, half, expected, errors, allowed)
+
+
+def _mean_and_half(times: list[float]) -> tuple[float, float]:
+    """Mean, and half of its 99.9 % interval from batch means (Student's t with 39 degrees: 3.56)."""
+    size = len(times) // _BATCHES
+    if size < 1:
+        return math.nan, math.inf
+    batches = [math.fsum(times[i * size : (i + 1) * size]) / size for i in range(_BATCHES)]
+    mean = math.fsum(batches) / _BATCHES
+    variance = math.fsum((batch - mean) ** 2 for batch in batches) / (_BATCHES - 1)
+    return mean, 3.56 * math.sqrt(variance / _BATCHES)

@@ -1,0 +1,163 @@
+"""What ``bussim sniff`` counts and shows while it listens."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+from bussim.live.sniff.link import LinkWatcher
+from bussim.live.sniff.listener import Listener
+from bussim.results.meters.collector import Collector, Rows
+from bussim.results.meters.histogram import QUANTILES, Histogram
+from bussim.trace.records import AttemptRecord, ScanRecord, TransactionRecord
+from bussim.units import milliseconds, seconds
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+
+#: Stations or requests that are told apart.
+MOST_ASKED = 500
+
+
+class Asked:
+    """Exchanges with one station (of N:N), or of one request."""
+
+    def __init__(self) -> None:
+        self.attempts = 0
+        self.outcomes: Counter[str] = Counter()
+        self.response = Histogram()  # from the end of what asked to the first edge of what answered
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; times in ms."""
+        return {
+            "attempts": self.attempts,
+            "outcomes": dict(sorted(self.outcomes.items())),
+            "response_ms": statistics(self.response),
+        }
+
+
+class Tally(Collector):
+    """A collector that also counts exchanges, by station or by request."""
+
+    def __init__(self, *, traced: bool, rows: Rows | None, bus_of: dict[str, str]) -> None:
+        super().__init__(traced=traced, rows=rows, bus_of=bus_of)
+        self.asked: dict[str, Asked] = {}
+        self.scan_times = Histogram()
+
+    def _asked(self, name: str) -> Asked:
+        known = self.asked.get(name)
+        if known is None:
+            # A master that asks for something else every time must not fill the memory.
+            name = name if len(self.asked) < MOST_ASKED else "others"
+            known = self.asked.setdefault(name, Asked())
+        return known
+
+    def scan(self, record: ScanRecord) -> None:
+        """Count a link scan."""
+        self.scan_times.add(record.duration)
+        super().scan(record)
+
+    def attempt(self, record: AttemptRecord) -> None:
+        """Count an attempt of the N:N master."""
+        asked = self._asked(f"station {record.station}")
+        asked.attempts += 1
+        asked.outcomes[record.outcome] += 1
+        if record.turnaround is not None:
+            asked.response.add(max(0, record.turnaround))
+        super().attempt(record)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Count a transaction."""
+        asked = self._asked(record.poll)
+        asked.attempts += 1
+        asked.outcomes[f"exception {record.exception:02X}" if record.exception else record.outcome] += 1
+        if record.answer_start is not None and record.asked is not None:
+            asked.response.add(max(0, record.answer_start - record.asked))
+        super().transaction(record)
+
+
+def statistics(times: Histogram) -> dict[str, float | None]:
+    """The figures of a histogram, in ms."""
+    quantiles = {name: times.quantile(thousandths) for name, thousandths in QUANTILES.items()}
+    figures = {"min": times.minimum, "mean": times.mean, **quantiles, "max": times.maximum}
+    return {name: None if value is None else round(milliseconds(value), 6) for name, value in figures.items()}
+
+
+def to_json(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> dict[str, Any]:
+    """What was heard, as plain data."""
+    watcher = listener.watcher
+    found: dict[str, Any] = {
+        "schema": 1,
+        "protocol": None if listener.protocol is None else listener.protocol.value,
+        "baud": listener.timing.baud,
+        "format": str(listener.timing.format),
+        "exact_times": exact,
+        "duration_s": round(seconds(duration), 6),
+        "characters": listener.characters,
+        "frames": 0 if watcher is None else watcher.frames,
+        "damaged": 0 if watcher is None else watcher.damaged,
+        "unasked": 0 if watcher is None else watcher.unasked,
+        "bus_load": round(watcher.busy / duration, 6) if watcher is not None and duration else 0.0,
+        "exchanges": {name: asked.to_json() for name, asked in sorted(tally.asked.items())},
+    }
+    if isinstance(watcher, LinkWatcher):
+        totals = watcher.totals()
+        found["link"] = {
+            "slaves": totals.slaves,
+            "mode": totals.mode,
+            "retries": totals.retries,
+            "timeout_ms": None if totals.timeout is None else milliseconds(totals.timeout),
+            "settings_heard": watcher.settings is not None,
+            "scans": watcher.scans,
+            "station_errors": {str(k): number for k, number in totals.station_errors.items()},
+            "scan_time_ms": statistics(tally.scan_times),
+        }
+    return found
+
+
+def show(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> RenderableType:
+    """The same for a terminal."""
+    from rich.console import Group
+    from rich.text import Text
+
+    found = to_json(listener, tally, duration, exact=exact)
+    protocol = found["protocol"] or "not recognised yet"
+    lines = [
+        f"{protocol}, {found['baud']} bps {found['format']}; {found['duration_s']:.1f} s, "
+        f"{found['characters']:,} characters, {found['frames']:,} frames, {found['damaged']:,} damaged, "
+        f"bus load {found['bus_load']:.1%}" + ("" if exact else "; times are the operating system's")
+    ]
+    if found["unasked"]:
+        lines.append(f"{found['unasked']:,} frames that belong to no exchange")
+    link = found.get("link")
+    if link is not None:
+        times = link["scan_time_ms"]
+        shown = ", ".join(f"{name} {times[name]:.3f}" for name in times if times[name] is not None)
+        told = "as the master said" if link["settings_heard"] else "as seen"
+        lines.append(
+            f"mode {link['mode']}, {link['slaves']} slaves, {link['retries']} retries, "
+            f"timeout {link['timeout_ms']:g} ms ({told})"
+        )
+        lines.append(f"link scan time   {shown or '–'} ms   ({link['scans']:,} scans)")
+    return Group(*map(Text, lines), _table(tally, by_station=isinstance(listener.watcher, LinkWatcher)))
+
+
+def _table(tally: Tally, *, by_station: bool) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2))
+    table.add_column("station" if by_station else "station: function at address × count")
+    for name in ("attempts", "ok", "failed", "response: median ms", "mean", "max"):
+        table.add_column(name, justify="right")
+    for name, asked in sorted(tally.asked.items()):
+        figures = statistics(asked.response)
+        failed = ", ".join(
+            f"{count:,} × {word}" for word, count in sorted(asked.outcomes.items()) if word != "ok"
+        )
+        times = ["–" if figures[key] is None else f"{figures[key]:.3f}" for key in ("p50", "mean", "max")]
+        row = (name, f"{asked.attempts:,}", f"{asked.outcomes['ok']:,}", failed or "0", *times)
+        table.add_row(*map(Text, row))
+    return table

@@ -1,0 +1,228 @@
+"""A link scan as a chain from scan to scan, with the line's hidden state and the flags that matter.
+
+Used for the law on a line with bursts, and on any line for what spans several scans. Attempts are
+correlated through the hidden state, which moves on in real time: a retry after a short timeout meets
+the same burst again. A scan is a product of matrices; its start has the
+stationary law of the chain of scan starts (not the law at a random instant: scans that meet a burst
+last longer, so fewer of them begin in one). With the policy ``probe`` that chain also holds which
+flags are on.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bussim.exact.bursts.exchange import Attempt, Exchange, attempt_at, exchange_at, line_of
+from bussim.exact.bursts.state_mixture import MARK, Terms, Vectors, exchange_terms
+from bussim.exact.link import LinkModel, Station
+from bussim.exact.scan.memoryless import Fails
+from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.turnaround_sums import TurnaroundSums, spread_of
+from bussim.plc.profiles import AbsentStation
+
+#: Lobes lighter than this are dropped; with bursts there are many.
+FLOOR = 1e-18
+
+
+class _Passed(NamedTuple):
+    """What one scan did.
+
+    ``end``: weights at the next one's start; ``errors`` and ``onsets`` (only where flags are
+    remembered): those of each station's being in error, and newly so; ``before``: weights at the
+    start of each station's exchange, and ``marked`` those of them after an error in this scan (where
+    flags are not remembered).
+    """
+
+    end: NDArray[np.float64]
+    errors: tuple[float, ...]
+    onsets: tuple[float, ...]
+    before: tuple[NDArray[np.float64], ...]
+    marked: tuple[NDArray[np.float64], ...]
+
+
+class ScanChain:
+    """A link scan with one setting; without bursts the line has one state."""
+
+    def __init__(self, model: LinkModel, floor: float = FLOOR) -> None:
+        self.model = model
+        self.line = line_of(model)
+        self.floor = floor
+        self.sums = TurnaroundSums(station.turnaround for station in model.alive)
+        self._attempts = {s.number: attempt_at(self.line, model, s) for s in model.stations}
+        self._exchanges: dict[tuple[int, int], Exchange] = {}
+        self._terms: dict[tuple[int, int], Terms] = {}
+        # Places of the flags that a scan's start depends on.
+        remembered = model.alive if model.absent is AbsentStation.PROBE else ()
+        self._bits = {station.number: bit for bit, station in enumerate(remembered)}
+        self.configurations = 1 << len(self._bits)
+
+    def attempt(self, station: Station) -> Attempt:
+        """The ends of one attempt."""
+        return self._attempts[station.number]
+
+    def exchange(self, station: Station, *, flagged: bool) -> Exchange:
+        """The ends of an exchange with a station whose flag is on or off."""
+        attempts = self.model.attempts_at(flagged=flagged)
+        key = (station.number, attempts)
+        if key not in self._exchanges:
+            self._exchanges[key] = exchange_at(self.line, self._attempts[station.number], attempts)
+        return self._exchanges[key]
+
+    # -- from scan to scan -------------------------------------------------------------------------
+
+    def _pass(self, start: NDArray[np.float64], spared: int | None = None) -> _Passed:
+        """Carry weights over (…, flags, state) through one scan.
+
+        With ``spared`` only the scans without an error of that station go on.
+        """
+        model, line = self.model, self.line
+        clean = start @ line.after(model.data)
+        marked = np.zeros_like(clean)
+        errors, onsets, before, before_marked = [], [], [], []
+        for station in model.stations:
+            both = clean + marked
+            before.append(both)
+            before_marked.append(marked)
+            if station.number in self._bits:
+                off, on = self.exchange(station, flagged=False), self.exchange(station, flagged=True)
+                split = self._split(both, station)
+                new, again = split[..., 0, :, :] @ off.error, split[..., 1, :, :] @ on.error
+                good = split[..., 0, :, :] @ off.answered + split[..., 1, :, :] @ on.answered
+                bad = new + again if station.number != spared else np.zeros_like(new)
+                clean, marked = np.stack((good, bad), axis=-3).reshape(both.shape), np.zeros_like(both)
+                onsets.append(float(new.sum()))
+                errors.append(float((new + again).sum()))
+                continue
+            exchange = self.exchange(station, flagged=not station.alive)
+            bad = both @ exchange.error
+            errors.append(float(bad.sum()))
+            onsets.append(0.0)
+            if station.number == spared:
+                bad = np.zeros_like(bad)
+            clean, marked = clean @ exchange.answered, marked @ exchange.answered + bad
+        if self._bits:
+            # The flags themselves tell which scans end without one.
+            both, without = clean + marked, 0 if model.dead else 1
+            clean, marked = np.zeros_like(both), both.copy()
+            clean[..., :without, :], marked[..., :without, :] = both[..., :without, :], 0.0
+        plain = model.overhead + model.gap
+        end = clean @ line.after(plain) + marked @ line.after(plain + model.parameters_cost)
+        return _Passed(end, tuple(errors), tuple(onsets), tuple(before), tuple(before_marked))
+
+    def _split(self, weight: NDArray[np.float64], station: Station) -> NDArray[np.float64]:
+        """Weights (…, flags, state) with an axis of its own, third from the end, for one station's flag."""
+        bit = self._bits[station.number]
+        shape = (*weight.shape[:-2], self.configurations >> (bit + 1), 2, 1 << bit, self.line.states)
+        return weight.reshape(shape)
+
+    @cached_property
+    def start(self) -> NDArray[np.float64]:
+        """The stationary weights (flags, state) at the start of a master's data frame."""
+        size = self.configurations * self.line.states
+        unit = np.eye(size).reshape(size, self.configurations, self.line.states)
+        step = self._pass(unit).end.reshape(size, size)
+        # One equation of (step^T - 1) w = 0 is replaced by: the weights add up to 1.
+        system = step.T - np.eye(size)
+        system[-1] = 1.0
+        right = np.zeros(size)
+        right[-1] = 1.0
+        solution = np.linalg.solve(system, right)
+        solution = np.maximum(solution, 0.0)
+        # Subtraction above leaves errors near 1e-16; a few steps of the chain wash them out of small weights.
+        for _ in range(8):
+            solution = solution @ step
+        law = solution / solution.sum()
+        return np.asarray(law.reshape(self.configurations, self.line.states), dtype=np.float64)
+
+    def fails(self) -> tuple[Fails, ...]:
+        """The chances of each station, in order; :attr:`Fails.flagged` is 0 here."""
+        passed = self._pass(self.start)
+        errors, onsets = passed.errors, passed.onsets
+        found = []
+        for place, station in enumerate(self.model.stations):
+            if not station.alive:
+                found.append(Fails(1.0, 0.0, 0.0))
+            elif station.number in self._bits:
+                found.append(Fails(errors[place], onsets[place], 0.0))
+            else:
+                without = self._pass(self.start, spared=station.number).end
+                found.append(Fails(errors[place], self._pass(without).errors[place], 0.0))
+        return tuple(found)
+
+    # -- the law -----------------------------------------------------------------------------------
+
+    def mark(self, station: Station) -> int:
+        """The mark that a station's error sets: its own where flags are remembered, else one for all.
+
+        A dead station needs none: its flag is always on.
+        """
+        return MARK << self._bits.get(station.number, 0) if station.alive else 0
+
+    def terms(self, station: Station, *, flagged: bool) -> Terms:
+        """The lobes of an exchange with a station whose flag is on or off."""
+        attempts = self.model.attempts_at(flagged=flagged)
+        key = (station.number, attempts)
+        if key not in self._terms:
+            model = self.model
+            unit = self.sums.unit(station.turnaround) if station.alive else 0
+            whole = float(model.answered(station) + spread_of(station.turnaround)[0])
+            self._terms[key] = exchange_terms(
+                self._attempts[station.number],
+                model.silent_cost,
+                whole,
+                model.quiet,
+                unit,
+                attempts,
+                self.mark(station),
+            )
+        return self._terms[key]
+
+    def followed(self, lobes: Vectors, station: Station, floor: float) -> Vectors:
+        """Lobes followed by the exchange with a station, by its flag where that is remembered."""
+        if station.number not in self._bits:
+            return lobes.then(self.terms(station, flagged=not station.alive), floor)
+        off, on = lobes.parted(self.mark(station))
+        parts = [
+            part.then(self.terms(station, flagged=flagged), floor)
+            for part, flagged in ((off, False), (on, True))
+            if part.shift.size
+        ]
+        return parts[0].mixed(*parts[1:]) if parts else lobes
+
+    def turned(self, lobes: Vectors) -> Vectors:
+        """Lobes at a scan's end carried on to the next data frame's start, past a parameter frame if due."""
+        model, line = self.model, self.line
+        plain = model.overhead + model.gap
+        long = plain + model.parameters_cost
+        on = ((lobes.code >= MARK) | bool(model.dead))[:, None, None]
+        weight = np.where(on, lobes.weight @ line.after(long), lobes.weight @ line.after(plain))
+        shift = lobes.shift + np.where(on[:, 0, 0], long, plain)
+        return Vectors(shift, lobes.code if self._bits else lobes.code & (MARK - 1), weight)
+
+    def begun(self) -> Vectors:
+        """Stationary lobes, of no length, at the start of a master's data frame, with the flags as marks."""
+        flags = np.nonzero(self.start.sum(axis=1) >= self.floor)[0]
+        return Vectors(np.zeros(flags.size), flags * MARK, self.start[flags][:, None, :])
+
+    def begun_exchange(self, station: Station) -> Vectors:
+        """Stationary lobes, of no length, at the start of an exchange, marked as the scan left them."""
+        passed = self._pass(self.start)
+        place = self.model.stations.index(station)
+        if self._bits:
+            weight = passed.before[place]
+            flags = np.nonzero(weight.sum(axis=1) >= self.floor)[0]
+            return Vectors(np.zeros(flags.size), flags * MARK, weight[flags][:, None, :])
+        weight = np.stack((passed.before[place] - passed.marked[place], passed.marked[place]))
+        return Vectors(np.zeros(2), np.array([0, MARK]), weight)
+
+    def law(self) -> Law:
+        """The law of a scan, from one master data frame's start to the next one's."""
+        model = self.model
+        lobes = self.begun().times(self.line.after(model.data), model.data)
+        for station in model.stations:
+            lobes = self.followed(lobes, station, self.floor)
+        return self.turned(lobes).law(self.sums)

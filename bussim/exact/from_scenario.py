@@ -1,0 +1,361 @@
+"""A scenario's N:N links as :class:`~bussim.exact.link.LinkModel` values.
+
+What lasts for the whole run becomes part of the link: a station that is switched off throughout is
+a dead station, a slow one has a longer turnaround. What begins or ends during the run, and what the
+closed form cannot describe, becomes a reason why the law does not hold. On request the former is
+left out instead, since the law between such events is well defined; then a note says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars
+from bussim.exact.link import MASTER, TIMEOUT_UNIT, LineNoise, LinkModel, NoiseSource, Station, frame_ticks
+from bussim.line.characters import NN_LINE
+from bussim.plc.link_registers import (
+    D_MODE,
+    D_RETRIES,
+    D_SLAVES,
+    D_STATION,
+    D_TIMEOUT,
+    bad_parameters,
+    setting_values,
+)
+from bussim.plc.profiles import Reply, Turnaround, attempts_per_poll
+from bussim.scenario.model import (
+    BitErrors,
+    BoardError,
+    Burst,
+    CableCut,
+    ClockPpm,
+    Direction,
+    DropReply,
+    Fault,
+    Impulse,
+    Jabber,
+    LateRelease,
+    Noise,
+    Plc,
+    PowerOff,
+    ReplyLoss,
+    Scenario,
+    Slow,
+    Stop,
+    Window,
+    WrongFormat,
+)
+from bussim.units import milliseconds
+
+#: Hidden states grow as 2 to the number of bursts.
+MAX_BURSTS = 3
+#: Clock errors up to this many ppm move no sample out of its bit (4.7 % would, over 10.5 bits).
+MAX_PPM = 20_000
+
+
+def from_scenario(
+    scenario: Scenario, *, ignore_faults: bool = False, bound_end: bool = False
+) -> dict[str, LinkModel]:
+    """The N:N links of a scenario by the names of their buses.
+
+    With ``ignore_faults``, faults and noise that act only for a part of the run are left out (and
+    named in :attr:`~bussim.exact.link.LinkModel.notes`), so that the law is that of the undisturbed
+    stretches; without it they make the link's law invalid. With ``bound_end``, a reply that waits for
+    END waits for the longest PLC scan each time: times are then upper bounds, which is what a sizing
+    needs; without it such a link has no law.
+    """
+    return {
+        bus.name: _LinkReader(scenario, bus.name, ignore_faults=ignore_faults, bound_end=bound_end).read()
+        for bus in scenario.buses
+        if bus.nn
+    }
+
+
+@dataclass(slots=True)
+class _Member:
+    """A PLC on the link and what lasts for the whole run about it."""
+
+    plc: Plc
+    settings: dict[int, int]
+    refused: bool
+    silent: bool = False  # never sends
+    deaf: bool = False
+    extra: int = 0
+    loss: float = 0.0
+    ppm: Fraction = Fraction(0)
+
+    @property
+    def number(self) -> int:
+        return self.settings[D_STATION]
+
+    @property
+    def scan(self) -> int:
+        """Longest PLC scan under N:N, in ticks."""
+        return self.plc.longest_scan
+
+    def ticks(self, characters: int) -> int:
+        """Ticks of a frame that it sends."""
+        return frame_ticks(characters, replace(NN_LINE, ppm=self.ppm))
+
+
+@dataclass(slots=True)
+class _LinkReader:
+    scenario: Scenario
+    bus: str
+    ignore_faults: bool
+    bound_end: bool
+    members: list[_Member] = field(default_factory=list)
+    obstacles: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    sources: list[NoiseSource] = field(default_factory=list)
+    chains: list[tuple[float, float]] = field(default_factory=list)
+
+    def read(self) -> LinkModel:
+        """The link as it is for the whole run."""
+        for plc in self.scenario.plcs:
+            if plc.seat is not None and plc.seat.bus == self.bus:
+                settings = setting_values(plc.profile, plc.registers)
+                refused = bool(bad_parameters(plc.profile, settings))
+                self.members.append(_Member(plc, settings, refused, silent=refused, deaf=refused))
+        self._numbers()
+        for fault in self.scenario.faults:
+            self._fault(fault)
+        for noise in self.scenario.noise:
+            if noise.target.bus == self.bus:
+                self._noise(noise)
+        return self._model()
+
+    # -- who is there ------------------------------------------------------------------------------
+
+    def _named(self, name: str) -> _Member | None:
+        return next((member for member in self.members if member.plc.name == name), None)
+
+    def _working(self) -> list[_Member]:
+        return [member for member in self.members if not member.refused]
+
+    def _numbers(self) -> None:
+        by_number: dict[int, list[str]] = {}
+        for member in self._working():
+            by_number.setdefault(member.number, []).append(member.plc.name)
+        for number, names in sorted(by_number.items()):
+            if len(names) > 1:
+                what = "masters (station 0)" if number == MASTER else f"stations {number}"
+                self.obstacles.append(f"{' and '.join(names)} are both {what}: their frames collide")
+        if MASTER not in by_number:
+            self.obstacles.append("no station 0 with valid settings: nobody polls")
+
+    def _passing(self, what: str, window: Window) -> bool:
+        """Whether something acts only for a part of the run, which then is noted."""
+        until = window.until
+        if window.at <= 0 and (until is None or until >= self.scenario.duration):
+            return False
+        if window.at >= self.scenario.duration:
+            return True
+        if self.ignore_faults:
+            self.notes.append(f"{what} acts only for a part of the run and is left out")
+        else:
+            self.obstacles.append(
+                f"{what} changes the link during the run; before and after it the law without faults holds"
+            )
+        return True
+
+    # -- faults ------------------------------------------------------------------------------------
+
+    def _fault(self, fault: Fault) -> None:
+        kind = fault.kind
+        if isinstance(kind, BoardError):
+            return  # flags in a PLC; the link does not notice
+        if isinstance(kind, CableCut):
+            if kind.bus == self.bus and not self._passing(f"fault {fault.name} (cable_cut)", fault.window):
+                self._cut(kind)
+            return
+        member = self._named(kind.node)
+        if member is None or member.refused:
+            return
+        what = f"fault {fault.name} on {member.plc.name}"
+        counted = getattr(kind, "count", None)
+        if counted is not None:
+            self._passing(what, Window(fault.window.at, 0))
+        elif not self._passing(what, fault.window):
+            self._lasting(member, fault, what)
+
+    def _cut(self, kind: CableCut) -> None:
+        names = [plc.name for plc in self.scenario.plcs]
+        place = names.index(kind.after)
+        master = next((m for m in self._working() if m.number == MASTER), None)
+        if master is None:
+            return
+        near = names.index(master.plc.name) <= place
+        for member in self.members:
+            if (names.index(member.plc.name) <= place) != near:
+                member.silent = member.deaf = True
+
+    def _lasting(self, member: _Member, fault: Fault, what: str) -> None:
+        kind = fault.kind
+        master = member.number == MASTER
+        if isinstance(kind, PowerOff | Stop):
+            member.silent = member.deaf = True
+            if master:
+                self.obstacles.append(f"{what} keeps the master off: nobody polls")
+        elif isinstance(kind, DropReply):
+            member.silent = member.silent or not master
+        elif isinstance(kind, Slow):
+            member.extra += 0 if master else kind.extra
+        elif isinstance(kind, ClockPpm) and abs(kind.ppm) <= MAX_PPM:
+            member.ppm += kind.ppm
+        elif isinstance(kind, LateRelease) and kind.by < self._quiet_after(member):
+            pass  # the driver is off before anybody else's frame
+        else:
+            said = {
+                Jabber: "a jabbering station collides with every frame",
+                WrongFormat: "what a station with a wrong format hears depends on the data",
+                ClockPpm: "the clock error moves samples out of their bits",
+                LateRelease: "the tail collides with the next frame",
+            }.get(type(kind), "what it damages depends on the data")
+            self.obstacles.append(f"{what}: {said}")
+
+    def _quiet_after(self, member: _Member) -> int:
+        """The shortest time from the end of a member's frame to anybody's next one."""
+        masters = [m.plc.profile.master_gap for m in self._working() if m.number == MASTER]
+        if member.number != MASTER:
+            return min(masters, default=0)
+        replies = [
+            min(law.values) if law.values else law.mean - law.jitter
+            for law in (m.plc.profile.turnaround for m in self._working() if m.number != MASTER)
+        ]
+        return min((*masters, *replies), default=0)
+
+    # -- noise -------------------------------------------------------------------------------------
+
+    def _noise(self, noise: Noise) -> None:
+        target = noise.target
+        member = None
+        if target.station is not None:
+            member = self._named(target.station)
+            if member is None or member.refused:
+                return
+        kind = noise.kind
+        if self._harmless(kind) or self._passing(f"noise {noise.name}", noise.window):
+            return
+        if isinstance(kind, ReplyLoss):
+            for losing in self.members if member is None else [member]:
+                losing.loss += (1 - losing.loss) * kind.probability
+            return
+        if isinstance(kind, Impulse):
+            self.obstacles.append(
+                f"noise {noise.name}: periodic impulses keep their phase from one exchange to the next"
+            )
+            return
+        place = "bus" if member is None else ("rx" if target.direction is Direction.RX else "tx")
+        station = None if member is None else member.number
+        if isinstance(kind, BitErrors):
+            self.sources.append(NoiseSource(place, station, kind.ber))
+        elif kind.ber_good == kind.ber_bad:
+            self.sources.append(NoiseSource(place, station, kind.ber_good))
+        elif len(self.chains) == MAX_BURSTS:
+            self.obstacles.append(
+                f"noise {noise.name}: more than {MAX_BURSTS} bursts on one link are not worked out"
+            )
+        else:
+            self.sources.append(
+                NoiseSource(place, station, kind.ber_good, kind.ber_bad, chain=len(self.chains))
+            )
+            self.chains.append((float(kind.good), float(kind.bad)))
+
+    @staticmethod
+    def _harmless(kind: BitErrors | Burst | Impulse | ReplyLoss) -> bool:
+        if isinstance(kind, ReplyLoss):
+            return kind.probability == 0
+        if isinstance(kind, Burst):
+            return kind.ber_good == 0 and kind.ber_bad == 0
+        return kind.ber == 0
+
+    # -- the result --------------------------------------------------------------------------------
+
+    def _model(self) -> LinkModel:
+        working = self._working()
+        first: dict[int, _Member] = {}
+        for member in working:
+            first.setdefault(member.number, member)
+        master = first.get(MASTER)
+        if master is None:
+            nothing = LinkModel(
+                self.bus, "", (), mode=0, retries=0, attempts=1, timeout=0, gap=0, overhead=0, data=0
+            )
+            return replace(nothing, obstacles=tuple(self.obstacles), notes=tuple(self.notes))
+        settings, profile = master.settings, master.plc.profile
+        mode = settings[D_MODE]
+        numbers = range(1, settings[D_SLAVES] + 1)
+        stations = tuple(self._station(number, first.get(number), master, mode) for number in numbers)
+        listeners = tuple(
+            self._station(member.number, member, master, mode)
+            for member in working
+            if member.number > settings[D_SLAVES] and first[member.number] is member
+        )
+        model = LinkModel(
+            bus=self.bus,
+            master=master.plc.name,
+            stations=stations,
+            mode=mode,
+            retries=settings[D_RETRIES],
+            attempts=attempts_per_poll(profile, settings[D_RETRIES]),
+            timeout=settings[D_TIMEOUT] * TIMEOUT_UNIT,
+            gap=profile.master_gap,
+            overhead=profile.scan_overhead,
+            data=master.ticks(data_chars(mode)),
+            poll=master.ticks(POLL_CHARS),
+            parameters=master.ticks(PARAMETERS_CHARS),
+            absent=profile.absent_station,
+            error_count=profile.error_count,
+            unit=profile.link_scan_unit,
+            noise=LineNoise(tuple(self.sources), tuple(self.chains)),
+            scan=master.scan,
+            timeout_range=profile.timeout_range,
+            listeners=listeners,
+        )
+        self.obstacles += self._limits(model, working)
+        return replace(model, obstacles=tuple(self.obstacles), notes=tuple(self.notes))
+
+    def _station(self, number: int, member: _Member | None, master: _Member, mode: int) -> Station:
+        if member is None:
+            return Station(number, "", Turnaround(0, 0), 0, alive=False, hears=False)
+        plc = member.plc
+        at_end = plc.profile.reply is Reply.END
+        stays_out = mode not in plc.profile.modes  # refuses the master's parameters
+        if plc.power_on > master.plc.power_on and number <= master.settings[D_SLAVES]:
+            self._passing(f"the late power-on of {plc.name}", Window(master.plc.power_on, plc.power_on))
+        return Station(
+            number=number,
+            name=plc.name,
+            turnaround=plc.profile.turnaround,
+            reply=member.ticks(data_chars(mode)),
+            alive=not (member.silent or stays_out),
+            hears=not (member.deaf or stays_out),
+            extra=member.extra + (member.scan if at_end and self.bound_end else 0),
+            loss=member.loss,
+            scan=member.scan,
+        )
+
+    def _limits(self, model: LinkModel, working: Iterable[_Member]) -> list[str]:
+        found = []
+        by_number = {member.number: member for member in working}
+        for station in model.alive:
+            if by_number[station.number].plc.profile.reply is not Reply.END:
+                continue
+            if self.bound_end:
+                self.notes.append(
+                    f"{station.label} replies at END: its wait is taken at its longest, one PLC scan, "
+                    "so that times are upper bounds"
+                )
+            else:
+                found.append(
+                    f"{station.label} replies at END: the phase of its PLC scan persists from poll to poll"
+                )
+        if model.noise.sources and model.gap < model.character:
+            found.append(
+                f"a master gap of {milliseconds(model.gap):g} ms is less than a character: a misread last "
+                "character may reach into the next frame"
+            )
+        return found

@@ -1,0 +1,1 @@
+"""Bounds of latencies, in closed form."""

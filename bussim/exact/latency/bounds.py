@@ -1,0 +1,288 @@
+"""The longest that a signal takes from one device to another, in closed form. All times in ticks.
+
+A change waits for at most two scans of its PLC (one that begins too early to see it, one that carries it
+out), then for the next data frame of its station, at most one link scan away; the frame is on the wire;
+the destination's END comes at most one scan later, and its output another one. A rung that stands in front
+of the one whose result it reads costs a scan more (:mod:`bussim.exact.latency.program_delay`). The age of a word is at
+most that of an image taken one scan before its frame began, when the next frame is complete.
+
+**What the cases mean.** The *window* of a change lasts from the change to its output (of a word: from the
+END that left it to the one that reads it). An attempt counts as a lost reply if it fails and any part of it,
+from the quiet time before its poll to its end, lies in the window. A station's *flag* is on from the end of
+an exchange that has spent all its attempts to its next good one; a scan that begins while any is on has a
+parameter frame in front. Stations that never answer belong to the link, not to its errors: no case holds for
+a change before the link has formed, nor under ``absent_station: probe`` before the first link scan in which
+the flags of all of them are on (until then each takes all its attempts once).
+
+- *no error*: no lost reply, and at the change no station's flag is on. So from the link's first scan on
+  until anything is lost (with absent stations: see above), and again once everybody has answered.
+- *e lost replies*, of whatever stations: e lost replies; flags may be on from before. With e = 0 that is a
+  parameter frame more than without error. Whenever the source itself has spent all its attempts (under
+  ``absent_station: probe`` with its flag on: the one that it gets), its data wait for another link scan.
+- *every retry spent*: any reply of any station may be lost, all attempts in every scan; only of the source
+  is it assumed how often: its exchange spends all its attempts without an answer once, it is in error, and
+  in the next scan it answers the last attempt that it gets. (Under ``probe`` with its flag on it gets one
+  attempt a scan: it spends as many scans as there are attempts.) A master has no exchange of its own: for
+  one the case has no assumption. A source that is in error for longer sends nothing for as long.
+
+Nobody repeats a frame that only the target misses: each such one adds :attr:`LatencyBound.missed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from bussim.engines.nn.frames import MODES
+from bussim.exact.from_scenario import from_scenario
+from bussim.exact.latency.program_delay import Passage, passage_of
+from bussim.exact.link import MASTER, LinkModel
+from bussim.exact.scan.outages import clean_scan
+from bussim.plc.link_registers import D_STATION, setting_values
+from bussim.plc.memory import BlockPlace, block_place
+from bussim.plc.profiles import AbsentStation
+from bussim.scenario.model import Plc, Scenario
+from bussim.scenario.signals.paths import Way, ways
+from bussim.scenario.signals.reachability import Lead
+from bussim.units import milliseconds
+
+#: Keys of the two cases beside those with lost replies.
+NO_ERROR, EVERY_RETRY = "no error", "every retry spent"
+
+
+@dataclass(frozen=True, slots=True)
+class LatencyBound:
+    """Of one entry: what its parts are at most. Nothing but ``reasons`` counts where it is not ``valid``.
+
+    ``scan``, ``wire``, ``destination`` and ``output`` are those of ``bussim.results.meters.latency.PARTS``;
+    ``turn`` is without error; ``program`` the scans that programs take beyond these, wherever they show.
+    ``silent`` is what a lost reply costs, ``link_scan`` the longest link scan without error, ``answered``
+    what of it the source's own exchange takes (0 for the master), ``others`` those of the other slaves that
+    answer, ``parameters`` a parameter frame where not every scan has one anyway, ``probe`` whether a station
+    whose flag is on gets one attempt only. ``gates`` are what must let the signal through. Both PLCs one and
+    the same: no link, ``link_scan`` is 0.
+    """
+
+    name: str
+    word: bool
+    scan: int = 0
+    turn: int = 0
+    wire: int = 0
+    destination: int = 0
+    output: int = 0
+    program: int = 0
+    link_scan: int = 0
+    silent: int = 0
+    answered: int = 0
+    others: tuple[int, ...] = ()
+    parameters: int = 0
+    attempts: int = 1
+    probe: bool = False
+    reasons: tuple[str, ...] = ()
+    gates: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def valid(self) -> bool:
+        """Whether there is such a bound."""
+        return not self.reasons
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """What the bound leaves out or takes for granted, in words."""
+        gates = [f"holds as long as {', '.join(self.gates)} let it through"] if self.gates else []
+        return (*gates, *self.notes)
+
+    @property
+    def no_error(self) -> int:
+        """Without any error."""
+        return self.scan + self.turn + self.wire + self.destination + self.output + self.program
+
+    @property
+    def missed(self) -> int:
+        """What each frame that only the target misses adds, without further errors."""
+        return self.link_scan + self.parameters
+
+    def lost(self, replies: int) -> int:
+        """With so many lost replies, of whatever stations, flags may be on from before."""
+        if not self.link_scan:
+            return self.no_error
+        longer = self.no_error + self.parameters + replies * self.silent
+        if not self.answered:
+            # Of one scan: what is beyond the last retries leaves stations unanswered.
+            unanswered = max(0, replies - len(self.others) * (self.attempts - 1))
+            return min(longer - unanswered * min(self.others, default=0), self.every_retry)
+        without = replies if self.probe else replies // self.attempts  # exchanges of the source
+        return longer + without * (self.link_scan - self.answered + self.parameters)
+
+    @property
+    def every_retry(self) -> int:
+        """With every retry of every station spent; the source once in vain, and then up to the last."""
+        if not self.link_scan:
+            return self.no_error
+        spent = self.attempts * self.silent
+        last = spent - self.silent  # up to an answer to the last attempt
+        if not self.answered:
+            scans, own = 1, 0
+        elif self.probe:
+            scans, own = self.attempts + 1, spent + self.answered
+        else:
+            scans, own = 2, spent + last + self.answered
+        bare = self.link_scan - self.answered - sum(self.others) + self.parameters
+        # A flag that is on costs one attempt under probe: answering the last attempt each time costs more.
+        each = [max(self.silent, last + other) if self.probe else spent for other in self.others]
+        others = sum(spent + (scans - 1) * other for other in each)
+        return self.no_error - self.link_scan + scans * bare + own + others
+
+    def cases(self) -> dict[str, int]:
+        """The bounds by case; empty where there are none."""
+        if not self.valid:
+            return {}
+        found = {NO_ERROR: self.no_error}
+        if self.link_scan:
+            for replies in range(1, self.attempts + 1):
+                found[f"{replies} lost {'reply' if replies == 1 else 'replies'}"] = self.lost(replies)
+            found[EVERY_RETRY] = self.every_retry
+        return found
+
+    def to_json(self) -> dict[str, object]:
+        """One entry of the JSON form, times in ms."""
+        parts = ("scan", "turn", "wire", "destination", "output", "program")
+        return {
+            "valid": self.valid,
+            "reasons": list(self.reasons),
+            "gates": list(self.gates),
+            "notes": list(self.caveats),
+            "kind": "age of a word" if self.word else "change of a bit",
+            "no_error_ms": _ms(self.no_error) if self.valid else None,
+            "lost_replies_ms": {str(number): _ms(self.lost(number)) for number in range(self.attempts + 1)}
+            if self.valid and self.link_scan
+            else {},
+            "every_retry_ms": _ms(self.every_retry) if self.valid else None,
+            "missed_frame_ms": _ms(self.missed) if self.valid and self.link_scan else None,
+            "parts_ms": {part: _ms(getattr(self, part)) for part in parts} if self.valid else {},
+        }
+
+
+def _ms(ticks: int) -> float:
+    return round(milliseconds(ticks), 6)
+
+
+def bounds_of(scenario: Scenario) -> dict[str, LatencyBound]:
+    """The bounds of all entries of ``latency`` by name, for the stretches without faults.
+
+    Noise only decides how often replies are lost, which each case says for itself.
+    """
+    models = from_scenario(replace(scenario, noise=()), ignore_faults=True, bound_end=True)
+    return {way.entry.name: _bound(way, models) for way in ways(scenario)}
+
+
+def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
+    name, source, target, word = way.entry.name, way.source, way.target, way.word
+    reasons = [
+        f"the longest scan of {plc.name} cannot be told: its program has loops, subroutines or jumps back"
+        for plc in ((source,) if source is target else (source, target))
+        if plc.instruction_time is None and way.finding.lead is not Lead.NONE
+    ]
+    scan = 2 * source.longest_scan if way.entry.source.startswith("X") else 0
+    if way.bus is None:
+        found = passage_of(way, None, linked=(_linked(source, models),))
+        reasons += found.reasons
+        return LatencyBound(
+            name, word, scan=scan, program=found.scans, reasons=tuple(reasons), gates=found.gates
+        )
+    model = models[way.bus]
+    reasons += _obstacles(way, model)
+    number = _number(source)
+    found = Passage()
+    if not reasons:
+        kind = MODES[model.mode]
+        found = _passage(
+            way,
+            [
+                block_place(number, kind.bits, kind.words, plc.profile.word_spacing)
+                for plc in (source, target)
+            ],
+            [_linked(plc, models) for plc in (source, target)],
+        )
+        reasons += found.reasons
+    if reasons:
+        return LatencyBound(name, word, reasons=tuple(reasons), notes=model.notes)
+    notes = model.notes
+    if model.dead and model.absent is AbsentStation.PROBE:
+        absent = ", ".join(str(station.number) for station in model.dead)
+        notes = (
+            *notes,
+            (
+                "holds from the first link scan in which the error flags of the stations that never answer "
+                f"({absent}) are on: until then each takes all its attempts once"
+            ),
+        )
+    parameters = model.parameters_cost
+    link_scan = clean_scan(model, slowest=True)
+    answered = {s.number: model.answered(s) - s.extra + s.slowest for s in model.alive}
+    return LatencyBound(
+        name,
+        word,
+        scan=scan,
+        turn=source.longest_scan if word else link_scan,
+        wire=way.frame,
+        destination=link_scan if word else target.longest_scan,
+        output=0 if word or way.direct else target.longest_scan,
+        program=found.scans,
+        link_scan=link_scan,
+        silent=model.silent_cost,
+        answered=answered.pop(number, 0),
+        others=tuple(answered.values()),
+        parameters=0 if model.dead else parameters,
+        attempts=model.attempts,
+        probe=model.absent is AbsentStation.PROBE,
+        gates=found.gates,
+        notes=notes,
+    )
+
+
+def _passage(way: Way, blocks: Sequence[BlockPlace], linked: Sequence[Sequence[BlockPlace]]) -> Passage:
+    """Through the programs; ``blocks`` are the source's own in each of the two PLCs."""
+    own, copy = blocks
+    if way.word:
+        return Passage(reasons=way.unmeasured)
+    return passage_of(way, own, copy.word - own.word, linked)
+
+
+def _linked(plc: Plc, models: dict[str, LinkModel]) -> list[BlockPlace]:
+    """The blocks that the link writes in a PLC: those of all other stations that are heard."""
+    model = models.get(plc.seat.bus) if plc.seat is not None else None
+    if model is None or model.obstacles:
+        return []
+    kind, number = MODES[model.mode], _number(plc)
+    return [
+        block_place(other, kind.bits, kind.words, plc.profile.word_spacing)
+        for other in (MASTER, *(station.number for station in model.alive))
+        if other != number
+    ]
+
+
+def _number(plc: Plc) -> int:
+    return setting_values(plc.profile, plc.registers)[D_STATION]
+
+
+def _obstacles(way: Way, model: LinkModel) -> list[str]:
+    """Why the link carries nothing from one to the other, or not within known times."""
+    found = [*model.obstacles, *(model.timeout_reasons() if not model.obstacles else ())]
+    if found:
+        return found
+    block, kind = MODES[model.mode], "words" if way.word else "bits"
+    if not getattr(block, kind):
+        return [f"refresh mode {model.mode} shares no {kind}"]
+    for plc in (way.source, way.target):
+        number = _number(plc)
+        if number == MASTER:
+            continue
+        known = {station.number: station for station in (*model.stations, *model.listeners)}.get(number)
+        polled = known in model.stations
+        if plc is way.source and (known is None or not known.alive or not polled):
+            found.append(f"{plc.name} is never heard on {way.bus}")
+        elif known is None or not known.hears:
+            found.append(f"{plc.name} hears nothing on {way.bus}")
+    return found

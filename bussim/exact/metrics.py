@@ -1,0 +1,249 @@
+"""The figures of one link with one setting: what ``bussim exact`` prints and its JSON form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bussim.exact.link import LinkModel
+from bussim.exact.refresh import GapLaw, gap_laws
+from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.outages import clean_scan, dead_means, detection, longest_scan, ride_through
+from bussim.exact.scan.turnaround_sums import Floats
+from bussim.exact.solve import Solved
+from bussim.exact.text import ms, scans_over, years_between
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, UNIT_TICKS
+
+YEAR = int(UNIT_TICKS["y"])
+
+#: A quantile is given only where the weight of dropped lobes is less than this part of its level.
+_RESOLVED = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to work out.
+
+    ``levels`` are probabilities of exceeding by the keys that the user wrote; ``deadlines`` and
+    ``mission`` are ticks; ``missed_per_year`` is how often a heartbeat may be missed falsely.
+    ``refresh`` asks for the times between refreshes, which take by far the longest on a very noisy line.
+    """
+
+    levels: Mapping[str, float] = field(default_factory=lambda: {"1e-3": 1e-3, "1e-6": 1e-6, "1e-9": 1e-9})
+    deadlines: tuple[int, ...] = ()
+    mission: int = YEAR
+    missed_per_year: float = 0.1
+    refresh: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Refresh:
+    """The time between refreshes of one pair, in ticks: mean, quantiles by key, heartbeat preset.
+
+    The preset is for a word that changes in every PLC scan of the source: the gap that is exceeded
+    ``missed_per_year`` times a year, plus the longest PLC scans of both, up to the next 10 ms. None
+    where the law does not reach so far.
+    """
+
+    mean: float
+    quantiles: dict[str, float | None]
+    heartbeat: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Figures of one link. Times in ticks; None where ``valid`` is false or there is nothing to tell.
+
+    ``error_per_scan`` is each living station's chance to be in error in a scan, ``error_per_year`` to
+    be so at least once in a year; ``errors_per_year`` counts all scans of all living stations that
+    are in error, ``onsets_per_year`` the times a flag goes on. ``maximum`` has quantiles of D8202 over
+    ``mission``, by probability of exceeding, neighbouring scans taken as independent. ``detect_*`` are
+    for the station that takes longest; with everybody else silent as well a death is noticed within
+    ``worst_case``.
+    """
+
+    model: LinkModel
+    valid: bool
+    reasons: tuple[str, ...]
+    law: Law | None = None
+    mean: float | None = None
+    sd: float | None = None
+    shortest: int | None = None
+    longest_clean: int | None = None
+    worst_case: int | None = None
+    quantiles: dict[str, float] = field(default_factory=dict)
+    over: dict[int, float] = field(default_factory=dict)
+    error_per_scan: dict[int, float] = field(default_factory=dict)
+    error_per_year: dict[int, float] = field(default_factory=dict)
+    errors_per_year: float | None = None
+    onsets_per_year: float | None = None
+    mission: int | None = None
+    maximum: dict[str, float] = field(default_factory=dict)
+    silence: int | None = None
+    corruption: int | None = None
+    one_dead: float | None = None
+    two_dead: float | None = None
+    detect_mean: float | None = None
+    detect_longest: int | None = None
+    detect: dict[str, float] = field(default_factory=dict)
+    refresh: dict[str, Refresh] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, object]:
+        """One link of the JSON form, times in ms. Quantities that do not exist are null."""
+        model = self.model
+        return {
+            "valid": self.valid,
+            "reasons": list(self.reasons),
+            "notes": list(model.notes),
+            "stations": len(model.stations) + 1,
+            "mode": model.mode,
+            "retries": model.retries,
+            "attempts": model.attempts,
+            "timeout_ms": _ms(model.timeout),
+            "mean_ms": _ms(self.mean),
+            "sd_ms": _ms(self.sd),
+            "no_error_ms": {"min": _ms(self.shortest), "max": _ms(self.longest_clean)},
+            "worst_case_ms": _ms(self.worst_case),
+            "quantiles_ms": {key: _ms(x) for key, x in self.quantiles.items()},
+            "p_scan_over_ms": {ms(x): p for x, p in self.over.items()},
+            "station_error_per_scan": {str(k): p for k, p in self.error_per_scan.items()},
+            "station_error_per_year": {str(k): p for k, p in self.error_per_year.items()},
+            "false_errors_per_year": self.errors_per_year,
+            "false_error_onsets_per_year": self.onsets_per_year,
+            "years_between_false_errors": 1 / self.onsets_per_year if self.onsets_per_year else None,
+            "maximum_ms": {key: _ms(x) for key, x in self.maximum.items()},
+            "mission_s": None if self.mission is None else self.mission / TICKS_PER_SECOND,
+            "ride_through_ms": {"silence": _ms(self.silence), "corruption": _ms(self.corruption)},
+            "one_dead_ms": _ms(self.one_dead),
+            "two_dead_ms": _ms(self.two_dead),
+            "detect_ms": {
+                "mean": _ms(self.detect_mean),
+                "max": _ms(self.detect_longest),
+                "bound": _ms(self.worst_case if self.detect_mean is not None else None),
+                **{key: _ms(x) for key, x in self.detect.items()},
+            },
+            "refresh_gap_ms": {
+                pair: {
+                    "mean": _ms(refresh.mean),
+                    **{key: _ms(x) for key, x in refresh.quantiles.items()},
+                    "heartbeat": _ms(refresh.heartbeat),
+                }
+                for pair, refresh in self.refresh.items()
+            },
+        }
+
+    def in_words(self) -> list[str]:
+        """The figures that are read best as sentences."""
+        if not self.valid:
+            return [f"no exact law: {reason}" for reason in self.reasons]
+        said = [scans_over(p, x) for x, p in self.over.items()]
+        if self.model.alive and self.onsets_per_year is not None:
+            said.append(years_between(self.onsets_per_year))
+        return said
+
+
+def tail_curve(law: Law, least: float = 1e-12, points: int = 2_000) -> tuple[Floats, Floats]:
+    """Points of P(scan > x) for a plot with a logarithmic axis: x in ms, and the probabilities.
+
+    From the least scan to the one exceeded with probability ``least``; both ends of every lobe that
+    matters are among the points, so that steps stay steep.
+    """
+    low, high = law.support[0], law.quantile(least)
+    heavy = law.weight >= least
+    ends = np.concatenate((law.shift[heavy], law.upper[heavy], np.linspace(low, high, points)))
+    x = np.unique(ends[(ends >= low) & (ends <= high)])
+    return x / TICKS_PER_MS, law.tail(x)
+
+
+def _ms(ticks: float | None) -> float | None:
+    return None if ticks is None else round(ticks / TICKS_PER_MS, 6)
+
+
+def over_mission(law: Law, mission: int, level: float) -> float:
+    """What the longest scan of a mission exceeds with a probability, in ticks (D8202 before rounding)."""
+    scans = max(1.0, mission / law.mean)
+    # P(maximum > x) = 1 - (1 - p)^scans = level
+    return law.quantile(-math.expm1(math.log1p(-level) / scans))
+
+
+def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
+    """All figures of a link; only ``valid`` and ``reasons`` where the closed form does not hold."""
+    request = request or Request()
+    if not model.valid:
+        return Figures(model, valid=False, reasons=model.reasons)
+    solved = Solved(model)
+    law = solved.law
+    scans = YEAR / law.mean
+    chances = {s.number: f for s, f in zip(model.stations, solved.fails, strict=True) if s.alive}
+    lost = ride_through(model)
+    found = [detection(model, law, station) for station in model.alive]
+    slowest = None
+    if found:
+        number = max(found, key=lambda d: d.mean).station
+        slowest = detection(model, law, model.station(number), tuple(request.levels.values()))
+    return Figures(
+        model,
+        valid=True,
+        reasons=(),
+        law=law,
+        mean=law.mean,
+        sd=math.sqrt(law.variance),
+        shortest=clean_scan(model, slowest=False),
+        longest_clean=clean_scan(model, slowest=True),
+        worst_case=longest_scan(model),
+        quantiles={key: law.quantile(level) for key, level in request.levels.items()},
+        over={x: float(law.tail(float(x))) for x in request.deadlines},
+        error_per_scan={k: f.error for k, f in chances.items()},
+        error_per_year={k: _once(f.error, scans) for k, f in chances.items()},
+        errors_per_year=scans * sum(f.error for f in chances.values()),
+        onsets_per_year=scans * sum(f.onset for f in chances.values()),
+        mission=request.mission,
+        maximum={key: over_mission(law, request.mission, p) for key, p in (("p50", 0.5), ("p99", 0.01))},
+        silence=lost.silence if chances else None,
+        corruption=lost.corruption if chances else None,
+        one_dead=dead_means(solved, 1),
+        two_dead=dead_means(solved, 2),
+        detect_mean=slowest.mean if slowest else None,
+        detect_longest=max((d.longest for d in found), default=None),
+        detect={key: slowest.quantiles[level] for key, level in request.levels.items()} if slowest else {},
+        refresh=_refreshes(solved, request) if request.refresh else {},
+    )
+
+
+def _once(probability: float, times: float) -> float:
+    """The probability of at least once in so many independent tries."""
+    return 1.0 if probability >= 1 else -math.expm1(times * math.log1p(-probability))
+
+
+def _refreshes(solved: Solved, request: Request) -> dict[str, Refresh]:
+    model = solved.model
+    known: dict[int, tuple[dict[str, float | None], float | None]] = {}
+    found = {}
+    for (source, receiver), gap in gap_laws(solved).items():
+        # Laws of pairs that do not differ are one object; only the PLCs' scans may.
+        if id(gap.law) not in known:
+            quantiles = {key: _resolved(gap.law, level) for key, level in request.levels.items()}
+            known[id(gap.law)] = quantiles, _rare_gap(solved, gap, request.missed_per_year)
+        quantiles, rare = known[id(gap.law)]
+        preset = None if rare is None else _preset(model, gap, rare)
+        found[f"{model.name(source)}->{model.name(receiver)}"] = Refresh(gap.law.mean, quantiles, preset)
+    return found
+
+
+def _resolved(law: Law, level: float) -> float | None:
+    return law.quantile(level) if 0 < level < 1 and law.lost <= _RESOLVED * level else None
+
+
+def _rare_gap(solved: Solved, gap: GapLaw, per_year: float) -> float | None:
+    """The gap in ticks that is exceeded so often a year, None where the law does not reach so far."""
+    gaps = YEAR / solved.law.mean * gap.per_scan
+    return _resolved(gap.law, min(0.5, per_year / gaps))
+
+
+def _preset(model: LinkModel, gap: GapLaw, x: float) -> int:
+    """A heartbeat's preset in ticks, a multiple of 10 ms; see :class:`Refresh`."""
+    unit = 10 * TICKS_PER_MS
+    return math.ceil((x + model.scans_between(gap.source, gap.receiver)) / unit) * unit

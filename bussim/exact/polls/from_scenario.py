@@ -1,0 +1,349 @@
+"""A scenario's poll lists as :class:`~bussim.exact.polls.model.PollListModel` values.
+
+The figures are those without errors: noise and faults are left out (and named), except that a slave which a
+fault makes slow is as slow as that, and one that is off for the whole run is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from bussim.devices.lx import LxMap
+from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.engines.modbus.framing import Framing
+from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
+from bussim.exact.polls.model import PollListModel, PollModel
+from bussim.exact.polls.one_poll import MasterModel, poll_model, too_hasty
+from bussim.exact.polls.slaves import SlaveModel, device_model
+from bussim.line.characters import LineTiming
+from bussim.plc.link_registers import bad_parameters, setting_values
+from bussim.plc.memory import Memory, parse_device
+from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
+from bussim.plc.ports.spec import FreeSpec, PollSpec
+from bussim.scenario.model import (
+    BusDevice,
+    DropReply,
+    Fault,
+    FreeSettings,
+    HmiSettings,
+    Plc,
+    PowerOff,
+    Scenario,
+    Slow,
+    Stop,
+    Window,
+)
+from bussim.units import round_half_up
+from bussim.wording import names
+
+
+def poll_lists(scenario: Scenario) -> dict[str, PollListModel]:
+    """Every poll list of a scenario, by its node: ``press1.COM3``, or an HMI's name."""
+    return _Reader(scenario).read()
+
+
+@dataclass(slots=True)
+class _Port:
+    """One port of a PLC and what its words say."""
+
+    plc: Plc
+    name: str
+    bus: str
+    settings: PortSettings | BadSettings
+
+    @property
+    def node(self) -> str:
+        return self.plc.port_node(self.name)
+
+    @property
+    def protocol(self) -> str:
+        settings = self.settings
+        return settings.protocol or "" if isinstance(settings, PortSettings) else ""
+
+    @property
+    def works(self) -> bool:
+        """Whether it may have a transaction under way."""
+        return self.protocol not in ("", "hmi")
+
+
+@dataclass(slots=True)
+class _Reader:
+    scenario: Scenario
+    ports: list[_Port] = field(default_factory=list)
+    slaves: list[SlaveModel] = field(default_factory=list)
+    masters: list[MasterModel] = field(default_factory=list)
+    asking: dict[str, list[str]] = field(default_factory=dict)  # masters by bus
+    talkers: dict[str, list[str]] = field(default_factory=dict)
+    broken: dict[str, PollListModel] = field(default_factory=dict)
+
+    def read(self) -> dict[str, PollListModel]:
+        scenario = self.scenario
+        for plc in scenario.plcs:
+            self.ports += _ports(plc)
+        for port in self.ports:
+            self._port(port)
+        for device in scenario.devices:
+            self._device(device)
+        found = self.broken | {master.node: self._list(master) for master in self.masters}
+        order = [port.node for port in self.ports] + [device.name for device in scenario.devices]
+        return {node: found[node] for node in order if node in found}
+
+    # -- who is there ------------------------------------------------------------------------------
+
+    def _port(self, port: _Port) -> None:
+        plc, settings = port.plc, port.settings
+        polls = [poll for poll in plc.polls if poll.port == port.name]
+        asked = tuple(poll for poll in polls if isinstance(poll, PollSpec))
+        said = [poll for poll in polls if isinstance(poll, FreeSpec)]
+        if isinstance(settings, BadSettings):
+            if polls:
+                self._no_list(port, settings.text)
+            return
+        profile, protocol = plc.profile, port.protocol
+        if protocol == "free":
+            if any(poll.sends for poll in said):
+                self.talkers.setdefault(port.bus, []).append(port.node)
+            if polls:
+                self._no_list(
+                    port,
+                    "it speaks a free protocol: when an exchange is over depends on what the others send",
+                )
+            return
+        if plc.program is not None and protocol.endswith("-master") and (polls or plc.program.uses_ports):
+            self._program(port, "drives RS2" if not polls else "makes scans longer beside its polls")
+            return
+        framing = (
+            Framing.ascii(profile.ascii_gap)
+            if "ascii" in protocol
+            else Framing.rtu(settings.timing, profile.rtu_gaps)
+            if "rtu" in protocol
+            else None
+        )
+        if framing is None:
+            if polls:
+                self._no_list(port, "it has no protocol")
+        elif protocol.endswith("-slave"):
+            self._slave_port(port, settings, framing)
+        elif asked:
+            self._master(
+                MasterModel(
+                    node=port.node,
+                    bus=port.bus,
+                    framing=framing,
+                    timing=settings.timing,
+                    timeout=settings.timeout,
+                    turnaround=profile.broadcast_turnaround,
+                    pace=self._scans(port, settings.interval),
+                    polls=asked,
+                    begun_holds=profile.begun_holds,
+                )
+            )
+
+    def _slave_port(self, port: _Port, settings: PortSettings, framing: Framing) -> None:
+        plc = port.plc
+        if [poll for poll in plc.polls if poll.port == port.name]:
+            self._no_list(port, "it is a Modbus slave")
+        loads = sum(other.works for other in self.ports if other.plc is plc) * plc.profile.transaction_time
+        self.slaves.append(
+            SlaveModel(
+                name=port.node,
+                owner=plc.name,
+                bus=port.bus,
+                station=settings.station,
+                framing=framing,
+                timing=settings.timing,
+                map=LxMap(Memory()),
+                end=_scan(plc).most + loads - 1,
+                extra=self._slowness(port.node),
+                off=self._off(plc.name, port.node),
+                programmed=plc.program is not None,
+            )
+        )
+
+    def _program(self, port: _Port, does: str) -> None:
+        self.asking.setdefault(port.bus, []).append(port.node)
+        self._no_list(port, f"its program {does}: how long that takes depends on what it does")
+
+    def _scans(self, port: _Port, interval: int) -> Scans:
+        plc = port.plc
+        execution = plc.profile.transaction_time
+        others = sum(other.works for other in self.ports if other.plc is plc and other is not port)
+        return Scans(_scan(plc), execution, others * execution, interval)
+
+    def _master(self, master: MasterModel) -> None:
+        self.asking.setdefault(master.bus, []).append(master.node)
+        self.masters.append(master)
+
+    def _no_list(self, port: _Port, why: str) -> None:
+        self.broken[port.node] = _refused(port.node, port.bus, port.protocol, [why])
+
+    def _device(self, device: BusDevice) -> None:
+        settings = device.settings
+        if isinstance(settings, FreeSettings):
+            if settings.sayings:
+                self.talkers.setdefault(device.bus, []).append(device.name)
+        elif not isinstance(settings, HmiSettings):
+            slave = device_model(
+                device, extra=self._slowness(device.name), off=self._off(device.name, device.name)
+            )
+            if slave is not None:
+                self.slaves.append(slave)
+        elif settings.polls:
+            self._master(
+                MasterModel(
+                    node=device.name,
+                    bus=device.bus,
+                    framing=DEVICE_PROFILES["map"].framing(device.mode, device.timing),
+                    timing=device.timing,
+                    timeout=settings.timeout,
+                    turnaround=settings.turnaround,
+                    pace=Direct(settings.interval),
+                    polls=settings.polls,
+                    plc=False,
+                )
+            )
+
+    # -- faults ------------------------------------------------------------------------------------
+
+    def _whole(self, window: Window) -> bool:
+        return window.at == 0 and (window.until is None or window.until >= self.scenario.duration)
+
+    def _slowness(self, node: str) -> Span:
+        extra = Span(0, 0)
+        for fault in self.scenario.faults:
+            kind = fault.kind
+            if isinstance(kind, Slow) and kind.node == node:
+                extra += Span(kind.extra if self._whole(fault.window) else 0, kind.extra)
+        return extra
+
+    def _off(self, owner: str, node: str) -> bool:
+        return any(
+            self._whole(fault.window)
+            and (
+                (isinstance(fault.kind, (PowerOff, Stop)) and fault.kind.node == owner)
+                or (
+                    isinstance(fault.kind, DropReply) and fault.kind.node == node and fault.kind.count is None
+                )
+            )
+            for fault in self.scenario.faults
+        )
+
+    def _left_out(self, bus: str, off: Iterable[str]) -> list[str]:
+        """What else the scenario does to a bus, which has no say in figures without errors."""
+        nodes = {port.node for port in self.ports if port.bus == bus}
+        nodes |= {port.plc.name for port in self.ports if port.bus == bus}
+        nodes |= {device.name for device in self.scenario.devices if device.bus == bus}
+        gone = set(off)
+        found = [
+            fault.name
+            for fault in self.scenario.faults
+            if not isinstance(fault.kind, Slow)
+            and _place(fault) in nodes | {bus}
+            and _place(fault) not in gone
+        ]
+        found += [noise.name for noise in self.scenario.noise if noise.target.bus == bus]
+        return [f"left out of the figures without errors: {names(found)}"] if found else []
+
+    # -- the list ----------------------------------------------------------------------------------
+
+    def _list(self, master: MasterModel) -> PollListModel:
+        slaves = [slave for slave in self.slaves if slave.bus == master.bus]
+        obstacles = self._crowd(master)
+        polls: list[PollModel] = []
+        asked: list[SlaveModel] = []
+        for spec in master.polls:
+            poll = poll_model(master, spec, slaves)
+            if isinstance(poll, str):
+                obstacles.append(f"{spec.name}: {poll}")
+            else:
+                polls.append(poll)
+                asked += [slave for slave in slaves if slave.name == poll.device]
+        obstacles += too_hasty(master, slaves)
+        protocol = f"modbus-{master.framing.mode.value}"
+        if obstacles:
+            return _refused(master.node, master.bus, protocol, obstacles, master)
+        off = tuple(dict.fromkeys(slave.name for slave in asked if slave.off))
+        owners = [slave.owner for slave in asked if slave.off]
+        return PollListModel(
+            node=master.node,
+            bus=master.bus,
+            protocol=protocol,
+            line=_line(master.timing),
+            timeout=master.timeout,
+            pace=master.pace,
+            tail=master.tail,
+            polls=tuple(polls),
+            off=off,
+            notes=tuple(self._notes(master, polls, [*off, *owners])),
+        )
+
+    def _crowd(self, master: MasterModel) -> list[str]:
+        found = []
+        others = [node for node in self.asking[master.bus] if node != master.node]
+        if others:
+            found.append(
+                f"{names(others)} also {'asks' if len(others) == 1 else 'ask'} on {master.bus}: "
+                "requests and answers collide"
+            )
+        talkers = self.talkers.get(master.bus, [])
+        if talkers:
+            found.append(f"{names(talkers)} sends on {master.bus} in a protocol of its own: frames collide")
+        return found
+
+    def _notes(self, master: MasterModel, polls: list[PollModel], off: list[str]) -> list[str]:
+        notes = []
+        if any(poll.waits for poll in polls):
+            waiting = dict.fromkeys(poll.device for poll in polls if poll.waits)
+            notes.append(
+                f"{names(waiting)} answers at END: how its scans drift against the requests decides the "
+                "mean, so that only bounds are given"
+            )
+        elif master.plc and master.pace.mean(exactly(1)) is None:
+            notes.append(
+                "other ports of the PLC lengthen some of its scans, so that only bounds are given, no mean"
+            )
+        return notes + self._left_out(master.bus, off)
+
+
+def _refused(
+    node: str, bus: str, protocol: str, why: Iterable[str], master: MasterModel | None = None
+) -> PollListModel:
+    return PollListModel(
+        node=node,
+        bus=bus,
+        protocol=protocol,
+        line=_line(master.timing) if master is not None else "",
+        timeout=master.timeout if master is not None else 0,
+        pace=master.pace if master is not None else Direct(0),
+        obstacles=tuple(why),
+    )
+
+
+def _line(timing: LineTiming) -> str:
+    return f"{timing.baud} {timing.format}"
+
+
+def _place(fault: Fault) -> str:
+    """The node or bus that a fault sits on."""
+    kind = fault.kind
+    return str(getattr(kind, "node", getattr(kind, "bus", "")))
+
+
+def _ports(plc: Plc) -> list[_Port]:
+    memory = Memory()
+    memory.set(COM2_STATION, plc.profile.com2_station)
+    for name, value in plc.registers.items():
+        memory.set(parse_device(name), value)
+    return [
+        _Port(plc, spec.name, spec.bus, read_settings(spec.name, memory, spec.words)) for spec in plc.ports
+    ]
+
+
+def _scan(plc: Plc) -> Span:
+    """Shortest and longest scan without any transaction, under N:N if the PLC takes part in it."""
+    mean, jitter = plc.scan.mean, plc.scan.jitter
+    if plc.seat is not None and not bad_parameters(plc.profile, setting_values(plc.profile, plc.registers)):
+        factor = plc.profile.scan_factor
+        mean, jitter = round_half_up(mean * factor), round_half_up(jitter * factor)
+    return Span(max(1, mean - jitter), mean + jitter)

@@ -1,0 +1,310 @@
+"""The law of one link scan on a line without memory (no bursts), in closed form.
+
+All attempts are then independent. A station's exchange is answered after i failed attempts with
+probability p^i × a, and in error after all attempts with p^A, where p = silent + torn and a = 1 - p.
+Stations with equal odds and times form a group, whose lobes are counted: how many of the group were
+answered, how many attempts failed in all, and how many of these ran to their deadline.
+
+With the policy ``probe`` a station whose flag is on gets one attempt. Each station is then a chain of
+two states from scan to scan, independent of the others; its stationary law weighs the two cases.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from bussim.exact.bursts.exchange import poll_path, reply_path
+from bussim.exact.link import CHAR_BITS, MASTER, LinkModel, NoiseSource, Station
+from bussim.exact.scan.mixture import FLOOR, Law
+from bussim.exact.scan.turnaround_sums import Codes, Floats, TurnaroundSums, spread_of
+from bussim.plc.profiles import AbsentStation
+
+
+class Odds(NamedTuple):
+    """How one attempt at a station ends: the probabilities add up to 1."""
+
+    answered: float
+    silent: float
+    torn: float
+
+    @property
+    def failed(self) -> float:
+        """The probability that an attempt fails."""
+        return self.silent + self.torn
+
+
+@dataclass(frozen=True, slots=True)
+class Fails:
+    """What an attempt's failing does to a station from scan to scan.
+
+    ``error`` is the probability that it is in error at the end of a scan, ``onset`` that it is so
+    and was not at the scan before, ``flagged`` that a scan finds its flag on and this matters
+    (policy ``probe``).
+    """
+
+    error: float
+    onset: float
+    flagged: float
+
+
+def odds_of(model: LinkModel) -> tuple[Odds, ...]:
+    """The odds of one attempt at each station, in order."""
+    if not model.noise.memoryless:
+        raise ValueError("a link with bursts has no odds that are the same for every attempt")
+    known: dict[tuple[object, ...], Odds] = {}
+    found = []
+    for station in model.stations:
+        poll, path = poll_path(model, station.number), reply_path(model, station, MASTER)
+        key = (station.alive, station.loss, poll, path)
+        if key not in known:
+            known[key] = _odds(model, station.loss, _log_clean(poll), _log_clean(path), alive=station.alive)
+        found.append(known[key])
+    return tuple(found)
+
+
+def _log_clean(sources: Sequence[NoiseSource]) -> float:
+    """Log of the probability that a bit is not inverted; inverted twice it is right again."""
+    rate = 0.0
+    for source in sources:
+        rate += source.good - 2 * rate * source.good
+    return -math.inf if rate >= 1.0 else math.log1p(-rate)
+
+
+def _odds(model: LinkModel, loss: float, poll: float, reply: float, *, alive: bool) -> Odds:
+    """See :mod:`bussim.exact.bursts.exchange`; the same with numbers instead of matrices."""
+    if not alive:
+        return Odds(0.0, 1.0, 0.0)
+    bits, head = model.data_bits, CHAR_BITS
+    polled, sent = math.exp(model.poll_bits * poll), 1.0 - loss
+    whole = polled * sent
+    silent = -math.expm1(model.poll_bits * poll) + polled * loss - whole * math.expm1(head * reply)
+    torn = -whole * math.exp(head * reply) * math.expm1((bits - head) * reply)
+    return Odds(whole * math.exp(bits * reply), silent, torn)
+
+
+def fails_of(odds: Odds, attempts: int, absent: AbsentStation) -> Fails:
+    """The stationary chances of a station with these odds."""
+    all_fail = odds.failed**attempts
+    if absent is AbsentStation.FULL:
+        return Fails(all_fail, all_fail * _answered_once(odds, attempts), 0.0)
+    # On → on with p, off → on with p^A.
+    flagged = all_fail / (odds.answered + all_fail)
+    off = odds.answered / (odds.answered + all_fail)
+    return Fails(flagged, off * all_fail, flagged)
+
+
+def _answered_once(odds: Odds, attempts: int) -> float:
+    """1 - p^A without cancellation."""
+    return odds.answered * sum(odds.failed**i for i in range(attempts))
+
+
+class MeanExchange(NamedTuple):
+    """What an exchange takes on average: timeouts waited for, and ticks on top of them."""
+
+    waits: float
+    fixed: float
+
+
+def mean_exchange(model: LinkModel, station: Station, odds: Odds) -> MeanExchange:
+    """The mean of an exchange in a stationary scan, whatever the timeout."""
+    if not station.alive:
+        waits = model.attempts_at(flagged=True)
+        return MeanExchange(float(waits), float(waits * (model.gap + model.poll)))
+    fails = fails_of(odds, model.attempts, model.absent)
+    before = sum(odds.failed**i for i in range(model.attempts))  # attempts of an exchange, on average
+    attempts = (1 - fails.flagged) * before + fails.flagged
+    whole = model.answered(station) + station.average - station.extra
+    silent, torn, answered = (attempts * chance for chance in (odds.silent, odds.torn, odds.answered))
+    fixed = silent * (model.gap + model.poll) + torn * (whole + model.quiet) + answered * whole
+    return MeanExchange(silent, fixed)
+
+
+def any_flag(fails: Sequence[Fails]) -> float:
+    """The probability that some flag is on at the end of a scan, stations being independent."""
+    return -math.expm1(sum(math.log1p(-f.error) if f.error < 1 else -math.inf for f in fails))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanTerms:
+    """The lobes of a link scan before its timeout is known.
+
+    One entry a lobe: ``waits`` attempts ran to their deadline, ``fixed`` ticks come on top of these
+    timeouts, ``code`` names the spreads, ``flagged`` tells whether some flag is on at the end (the
+    parameter frame that this costs is in ``fixed``).
+    """
+
+    waits: Codes
+    fixed: Floats
+    code: Codes
+    flagged: np.ndarray
+    weight: Floats
+    sums: TurnaroundSums
+    lost: float
+
+    def law(self, timeout: int) -> Law:
+        """The law for one timeout in ticks."""
+        shift = self.fixed + self.waits * float(timeout)
+        return Law(shift, self.code, self.weight, self.sums, self.lost)
+
+
+class _Part(NamedTuple):
+    """Lobes of some of the stations."""
+
+    waits: Codes
+    fixed: Floats
+    code: Codes
+    flagged: np.ndarray
+    weight: Floats
+
+
+def scan_terms(
+    model: LinkModel,
+    floor: float = FLOOR,
+    odds: Sequence[Odds] | None = None,
+    sums: TurnaroundSums | None = None,
+) -> ScanTerms:
+    """The lobes of a scan; those lighter than ``floor`` are dropped and counted in ``lost``.
+
+    ``odds`` of the stations may be given where they are known already, and ``sums`` whose codes to use.
+    """
+    odds = odds_of(model) if odds is None else odds
+    sums = sums or TurnaroundSums(station.turnaround for station in model.alive)
+    parts = [_dead(model, len(model.dead))] if model.dead else []
+    pairs = [(s, o) for s, o in zip(model.stations, odds, strict=True) if s.alive]
+
+    def same(pair: tuple[Station, Odds]) -> tuple[object, ...]:
+        station, odd = pair
+        law = station.turnaround
+        return odd, spread_of(law)[0], station.extra, station.reply, sums.unit(law)
+
+    for _, group in groupby(sorted(pairs, key=same), key=same):
+        members = list(group)
+        parts.append(_group(model, members[0][0], members[0][1], len(members), sums, floor))
+    none = np.zeros(1, dtype=np.int64)
+    total = _Part(none, np.full(1, float(model.base)), none, np.zeros(1, dtype=bool), np.ones(1))
+    for part in parts:
+        total = _together(total, part, floor)
+    fixed = total.fixed + np.where(total.flagged, float(model.parameters_cost), 0.0)
+    lost = max(0.0, 1.0 - float(total.weight.sum()))
+    return ScanTerms(total.waits, fixed, total.code, total.flagged, total.weight, sums, lost)
+
+
+def _dead(model: LinkModel, count: int) -> _Part:
+    waits = count * model.attempts_at(flagged=True)
+    return _Part(
+        np.full(1, waits, dtype=np.int64),
+        np.full(1, float(waits * (model.gap + model.poll))),
+        np.zeros(1, dtype=np.int64),
+        np.ones(1, dtype=bool),
+        np.ones(1),
+    )
+
+
+def _together(one: _Part, two: _Part, floor: float) -> _Part:
+    weight = (one.weight[:, None] * two.weight).reshape(-1)
+    keep = np.nonzero(weight >= floor)[0]
+    i, j = np.divmod(keep, two.weight.size)
+    if one.weight.size == 1:
+        return _Part(
+            one.waits[i] + two.waits[j],
+            one.fixed[i] + two.fixed[j],
+            one.code[i] + two.code[j],
+            one.flagged[i] | two.flagged[j],
+            weight[keep],
+        )
+    # Equal lobes are put together; what tells them apart goes through one pair of keys.
+    flagged = one.flagged[i] | two.flagged[j]
+    waits = 2 * (one.waits[i] + two.waits[j]) + flagged
+    fixed = one.fixed[i] + two.fixed[j]
+    code = one.code[i] + two.code[j]
+    order = np.lexsort((code, fixed, waits))
+    keys = (waits[order], fixed[order], code[order])
+    new = np.ones(order.size, dtype=bool)
+    new[1:] = False
+    for key in keys:
+        new[1:] |= key[1:] != key[:-1]
+    starts = np.nonzero(new)[0]
+    return _Part(
+        keys[0][starts] >> 1,
+        keys[1][starts],
+        keys[2][starts],
+        (keys[0][starts] & 1).astype(bool),
+        np.add.reduceat(weight[keep][order], starts),
+    )
+
+
+def _group(
+    model: LinkModel, station: Station, odds: Odds, count: int, sums: TurnaroundSums, floor: float
+) -> _Part:
+    """The lobes of ``count`` stations like this one."""
+    p = odds.failed
+    flagged = fails_of(odds, model.attempts, model.absent).flagged
+    ways = _ways(count, model.attempts, flagged)
+    fails = np.arange(ways.shape[1])
+    answered = np.arange(count + 1)
+    weight = ways * np.power(odds.answered, answered)[:, None] * np.power(p, fails)
+    c, i = np.nonzero(weight >= floor)
+    weight = weight[c, i]
+    # Of i failed attempts, a ran to their deadline.
+    sizes = i + 1
+    row = np.repeat(np.arange(i.size), sizes)
+    a = np.arange(row.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    c, i = c[row], i[row]
+    b = i - a
+    if p > 0:
+        weight = weight[row] * _pascal()[i, a] * np.power(odds.silent / p, a) * np.power(odds.torn / p, b)
+    else:
+        weight = weight[row]
+    keep = weight >= floor
+    a, b, c, weight = a[keep], b[keep], c[keep], weight[keep]
+    least = spread_of(station.turnaround)[0]
+    whole = float(model.answered(station) + least)
+    fixed = a * float(model.gap + model.poll) + b * (whole + model.quiet) + c * whole
+    return _Part(a, fixed, (b + c) * sums.unit(station.turnaround), c < count, weight)
+
+
+@lru_cache(maxsize=512)
+def _ways(count: int, attempts: int, flagged: float) -> Floats:
+    """Entry (c, i): weight with which c of ``count`` stations are answered, i attempts having failed in all.
+
+    The factors of the single attempts are left out. ``flagged``: chance that a station has one attempt.
+    """
+    once = np.full(attempts, 1.0 - flagged)
+    once[0] = 1.0
+    error = np.zeros(attempts + 1)
+    error[attempts] += 1.0 - flagged
+    error[1] += flagged
+    table = np.zeros((count + 1, count * attempts + 1))
+    errors = [np.ones(1)]
+    for _ in range(count):
+        errors.append(np.convolve(errors[-1], error))
+    answered = np.ones(1)
+    for c in range(count + 1):
+        row = np.convolve(answered, errors[count - c])[: table.shape[1]]
+        table[c, : row.size] = row * float(_pascal()[count, c])
+        answered = np.convolve(answered, once)
+    table.setflags(write=False)
+    return table
+
+
+@lru_cache(maxsize=1)
+def _pascal() -> Floats:
+    """Binomial coefficients up to 127, relatively exact to rounding."""
+    size = 128
+    table = np.zeros((size, size))
+    table[:, 0] = 1.0
+    for n in range(1, size):
+        table[n, 1 : n + 1] = table[n - 1, :n] + table[n - 1, 1 : n + 1]
+    return table
+
+
+def scan_law(model: LinkModel, floor: float = FLOOR) -> Law:
+    """The law of a scan on a line without memory."""
+    return scan_terms(model, floor).law(model.timeout)

@@ -1,0 +1,215 @@
+"""Mean, mean square and chances of error of a link with bursts, for many timeouts at once.
+
+The matrices of :mod:`bussim.exact.bursts.scan_chain` with a first axis for the timeouts, and with each the
+first two moments of the time that passes. With the policy ``probe`` a station's flag is followed
+exactly together with the line's state, while the other stations' flags are taken as off; what that
+neglects is of the order of the chance that two stations are in error at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bussim.exact.bursts.exchange import attempts_at, line_of, poll_path, reply_path
+from bussim.exact.link import MASTER, LinkModel, Station
+from bussim.exact.scan.turnaround_sums import Floats, TurnaroundSums
+from bussim.plc.profiles import AbsentStation
+
+Stack = NDArray[np.float64]  # (timeout, state, state)
+
+
+class Moments(NamedTuple):
+    """Of a scan, by timeout: mean in ticks, mean square in ticks², errors by living station and timeout."""
+
+    mean: Floats
+    square: Floats
+    errors: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Timed:
+    """Matrices of something that takes time: its probability, times the time, times the time's square."""
+
+    zero: Stack
+    one: Stack
+    two: Stack
+
+    @classmethod
+    def lasting(cls, matrix: Stack, mean: Floats, variance: float = 0.0) -> _Timed:
+        """Every entry takes a time of this mean (by timeout) and variance."""
+        time = mean[:, None, None]
+        return cls(matrix, matrix * time, matrix * (time * time + variance))
+
+    def then(self, other: _Timed) -> _Timed:
+        """This, then the other, the times independent given the states."""
+        return _Timed(
+            self.zero @ other.zero,
+            self.one @ other.zero + self.zero @ other.one,
+            self.two @ other.zero + 2 * (self.one @ other.one) + self.zero @ other.two,
+        )
+
+    def __add__(self, other: _Timed) -> _Timed:
+        return _Timed(self.zero + other.zero, self.one + other.one, self.two + other.two)
+
+
+class _Exchange(NamedTuple):
+    """The ends of an exchange and what is left after all its attempts but none more."""
+
+    answered: _Timed
+    error: _Timed
+
+
+class BurstStacks:
+    """One link for many timeouts (ticks) and any number of attempts; its own setting does not matter."""
+
+    def __init__(self, model: LinkModel, tau: Floats) -> None:
+        self.model, self.tau = model, tau
+        self.line = line_of(model)
+        self._attempts: dict[object, tuple[_Timed, _Timed]] = {}
+        self._exchanges: dict[tuple[object, int], _Exchange] = {}
+
+    def moments(self, attempts: int, dead: int | None = None) -> Moments:
+        """The moments of a scan; with ``dead`` that station is dead (then no errors are worked out)."""
+        model = self.model if dead is None else self.model.with_dead(dead)
+        model = model.with_setting(attempts, 0)
+        ends = [self.exchange(model, s, model.attempts_at(flagged=not s.alive)) for s in model.stations]
+        plain = model.overhead + model.gap
+        short, long = self._fixed(plain), self._fixed(plain + model.parameters_cost)
+        data = self._fixed(model.data)
+        # First the chain from scan to scan, for its stationary law; then the moments from it.
+        clean, marked = data.zero, np.zeros_like(data.zero)
+        before = []
+        for answered, error in ends:
+            before.append(clean + marked)
+            clean, marked = clean @ answered.zero, marked @ answered.zero + before[-1] @ error.zero
+        start = _stationary(clean @ short.zero + marked @ long.zero)
+        good = _Row.begin(start).then(data)
+        bad = good.scaled(0.0)
+        for answered, error in ends:
+            good, bad = good.then(answered), bad.then(answered) + (good + bad).then(error)
+        scan = good.then(short) + bad.then(long)
+        errors = []
+        for place, station in enumerate(model.stations):
+            if dead is not None or not station.alive:
+                continue
+            if model.absent is AbsentStation.FULL:
+                errors.append(np.einsum("ts,tsu,tuv->t", start, before[place], ends[place].error.zero))
+            else:
+                errors.append(self._probed(model, place, before[place], ends))
+        return Moments(
+            scan.one.sum(axis=1), scan.two.sum(axis=1), np.array(errors).reshape(len(errors), self.tau.size)
+        )
+
+    # -- one exchange ------------------------------------------------------------------------------
+
+    def exchange(self, model: LinkModel, station: Station, attempts: int) -> _Exchange:
+        """The ends of an exchange of so many attempts; equal stations share theirs."""
+        alike = (
+            (
+                station.loss,
+                station.extra,
+                station.reply,
+                station.turnaround,
+                poll_path(model, station.number),
+                reply_path(model, station, MASTER),
+            )
+            if station.alive
+            else None
+        )
+        found = self._exchanges.get((alike, attempts))
+        if found is None:
+            if alike not in self._attempts:
+                self._attempts[alike] = self._attempt(model, station)
+            answered, failed = self._attempts[alike]
+            if attempts == 1:
+                found = _Exchange(answered, failed)
+            else:
+                before = self.exchange(model, station, attempts - 1)
+                found = _Exchange(before.answered + before.error.then(answered), before.error.then(failed))
+            self._exchanges[alike, attempts] = found
+        return found
+
+    def _attempt(self, model: LinkModel, station: Station) -> tuple[_Timed, _Timed]:
+        """An attempt that is answered, and one that fails."""
+        answered, silent, torn = attempts_at(self.line, model, station, self.tau)
+        wait = model.gap + model.poll + self.tau
+        if not station.alive:
+            return _Timed.lasting(answered, wait), _Timed.lasting(silent, wait)
+        sums = TurnaroundSums([station.turnaround])
+        variance = float(sums.variances(np.array([sums.unit(station.turnaround)]))[0])
+        whole = np.full(self.tau.size, model.answered(station) + station.average - station.extra)
+        failed = _Timed.lasting(silent, wait) + _Timed.lasting(torn, whole + model.quiet, variance)
+        return _Timed.lasting(answered, whole, variance), failed
+
+    def _fixed(self, ticks: float) -> _Timed:
+        matrix = np.broadcast_to(self.line.after(ticks), (self.tau.size, self.line.states, self.line.states))
+        return _Timed.lasting(matrix, np.full(self.tau.size, float(ticks)))
+
+    # -- the policy probe --------------------------------------------------------------------------
+
+    def _probed(self, model: LinkModel, place: int, before: Stack, ends: list[_Exchange]) -> Floats:
+        """The chance that a station is in error, its flag being followed together with the line's state."""
+        once = self.exchange(model, model.stations[place], 1)
+        later = [end.answered.zero + end.error.zero for end in ends[place + 1 :]]
+        rest = reduce(np.matmul, [*later, self._fixed(model.overhead + model.gap).zero])
+        states = self.line.states
+        chain = np.empty((self.tau.size, 2 * states, 2 * states))
+        for flag, end in enumerate((ends[place], once)):
+            for outcome, matrix in enumerate((end.answered.zero, end.error.zero)):
+                rows = slice(flag * states, (flag + 1) * states)
+                columns = slice(outcome * states, (outcome + 1) * states)
+                chain[:, rows, columns] = before @ matrix @ rest
+        return np.asarray(_stationary(chain)[:, states:].sum(axis=1), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Row:
+    """Weights over (timeout, state), times the time that passed, times its square."""
+
+    zero: Floats
+    one: Floats
+    two: Floats
+
+    @classmethod
+    def begin(cls, weight: Floats) -> _Row:
+        """At time 0."""
+        return cls(weight, np.zeros_like(weight), np.zeros_like(weight))
+
+    def then(self, other: _Timed) -> _Row:
+        """Followed by something that takes time."""
+
+        def by(row: Floats, matrix: Stack) -> Floats:
+            return np.asarray(np.einsum("ts,tsu->tu", row, matrix), dtype=np.float64)
+
+        return _Row(
+            by(self.zero, other.zero),
+            by(self.one, other.zero) + by(self.zero, other.one),
+            by(self.two, other.zero) + 2 * by(self.one, other.one) + by(self.zero, other.two),
+        )
+
+    def scaled(self, factor: float) -> _Row:
+        """With a probability."""
+        return _Row(factor * self.zero, factor * self.one, factor * self.two)
+
+    def __add__(self, other: _Row) -> _Row:
+        return _Row(self.zero + other.zero, self.one + other.one, self.two + other.two)
+
+
+def _stationary(step: Stack) -> Floats:
+    """The stationary law of each chain of a stack, whose rows need not add up to 1 to the last bit."""
+    step = step / step.sum(axis=2, keepdims=True)
+    size = step.shape[1]
+    system = np.swapaxes(step, 1, 2) - np.eye(size)
+    system[:, -1] = 1.0
+    right = np.zeros((step.shape[0], size, 1))
+    right[:, -1] = 1.0
+    law = np.maximum(np.linalg.solve(system, right)[..., 0], 0.0)
+    # Subtraction left errors near 1e-16; a few steps of the chain wash them out of small weights.
+    for _ in range(4):
+        law = np.einsum("ts,tsu->tu", law, step)
+    return np.asarray(law / law.sum(axis=1, keepdims=True), dtype=np.float64)

@@ -1,0 +1,294 @@
+"""Which D8179 and D8180 a link should have: what ``bussim size`` prints and its JSON form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bussim.exact.link import TIMEOUT_UNIT, LinkModel
+from bussim.exact.sizing.evaluation import (
+    Judged,
+    attempts_of,
+    judge,
+    least,
+    reading_of,
+    rows_of,
+    timeout_floor,
+)
+from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.noise_levels import OUTAGE, Ladder, ladder_of, under_bad_noise
+from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
+from bussim.exact.text import ms
+from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts
+from bussim.units import TICKS_PER_MS
+from bussim.wording import about
+
+#: Error rates within this factor count as equal on the Pareto front.
+_EQUAL = 1.25
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One setting and its figures. ``timeout`` in ticks; other times in ticks too.
+
+    ``errors`` are false station errors a year of all stations together, ``dead`` the mean scan with
+    one station dead, ``detect`` the mean time to notice that, ``ride`` the longest silence that
+    raises no error.
+    """
+
+    retries: int
+    timeout: int
+    attempts: int
+    mean: float
+    errors: float
+    dead: float
+    detect: float
+    detect_longest: float
+    ride: float
+
+    @property
+    def d8180(self) -> int:
+        """D8180: the timeout in 10 ms."""
+        return self.timeout // TIMEOUT_UNIT
+
+    def to_json(self) -> dict[str, object]:
+        """The setting and its figures, times in ms."""
+        return {
+            "D8179": self.retries,
+            "D8180": self.d8180,
+            "attempts": self.attempts,
+            "mean_ms": _ms(self.mean),
+            "false_errors_per_year": self.errors,
+            "one_dead_ms": _ms(self.dead),
+            "detect_ms": {"mean": _ms(self.detect), "max": _ms(self.detect_longest)},
+            "ride_through_ms": _ms(self.ride),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Robust:
+    """The least setting that meets the goals under every reading of the assumptions.
+
+    ``choices`` has it under each (reading of D8179, policy for absent stations).
+    """
+
+    retries: int
+    timeout: int
+    choices: dict[tuple[Attempts, AbsentStation], Choice]
+
+    def to_json(self) -> dict[str, object]:
+        """The setting, and its figures under each reading."""
+        return {
+            "D8179": self.retries,
+            "D8180": self.timeout // TIMEOUT_UNIT,
+            "readings": [
+                {"attempts_means": str(reading), "absent_station": str(absent), **choice.to_json()}
+                for (reading, absent), choice in self.choices.items()
+            ],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Sizing:
+    """A recommendation for one link, or why there is none.
+
+    ``floor`` is the least timeout considered (ticks). ``ladder`` is there where the link has no
+    noise: its goals are then judged under the ladder's bad level. ``front`` are the settings that no
+    other one beats in errors, dead-station scan and detection together. ``judged`` has the grid.
+    """
+
+    model: LinkModel
+    goals: Goals
+    valid: bool
+    reasons: tuple[str, ...]
+    floor: int = 0
+    recommended: Choice | None = None
+    robust: Robust | None = None
+    front: tuple[Choice, ...] = ()
+    unmet: tuple[Unmet, ...] = ()
+    robust_unmet: tuple[str, ...] = ()
+    ladder: Ladder | None = None
+    judged: Judged | None = field(default=None, compare=False)
+
+    def choice(self, retries: int, timeout: int) -> Choice | None:
+        """The figures of any setting of the grid, None outside it."""
+        if self.judged is None or timeout not in self.judged.grid.timeouts:
+            return None
+        return _choice(self.judged, reading_of(self.model), retries, timeout)
+
+    def apart(self) -> str:
+        """How far the robust setting lies from the recommended one, in words."""
+        best, safe = self.recommended, self.robust
+        if best is None:
+            return ""
+        if safe is None:
+            return "no setting meets the goals under every reading of the assumptions"
+        if (safe.retries, safe.timeout) == (best.retries, best.timeout):
+            return "the recommended setting also holds under every other reading of the assumptions"
+        worst = max(choice.dead for choice in safe.choices.values())
+        return (
+            f"D8179 {safe.retries} instead of {best.retries} and D8180 {safe.timeout // TIMEOUT_UNIT} "
+            f"instead of {best.d8180} would hold under every reading of the assumptions; a dead station "
+            f"would then make a scan up to {about(worst / TICKS_PER_MS)} ms long instead of "
+            f"{about(best.dead / TICKS_PER_MS)} ms"
+        )
+
+    def mov_lines(self) -> list[str]:
+        """Instructions for the master's setting program, with what they mean behind a semicolon."""
+        best = self.recommended
+        if best is None:
+            return []
+        plural = "attempt" if best.attempts == 1 else "attempts"
+        meaning = f"{best.attempts} {plural} per poll (D8179 read as {reading_of(self.model)})"
+        return [
+            f"MOV K{best.retries} D8179  ; retries: {meaning}",
+            f"MOV K{best.d8180} D8180  ; timeout: {ms(best.timeout)} ms",
+        ]
+
+    def neighbours(self) -> list[tuple[int, int]]:
+        """The chosen (retries, timeout in ticks) and two settings beside it, for a check by simulation."""
+        best = self.recommended
+        if best is None or self.judged is None:
+            return []
+        fewer = best.retries - 1 if best.retries > 0 else best.retries + 2
+        more = best.retries + 1 if best.retries < MAX_RETRIES else best.retries - 2
+        return [(retries, best.timeout) for retries in (best.retries, fewer, more)]
+
+    def to_json(self) -> dict[str, object]:
+        """One link of the JSON form, times in ms."""
+        return {
+            "valid": self.valid,
+            "reasons": list(self.reasons),
+            "notes": list(self.model.notes),
+            "assumed_noise": None if self.ladder is None else "ladder",
+            "goals": list(self.goals.texts().values()),
+            "timeout_floor_ms": _ms(self.floor),
+            "recommended": None if self.recommended is None else self.recommended.to_json(),
+            "robust": None if self.robust is None else self.robust.to_json(),
+            "robust_unmet": list(self.robust_unmet),
+            "apart": self.apart(),
+            "pareto": [choice.to_json() for choice in self.front],
+            "unmet": [unmet.to_json() for unmet in self.unmet],
+            "ladder": None if self.ladder is None else self.ladder.to_json(),
+            "mov": self.mov_lines(),
+        }
+
+
+def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
+    """Choose D8179 and D8180 of a link; the setting that the model has does not matter.
+
+    Without noise nothing could be concluded from the errors, so the goals are judged under the
+    ladder's bad level, and an outage of 100 ms must pass (:mod:`bussim.exact.sizing.noise_levels`).
+    """
+    goals = goals or Goals()
+    if model.obstacles:
+        return Sizing(model, goals, valid=False, reasons=model.obstacles)
+    if not model.alive:
+        return Sizing(model, goals, valid=False, reasons=("no slave answers: there is nothing to size",))
+    floor = timeout_floor(model)
+    if floor > model.timeout_range[1] * TIMEOUT_UNIT:
+        reason = (
+            f"the longest reply needs a timeout of at least {ms(floor)} ms, "
+            f"D8180 allows {ms(model.timeout_range[1] * TIMEOUT_UNIT)} ms"
+        )
+        return Sizing(model, goals, valid=False, reasons=(reason,), floor=floor)
+    assumed = not model.noisy
+    judged_model = model
+    if assumed:
+        goals = replace(goals, ride=max(goals.ride or 0, OUTAGE))
+        judged_model = under_bad_noise(model)
+    reading = reading_of(model)
+    views = {absent: judge(judged_model, goals, absent) for absent in AbsentStation}
+    judged = views[model.absent]
+    chosen = least([(judged, rows_of(judged, reading))])
+    recommended = None
+    if chosen is not None:
+        recommended = _choice(judged, reading, chosen[0], judged.grid.timeouts[chosen[1]])
+    robust, why_not = _robust(views)
+    unmet: tuple[Unmet, ...] = ()
+    if recommended is None:
+        unmet = unmet_goals(judged_model, goals, judged, reading)
+    ladder = None
+    if assumed:
+        timeout = recommended.timeout if recommended else judged.grid.timeouts[0]
+        ladder = ladder_of(model, reading, timeout)
+    return Sizing(
+        model,
+        goals,
+        valid=True,
+        reasons=(),
+        floor=floor,
+        recommended=recommended,
+        robust=robust,
+        front=_front(judged, reading),
+        unmet=unmet,
+        robust_unmet=why_not,
+        ladder=ladder,
+        judged=judged,
+    )
+
+
+def _choice(judged: Judged, reading: Attempts, retries: int, timeout: int) -> Choice:
+    grid = judged.grid
+    attempts = attempts_of(reading, retries)
+    i, j = grid.at(attempts, timeout)
+    figures = (
+        grid.mean,
+        grid.errors_per_year,
+        grid.one_dead,
+        grid.detect_mean,
+        grid.detect_longest,
+        grid.silence,
+    )
+    return Choice(retries, timeout, attempts, *(float(values[i, j]) for values in figures))
+
+
+def _robust(views: dict[AbsentStation, Judged]) -> tuple[Robust | None, tuple[str, ...]]:
+    """The least setting that meets all goals under every reading; else the readings that stand in its way."""
+    readings = {
+        (reading, absent): (views[absent], rows_of(views[absent], reading))
+        for reading in Attempts
+        for absent in AbsentStation
+    }
+    chosen = least(list(readings.values()))
+    if chosen is not None:
+        retries, timeout = chosen[0], views[AbsentStation.FULL].grid.timeouts[chosen[1]]
+        found = {key: _choice(view, key[0], retries, timeout) for key, (view, _) in readings.items()}
+        return Robust(retries, timeout, found), ()
+    failing = tuple(
+        f"no setting meets the goals with D8179 read as {reading} and absent_station: {absent}"
+        for (reading, absent), view in readings.items()
+        if least([view]) is None
+    )
+    return None, failing or ("each reading has settings that meet the goals, but no setting does under all",)
+
+
+def _front(judged: Judged, reading: Attempts) -> tuple[Choice, ...]:
+    """The settings that no other beats in errors, dead-station scan and detection, shortest scan first.
+
+    Errors that differ by less than a quarter count as equal: a longer timeout makes scans longer and
+    so fewer, which is no merit. Of settings with the same attempts (D8179 0 and 1, read as exactly
+    D8179) the lower one stands.
+    """
+    grid = judged.grid
+    rows = {attempts_of(reading, r): r for r in range(MAX_RETRIES, -1, -1)}
+    points = []
+    for attempts, retries in sorted(rows.items()):
+        i = grid.attempts.index(attempts)
+        for j in np.nonzero(grid.valid)[0].tolist():
+            figures = (grid.one_dead, grid.detect_mean, grid.errors_per_year)
+            points.append((tuple(float(values[i, j]) for values in figures), retries, grid.timeouts[j]))
+    points.sort()
+    front: list[Choice] = []
+    best: list[tuple[float, float]] = []  # (detect, errors) of the front so far
+    for (_, detect, errors), retries, timeout in points:
+        if any(d <= detect and e <= _EQUAL * errors for d, e in best):
+            continue
+        best.append((detect, errors))
+        front.append(_choice(judged, reading, retries, timeout))
+    return tuple(front)
+
+
+def _ms(ticks: float) -> float:
+    return round(ticks / TICKS_PER_MS, 6)

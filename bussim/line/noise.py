@@ -1,0 +1,222 @@
+"""Bit errors on a line: independent, in bursts, and by periodic impulses.
+
+Each process says with which probability each bit of a frame is inverted. Whether a frame is hit at
+all is drawn first, as one number against the exact probability; only a hit frame has its bits drawn.
+Errors act on the bits of transmitted characters, start and stop bits included, judged at their
+centres; the idle line has none. Times are ticks.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Protocol
+
+from bussim.line.random_streams import Streams
+
+#: Consecutive bits of a frame with one error probability: (number of bits, probability).
+Run = tuple[int, float]
+
+
+class ErrorRate(Protocol):
+    """How likely each bit of a frame is inverted."""
+
+    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
+        """The frame's bits in order, as runs. ``start``: first edge; ``bit``: ticks of a bit."""
+
+
+class ConstantRate:
+    """Every bit with the same probability."""
+
+    def __init__(self, ber: float) -> None:
+        self.ber = ber
+
+    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
+        """See :class:`ErrorRate`."""
+        del start, bit
+        return [(bits, self.ber)]
+
+
+def _bits_before(tick: int, start: int, bit: Fraction) -> int:
+    """How many bits of a frame have their centre before a tick (never negative)."""
+    # Bit n's centre is start + (2n + 1) * bit / 2; count the n with centre < tick. In whole numbers,
+    # because this is asked several times for every frame.
+    ticks, parts = bit.numerator, bit.denominator
+    return max(0, -((ticks - 2 * (tick - start) * parts) // (2 * ticks)))
+
+
+class BurstRate:
+    """Gilbert–Elliott: a good and a bad state with exponential sojourns, one probability in each.
+
+    It begins in the stationary state. Frames must be asked for by non-decreasing start.
+    """
+
+    def __init__(self, good: int, bad: int, ber_good: float, ber_bad: float, draws: Iterator[float]) -> None:
+        self._means = (good, bad)
+        self._rates = (ber_good, ber_bad)
+        self._draws = draws
+        self._state = 1 if next(draws) * (good + bad) < bad else 0
+        # Ticks at which the state changes, from some past one on; the state before the first.
+        self._changes: list[int] = []
+        self._horizon = 0
+
+    def _extend(self, tick: int) -> None:
+        state = (self._state + len(self._changes)) & 1
+        while self._horizon <= tick:
+            sojourn = -self._means[state] * math.log1p(-next(self._draws))
+            self._horizon += max(1, round(sojourn))
+            self._changes.append(self._horizon)
+            state ^= 1
+
+    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
+        """See :class:`ErrorRate`."""
+        self._extend(start + math.ceil(bit * bits))
+        changes = self._changes
+        passed = bisect_right(changes, start)
+        if passed:
+            del changes[:passed]
+            self._state = (self._state + passed) & 1
+        found: list[Run] = []
+        state, done = self._state, 0
+        for change in changes:
+            upto = min(bits, _bits_before(change, start, bit))
+            if upto > done:
+                found.append((upto - done, self._rates[state]))
+                done = upto
+            if done == bits:
+                return found
+            state ^= 1
+        found.append((bits - done, self._rates[state]))
+        return found
+
+
+class ImpulseRate:
+    """Impulses of ``width`` ticks that begin every ``every`` ticks, the first at ``first``."""
+
+    def __init__(self, every: int, width: int, ber: float, first: int) -> None:
+        self._every, self._width, self._ber, self._first = every, width, ber, first
+
+    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
+        """See :class:`ErrorRate`."""
+        found: list[Run] = []
+        done = 0
+        number = max(0, (start - self._first) // self._every)
+        while done < bits:
+            begin = self._first + number * self._every
+            before = min(bits, _bits_before(begin, start, bit))
+            inside = min(bits, _bits_before(begin + self._width, start, bit))
+            if before > done:
+                found.append((before - done, 0.0))
+                done = before
+            if inside > done:
+                found.append((inside - done, self._ber))
+                done = inside
+            number += 1
+        return found
+
+
+class BitNoise:
+    """One error process with its window and its luck.
+
+    Draws come from a stream of their own for each ``key`` (who sends what to whom), so that a frame
+    more or less on the line changes nobody else's luck.
+    """
+
+    def __init__(
+        self, name: str, rate: ErrorRate, streams: Streams, since: int = 0, until: int | None = None
+    ) -> None:
+        self._name = name
+        self._rate = rate
+        self._streams = streams
+        self._since, self._until = since, until
+        self._draws: dict[str, tuple[Iterator[float], Iterator[float]]] = {}
+        # The chance of a hit by number of bits, where it does not depend on when.
+        self._steady: dict[int, float] | None = (
+            {} if isinstance(rate, ConstantRate) and since == 0 and until is None else None
+        )
+
+    def inverted(self, start: int, bits: int, bit: Fraction, key: str) -> tuple[int, ...]:
+        """The numbers of a frame's bits that are inverted, in order; usually none."""
+        if self._until is not None and start >= self._until:
+            return ()
+        draws = self._draws.get(key)
+        if draws is None:
+            draws = self._draws[key] = (
+                self._streams.uniforms("noise", self._name, key),
+                self._streams.uniforms("noise", self._name, key, "bits"),
+            )
+        steady = self._steady
+        if steady is not None:
+            chance = steady.get(bits)
+            if chance is None:
+                chance = steady[bits] = hit_probability(self._rate.runs(start, bits, bit))
+            luck = next(draws[0])
+            if luck >= chance:
+                return ()
+            return _errors(self._rate.runs(start, bits, bit), luck, draws[1])
+        runs = self._clipped(self._rate.runs(start, bits, bit), start, bits, bit)
+        luck = next(draws[0])
+        return () if luck >= hit_probability(runs) else _errors(runs, luck, draws[1])
+
+    def _clipped(self, runs: list[Run], start: int, bits: int, bit: Fraction) -> list[Run]:
+        first = min(bits, _bits_before(self._since, start, bit))
+        last = bits if self._until is None else min(bits, _bits_before(self._until, start, bit))
+        if first == 0 and last == bits:
+            return runs
+        clipped: list[Run] = []
+        at = 0
+        for count, rate in runs:
+            inside = max(0, min(at + count, last) - max(at, first))
+            before = max(0, min(at + count, first) - at)
+            clipped += [(before, 0.0), (inside, rate), (count - before - inside, 0.0)]
+            at += count
+        return [run for run in clipped if run[0]]
+
+
+def _log_survival(count: int, rate: float) -> float:
+    return -math.inf if rate >= 1.0 else count * math.log1p(-rate)
+
+
+def hit_probability(runs: list[Run]) -> float:
+    """The probability that at least one bit is inverted."""
+    return -math.expm1(sum(_log_survival(count, rate) for count, rate in runs if rate > 0.0))
+
+
+def _errors(runs: list[Run], luck: float, draws: Iterator[float]) -> tuple[int, ...]:
+    """The inverted bits of a frame that is hit: ``luck``, below the chance of a hit, finds the first.
+
+    The first error is the first bit by which the probability of a hit so far exceeds ``luck``; all
+    bits after it are independent again, and the distance to the next error is geometric.
+    """
+    found: list[int] = []
+    wanted = math.log1p(-luck)  # the survival that the first error's bit falls below
+    at, survived = 0, 0.0
+    for count, rate in runs:
+        if rate > 0.0:
+            step = _log_survival(1, rate)
+            place = 0
+            if not found:
+                total = survived + count * step
+                if total < wanted or math.isinf(step):
+                    place = 0 if math.isinf(step) else _first_below(survived, step, wanted, count)
+                    found.append(at + place)
+                    place += 1
+                else:
+                    survived = total
+                    at += count
+                    continue
+            while place < count:
+                if not math.isinf(step):
+                    place += int(math.log1p(-next(draws)) / step)
+                if place < count:
+                    found.append(at + place)
+                    place += 1
+        at += count
+    return tuple(found)
+
+
+def _first_below(survived: float, step: float, wanted: float, count: int) -> int:
+    """The bit of a run by which the log survival falls below ``wanted`` (0…count-1)."""
+    return min(count - 1, max(0, int((wanted - survived) / step)))

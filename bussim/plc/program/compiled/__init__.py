@@ -1,0 +1,1 @@
+"""A program's rungs as closures that are bound to a machine."""

@@ -1,0 +1,221 @@
+"""ADD SUB MUL DIV INC DEC NEG CMP ZCP on signed 16- and 32-bit values.
+
+FX programming manual, FNC 10, 11, 20–25 and 29.
+ADD and SUB set M8020 (0 is stored), M8021 (the result is below the least value) and M8022 (above the
+greatest). A result beyond a limit keeps the sign of that limit: what follows 32767 is 0, 1, 2 …, and what
+lies below -32768 is 0, -1, -2 … (notes on ADD, and its comparison with INC and DEC). INC and DEC wrap round
+and touch no flag. DIV drops the fraction; the remainder has the sign of the dividend. A division by 0, or
+of the least value by -1, is an error (6706).
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable
+
+from bussim.plc.memory import FIRST_LONG_COUNTER
+from bussim.plc.program.compiled.access import Writer, locate, plain, reader, value_reader, writer
+from bussim.plc.program.compiled.outputs import Act
+from bussim.plc.program.machine import BORROW, CARRY, ZERO, Machine, OperationError
+from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.operands import Operand
+
+
+def add(machine: Machine, at: Instruction) -> Act:
+    """ADD and SUB."""
+    wide = at.form.wide
+    places = [plain(machine, operand) for operand in at.operands]
+    if not wide and places[0] is not None and places[1] is not None and places[2] is not None:
+        add_up = _add_words if at.spec.name == "ADD" else _subtract_words
+        return add_up(machine.bits["M"], *places[0], *places[1], *places[2])
+    first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
+    write = writer(machine, at.operands[2], wide=wide)
+    flags = machine.bits["M"]
+    most = 0x7FFFFFFF if wide else 0x7FFF
+    sign = 1 if at.spec.name == "ADD" else -1
+
+    def act() -> None:
+        total = first() + sign * second()
+        write(_kept(total, most))
+        _tell(flags, total, most)
+
+    return act
+
+
+def _kept(total: int, most: int) -> int:
+    """What is stored of a result."""
+    if total > most:
+        return total - most - 1
+    return total + most + 2 if total < -most - 1 else total
+
+
+def _tell(flags: bytearray, total: int, most: int) -> None:
+    flags[ZERO] = not _kept(total, most)
+    flags[BORROW] = total < -most - 1
+    flags[CARRY] = total > most
+
+
+def _add_words(flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int) -> Act:
+    # Patterns with their sign bit turned over are the values plus 32768.
+    def act() -> None:
+        total = (a[i] ^ 0x8000) + (b[j] ^ 0x8000)
+        if 0x8000 <= total <= 0x17FFF:  # nearly always
+            c[k] = result = total & 0xFFFF
+            flags[ZERO] = not result
+            flags[BORROW] = flags[CARRY] = 0
+        else:
+            c[k] = _kept(total - 0x10000, 0x7FFF) & 0xFFFF
+            _tell(flags, total - 0x10000, 0x7FFF)
+
+    return act
+
+
+def _subtract_words(
+    flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int
+) -> Act:
+    def act() -> None:
+        total = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
+        if -0x8000 <= total <= 0x7FFF:
+            c[k] = result = total & 0xFFFF
+            flags[ZERO] = not result
+            flags[BORROW] = flags[CARRY] = 0
+        else:
+            c[k] = _kept(total, 0x7FFF) & 0xFFFF
+            _tell(flags, total, 0x7FFF)
+
+    return act
+
+
+def step(machine: Machine, at: Instruction) -> Act:
+    """INC and DEC."""
+    target = at.operands[0]
+    by = 1 if at.spec.name == "INC" else -1
+    place = plain(machine, target)
+    if place is not None and not at.form.wide:
+        words, number = place
+
+        def count() -> None:
+            words[number] = words[number] + by & 0xFFFF
+
+        return count
+    read = reader(machine, target, wide=at.form.wide)
+    write = writer(machine, target, wide=at.form.wide)
+    return lambda: write(read() + by)
+
+
+def negate(machine: Machine, at: Instruction) -> Act:
+    """NEG: two's complement; the least value stays as it is."""
+    read = reader(machine, at.operands[0], wide=at.form.wide)
+    write = writer(machine, at.operands[0], wide=at.form.wide)
+    return lambda: write(-read())
+
+
+def multiply(machine: Machine, at: Instruction) -> Act:
+    """MUL: a product of twice the width, low word first; of a group's destination the bits that fit it."""
+    wide = at.form.wide
+    first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
+    target = at.operands[2]
+    write = (
+        writer(machine, target, wide=True) if target.groups else _double_writer(machine, target, wide=wide)
+    )
+    return lambda: write(first() * second())
+
+
+def divide(machine: Machine, at: Instruction) -> Act:
+    """DIV: quotient, then remainder; a group's destination takes the quotient only."""
+    wide = at.form.wide
+    first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
+    target = at.operands[2]
+    bits = 32 if wide else 16
+    if target.groups:
+        write, kept = writer(machine, target, wide=wide), 0
+    else:
+        write, kept = _double_writer(machine, target, wide=wide), 1
+    mask = (1 << bits) - 1
+
+    def act() -> None:
+        dividend, divisor = first(), second()
+        if not divisor:
+            raise OperationError
+        quotient = abs(dividend) // abs(divisor)
+        if (dividend < 0) != (divisor < 0):
+            quotient = -quotient
+        if quotient > mask >> 1:
+            raise OperationError
+        remainder = dividend - quotient * divisor
+        write(quotient & mask | (remainder & mask) << bits if kept else quotient)
+
+    return act
+
+
+def _double_writer(machine: Machine, target: Operand, *, wide: bool) -> Writer:
+    """Writes a pattern of twice the width into consecutive words, or into two 32-bit counters."""
+    words = machine.words[target.letter]
+    size = 32 if target.kind == "C" and target.address >= FIRST_LONG_COUNTER else 16
+    count = (64 if wide else 32) // size
+    mask = (1 << size) - 1
+    find = locate(machine, target, count, word=True)
+
+    def write(pattern: int) -> None:
+        place = find()
+        for number in range(count):
+            words[place + number] = pattern >> size * number & mask
+
+    return write
+
+
+def compare(machine: Machine, at: Instruction) -> Act:
+    """CMP: three bits say whether the first value is above, equal to or below the second."""
+    wide = at.form.wide
+    target = at.operands[2]
+    places = [plain(machine, operand) for operand in at.operands[:2]]
+    if not wide and places[0] is not None and places[1] is not None and target.index is None:
+        return _compare_words(machine.bits[target.letter], target.address, *places[0], *places[1])
+    first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
+    tell = _three_bits(machine, at.operands[2])
+
+    def act() -> None:
+        one, other = first(), second()
+        tell(one > other, one == other, one < other)
+
+    return act
+
+
+def _compare_words(bits: bytearray, at: int, a: array[int], i: int, b: array[int], j: int) -> Act:
+    middle, last = at + 1, at + 2
+
+    def act() -> None:
+        difference = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
+        bits[at] = difference > 0
+        bits[middle] = not difference
+        bits[last] = difference < 0
+
+    return act
+
+
+def compare_zone(machine: Machine, at: Instruction) -> Act:
+    """ZCP: three bits say whether a value is below, within or above two limits (both included).
+
+    Where the lower limit is above the upper one, the upper one counts as the same.
+    """
+    wide = at.form.wide
+    lower, upper, source = (value_reader(machine, operand, wide=wide) for operand in at.operands[:3])
+    tell = _three_bits(machine, at.operands[3])
+
+    def act() -> None:
+        low, high, value = lower(), upper(), source()
+        high = max(low, high)
+        tell(value < low, low <= value <= high, value > high)
+
+    return act
+
+
+def _three_bits(machine: Machine, target: Operand) -> Callable[[int, int, int], None]:
+    bits = machine.bits[target.letter]
+    find = locate(machine, target, 3, word=False)
+
+    def tell(first: int, second: int, third: int) -> None:
+        place = find()
+        bits[place], bits[place + 1], bits[place + 2] = first, second, third
+
+    return tell

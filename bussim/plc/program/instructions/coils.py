@@ -1,0 +1,218 @@
+"""OUT SET RST PLS PLF: bits, timers and counters (FX programming manual, basic instructions).
+
+Timers count the pulses of a clock that runs free from power-on: the first unit after they are driven
+is cut short, so that a timer of K n units takes between n - 1 and n, and up to a scan more. They are
+brought up to date where their OUT stands, as is their contact. One that a jump leaves out pauses,
+but T192–T199 (the timers of subroutines) go on.
+Counters count rising edges of their OUT's condition. A 16-bit counter stops at its preset; a 32-bit
+one runs on (and round, at ±2³¹), its contact going on where it comes up to the preset and off where it
+goes down below it.
+RST of a timer or counter is a coil too: while its condition is on, and where a jump then leaves it out,
+the timer or counter is held: it neither counts nor closes. The hold lasts until an RST of it is
+carried out with its condition off, or until RUN (FX3 programming manual, 7.13 and 8.1.1). ZRST holds nothing.
+Where the manual is silent, assumed: a timer's contact, once on, stays until the timer is reset, and
+the timer counts no further; a preset of 0 or less is reached at once; at RUN every condition counts as
+having been off before; a held counter follows its input, so that one that has come on during the hold
+is no edge after it.
+"""
+
+from __future__ import annotations
+
+from bussim.plc.memory import FIRST_LONG_COUNTER
+from bussim.plc.program.compiled.access import value_reader, word_of
+from bussim.plc.program.compiled.outputs import Act, Coil, Drive, Level, Output, Take
+from bussim.plc.program.machine import Machine
+from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.operands import Operand
+from bussim.units import TICKS_PER_MS
+
+#: The first timer of each kind and its unit in ms; T246 and up keep their value (FX programming manual).
+_UNITS = ((250, 100), (246, 1), (200, 10), (0, 100))
+FIRST_RETENTIVE_TIMER = 246
+#: Timers for subroutines, which go on while a jump leaves them out.
+SUBROUTINE_TIMERS = range(192, 200)
+#: The special bit that makes counter C200 count down; C201's follows, and so on.
+DOWN_FLAGS = 8200 - FIRST_LONG_COUNTER
+_LONG = 1 << 32
+_LONG_HALF = 1 << 31
+
+
+def unit_of(timer: int) -> int:
+    """A timer's unit in ticks."""
+    return next(unit for first, unit in _UNITS if timer >= first) * TICKS_PER_MS
+
+
+def bind_out(machine: Machine, at: Instruction) -> Output:
+    """OUT of a bit, a timer or a counter."""
+    device = at.operands[0]
+    if device.kind == "T":
+        return Drive(_timer(machine, device.address, at.operands[1]))
+    if device.kind == "C":
+        count = _long_counter if device.address >= FIRST_LONG_COUNTER else _counter
+        return Drive(count(machine, device.address, at.operands[1]))
+    return Coil(machine.bits[device.letter], device.address)
+
+
+def bind_set(machine: Machine, at: Instruction) -> Output:
+    """SET."""
+    bits, number = machine.bits[at.operands[0].letter], at.operands[0].address
+
+    def act() -> None:
+        bits[number] = 1
+
+    return Level(act)
+
+
+def bind_reset(machine: Machine, at: Instruction) -> Output:
+    """RST of a bit or a word, or of a timer or counter with its contact."""
+    device = at.operands[0]
+    number = device.address
+    if device.kind in ("T", "C"):
+        return Drive(_reset_coil(machine, device.letter, number))
+    if device.kind in ("D", "V", "Z"):
+        words = machine.words[device.letter]
+
+        def clear() -> None:
+            words[number] = 0
+
+        return Level(clear)
+    bits = machine.bits[device.letter]
+
+    def act() -> None:
+        bits[number] = 0
+
+    return Level(act)
+
+
+def _reset_coil(machine: Machine, letter: str, number: int) -> Take:
+    clear, held = reset(machine, letter, number, number), machine.held[letter]
+
+    def take(on: int) -> None:
+        held[number] = on
+        if on:
+            clear()
+
+    return take
+
+
+def reset(machine: Machine, letter: str, first: int, last: int) -> Act:
+    """Clears timers or counters: value and contact. A timer that stays driven begins anew."""
+    contacts, values = machine.bits[letter], machine.words[letter]
+    starts = machine.timer_scan
+
+    def act() -> None:
+        for number in range(first, last + 1):
+            contacts[number] = 0
+            values[number] = 0
+            if letter == "T":
+                starts[number] = 0
+
+    return act
+
+
+def bind_pulse(machine: Machine, at: Instruction) -> Output:
+    """PLS: on for the one scan in which the condition rises; PLF: in which it falls."""
+    bits, place = machine.bits[at.operands[0].letter], at.operands[0].address
+    earlier, number = machine.earlier, at.number
+
+    def rise(on: int) -> None:
+        bits[place] = on > earlier[number]
+        earlier[number] = on
+
+    def fall(on: int) -> None:
+        bits[place] = on < earlier[number]
+        earlier[number] = on
+
+    return Drive(rise if at.spec.name == "PLS" else fall)
+
+
+def once(machine: Machine, at: Instruction, level: Level) -> Drive:
+    """The P form: carried out where the condition rises."""
+    earlier, number, act = machine.earlier, at.number, level.act
+    spent, extra = machine.spent, level.extra
+
+    def take(on: int) -> None:
+        if on > earlier[number]:
+            act()
+            spent[0] += extra
+        earlier[number] = on
+
+    return Drive(take)
+
+
+# -- timers and counters ---------------------------------------------------------------------------
+
+
+def _timer(machine: Machine, number: int, preset: Operand) -> Take:
+    contacts, values = machine.bits["T"], machine.words["T"]
+    driven, pulses, held = machine.timer_scan, machine.timer_pulse, machine.held["T"]
+    now, scan = machine.now, machine.scan
+    presets, place = word_of(machine, preset)
+    unit = unit_of(number)
+    retentive = number >= FIRST_RETENTIVE_TIMER
+    # A timer that was driven less than so many scans ago has not paused.
+    patience = 1 << 62 if number in SUBROUTINE_TIMERS else 1
+
+    def take(on: int) -> None:
+        if not on or held[number]:
+            driven[number] = 0
+            if not (on or retentive):
+                contacts[number] = 0
+                values[number] = 0
+            return
+        if contacts[number]:
+            return  # until it is reset, which begins it anew
+        pulse = now[0] // unit
+        last = driven[number]
+        driven[number] = this = scan[0]
+        gone = pulse - pulses[number] if last and this - last <= patience else 0
+        pulses[number] = pulse
+        limit = (presets[place] ^ 0x8000) - 0x8000
+        value = values[number] + gone
+        if value >= limit:
+            # What a program wrote beyond the preset stays; the clock stops at the preset.
+            values[number] = max(values[number], limit, 0)
+            contacts[number] = 1
+        elif gone:
+            values[number] = value
+
+    return take
+
+
+def _counter(machine: Machine, number: int, preset: Operand) -> Take:
+    contacts, values = machine.bits["C"], machine.words["C"]
+    earlier, held = machine.counter_input, machine.held["C"]
+    presets, place = word_of(machine, preset)
+
+    def take(on: int) -> None:
+        if on > earlier[number] and not contacts[number] and not held[number]:
+            value = values[number]
+            if value < 0x7FFF:
+                value += 1
+                values[number] = value
+            if value >= (presets[place] ^ 0x8000) - 0x8000:
+                contacts[number] = 1
+        earlier[number] = on
+
+    return take
+
+
+def _long_counter(machine: Machine, number: int, preset: Operand) -> Take:
+    contacts, values = machine.bits["C"], machine.words["C"]
+    earlier, held = machine.counter_input, machine.held["C"]
+    flags, down = machine.bits["M"], DOWN_FLAGS + number
+    limit_of = value_reader(machine, preset, wide=True)
+
+    def take(on: int) -> None:
+        if on > earlier[number] and not held[number]:
+            step = -1 if flags[down] else 1
+            pattern = (values[number] + step) % _LONG
+            values[number] = pattern
+            value = (pattern ^ _LONG_HALF) - _LONG_HALF
+            if step > 0 and value >= limit_of():
+                contacts[number] = 1
+            elif step < 0 and value < limit_of():
+                contacts[number] = 0
+        earlier[number] = on
+
+    return take

@@ -1,0 +1,1 @@
+"""An instruction list as text: read, checked, and cut where it jumps."""

@@ -1,0 +1,361 @@
+"""The instructions: their forms, operands and steps. One table for the parser, the checks and the docs.
+
+Forms (FX programming manual): a D in front makes an applied instruction work on 32 bits (DMOV; of
+WAND it is DAND), a P behind makes it work once per rising edge of its condition (MOVP).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from bussim.plc.program.text.operands import Operand
+
+
+class Role(Enum):
+    """What an instruction is in a ladder."""
+
+    CONTACT = "contact"
+    BLOCK = "block"  # ANB ORB MPS MRD MPP INV
+    OUTPUT = "output"  # needs a condition in front of it
+    BARE = "bare"  # stands on the left bus, begins nothing: FEND, FOR, a label, …
+    NOTHING = "nothing"  # NOP
+
+
+#: What an operand may be, for the commonest operands.
+WORDS_TO = ("KnY", "KnM", "KnS", "T", "C", "D", "V", "Z")
+WORDS_FROM = ("K", "KnX", *WORDS_TO)
+COUNTS = ("K", "D")
+BITS_TO = ("Y", "M", "S")
+BITS_FROM = ("X", *BITS_TO)
+CONTACTS = (*BITS_FROM, "T", "C")
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """One operand of an instruction.
+
+    ``takes`` lists the kinds allowed. The instruction touches ``points`` consecutive bits or words (×2
+    words in a D form) from the operand on, or as many as the constant of the slot named ``by``.
+    ``limits`` bound a constant (both ends included; of a D form where they differ: ``wide_limits``).
+    """
+
+    name: str
+    takes: tuple[str, ...]
+    writes: bool = False
+    points: int = 1
+    by: str = ""
+    limits: tuple[int, int] | None = None
+    wide_limits: tuple[int, int] | None = None
+    index: bool = True
+    always_16: bool = False  # a count: 16 bits in the D form too
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """One instruction in its 16-bit form. ``forms`` holds D and P where those exist.
+
+    ``group`` is the class of its time; ``steps`` the number of program steps (None: 1 + 2 for every
+    operand, 4 in the D form).
+    """
+
+    name: str
+    role: Role
+    slots: tuple[Slot, ...] = ()
+    forms: str = ""
+    wide_name: str = ""
+    group: str = "basic"
+    steps: int | None = None
+    join: str = ""  # of a contact: LD AND OR
+    test: str = ""  # of a contact: on off rise fall, or = > < <> <= >=
+    fallible: bool = False  # may meet data that it refuses while it runs
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """An instruction as it is written: which one, whether 32-bit, whether pulsed."""
+
+    spec: Spec
+    wide: bool = False
+    pulse: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Instruction:
+    """One instruction of a program: its number (from 0), its first program step, its place."""
+
+    number: int
+    step: int
+    line: int
+    column: int
+    name: str
+    form: Form
+    operands: tuple[Operand, ...]
+
+    @property
+    def spec(self) -> Spec:
+        """The instruction's 16-bit form."""
+        return self.form.spec
+
+
+def _contacts() -> list[Spec]:
+    bit = (Slot("device", CONTACTS, index=False),)
+    found = []
+    for join, inverted in (("LD", "LDI"), ("AND", "ANI"), ("OR", "ORI")):
+        found += [
+            Spec(join, Role.CONTACT, bit, join=join, test="on"),
+            Spec(inverted, Role.CONTACT, bit, join=join, test="off"),
+            Spec(f"{join}P", Role.CONTACT, bit, join=join, test="rise", steps=2),
+            Spec(f"{join}F", Role.CONTACT, bit, join=join, test="fall", steps=2),
+        ]
+        words = (Slot("first", WORDS_FROM), Slot("second", WORDS_FROM))
+        found += [
+            Spec(
+                f"{join}{test}",
+                Role.CONTACT,
+                words,
+                "D",
+                f"{join}D{test}",
+                group="comparison",
+                join=join,
+                test=test,
+            )
+            for test in ("=", ">", "<", "<>", "<=", ">=")
+        ]
+    return found
+
+
+_S = Slot("source", WORDS_FROM)
+_S1, _S2 = replace(_S, name="first source"), replace(_S, name="second source")
+_D = Slot("destination", WORDS_TO, writes=True)
+_ONE_BIT = Slot("destination", BITS_TO, writes=True, index=False)
+_THREE_BITS = Slot("destination", BITS_TO, writes=True, points=3)
+_DOUBLE = Slot("destination", tuple(k for k in WORDS_TO if k not in "VZ"), writes=True, points=2)
+_PRESET = Slot("preset", COUNTS, index=False)
+
+
+def _count(name: str, low: int, high: int, *, takes: tuple[str, ...] = COUNTS) -> Slot:
+    return Slot(name, takes, limits=(low, high), always_16=True)
+
+
+_BLOCK_WORDS = ("KnX", "KnY", "KnM", "KnS", "T", "C", "D")
+_BLOCK_TO = _BLOCK_WORDS[1:]
+_LABEL = (Slot("label", ("P",), index=False),)
+_ADDED = (_S1, _S2, _D)
+
+
+def _shift(name: str) -> Spec:
+    slots = (
+        Slot("source", BITS_FROM, by="n2"),
+        Slot("destination", BITS_TO, writes=True, by="n1"),
+        Slot("n1", ("K",), limits=(1, 1024), index=False),
+        Slot("n2", ("K",), limits=(1, 1024), index=False),
+    )
+    return Spec(name, Role.OUTPUT, slots, "P", group="block", fallible=True)
+
+
+def _rotate(name: str) -> Spec:
+    n = Slot("n", ("K",), limits=(1, 16), wide_limits=(1, 32), index=False)
+    return Spec(name, Role.OUTPUT, (_D, n), "DP", group="block")
+
+
+_OUTPUTS = [
+    Spec("OUT", Role.OUTPUT, (Slot("device", (*BITS_TO, "T", "C"), writes=True, index=False),)),
+    Spec("SET", Role.OUTPUT, (_ONE_BIT,)),
+    Spec(
+        "RST",
+        Role.OUTPUT,
+        (Slot("device", (*BITS_TO, "T", "C", "D", "V", "Z"), writes=True, index=False),),
+    ),
+    Spec("PLS", Role.OUTPUT, (replace(_ONE_BIT, takes=("Y", "M")),), steps=2),
+    Spec("PLF", Role.OUTPUT, (replace(_ONE_BIT, takes=("Y", "M")),), steps=2),
+    Spec(
+        "MC",
+        Role.OUTPUT,
+        (Slot("level", ("N",), index=False), replace(_ONE_BIT, takes=("Y", "M"))),
+        steps=3,
+    ),
+    Spec("CJ", Role.OUTPUT, _LABEL, "P", steps=3),
+    Spec("CALL", Role.OUTPUT, _LABEL, "P", steps=3),
+    Spec("WDT", Role.OUTPUT, forms="P", steps=1),
+    Spec("MOV", Role.OUTPUT, (_S, _D), "DP", group="move"),
+    Spec("CML", Role.OUTPUT, (_S, _D), "DP", group="move"),
+    Spec(
+        "XCH",
+        Role.OUTPUT,
+        (replace(_D, name="first word"), replace(_D, name="second word")),
+        "DP",
+        group="move",
+    ),
+    Spec(
+        "BMOV",
+        Role.OUTPUT,
+        (
+            Slot("source", _BLOCK_WORDS, by="n"),
+            Slot("destination", _BLOCK_TO, writes=True, by="n"),
+            _count("n", 1, 512),
+        ),
+        "P",
+        group="block",
+        fallible=True,
+    ),
+    Spec(
+        "FMOV",
+        Role.OUTPUT,
+        (_S, Slot("destination", _BLOCK_TO, writes=True, by="n"), _count("n", 1, 512)),
+        "DP",
+        group="block",
+        fallible=True,
+    ),
+    Spec("BCD", Role.OUTPUT, (_S, _D), "DP", group="arithmetic", fallible=True),
+    Spec("BIN", Role.OUTPUT, (_S, _D), "DP", group="arithmetic", fallible=True),
+    Spec("ADD", Role.OUTPUT, _ADDED, "DP", group="arithmetic"),
+    Spec("SUB", Role.OUTPUT, _ADDED, "DP", group="arithmetic"),
+    Spec("MUL", Role.OUTPUT, (_S1, _S2, _DOUBLE), "DP", group="arithmetic"),
+    Spec("DIV", Role.OUTPUT, (_S1, _S2, _DOUBLE), "DP", group="arithmetic", fallible=True),
+    Spec("INC", Role.OUTPUT, (_D,), "DP", group="arithmetic"),
+    Spec("DEC", Role.OUTPUT, (_D,), "DP", group="arithmetic"),
+    Spec("NEG", Role.OUTPUT, (_D,), "DP", group="arithmetic"),
+    Spec("WAND", Role.OUTPUT, _ADDED, "DP", "DAND", group="move"),
+    Spec("WOR", Role.OUTPUT, _ADDED, "DP", "DOR", group="move"),
+    Spec("WXOR", Role.OUTPUT, _ADDED, "DP", "DXOR", group="move"),
+    Spec("CMP", Role.OUTPUT, (_S1, _S2, _THREE_BITS), "DP", group="arithmetic"),
+    Spec(
+        "ZCP",
+        Role.OUTPUT,
+        (replace(_S, name="lower limit"), replace(_S, name="upper limit"), _S, _THREE_BITS),
+        "DP",
+        group="arithmetic",
+    ),
+    _rotate("ROR"),
+    _rotate("ROL"),
+    _shift("SFTR"),
+    _shift("SFTL"),
+    Spec("ALT", Role.OUTPUT, (replace(_ONE_BIT, index=True),), "P", group="move"),
+    Spec(
+        "ZRST",
+        Role.OUTPUT,
+        (
+            Slot("first device", (*BITS_TO, "T", "C", "D"), writes=True, index=False),
+            Slot("last device", (*BITS_TO, "T", "C", "D"), writes=True, index=False),
+        ),
+        "P",
+        group="block",
+    ),
+    Spec(
+        "MEAN",
+        Role.OUTPUT,
+        (Slot("source", _BLOCK_WORDS, by="n"), _D, _count("n", 1, 64)),
+        "DP",
+        group="block",
+        fallible=True,
+    ),
+    # PW10 board manual, section 5.
+    Spec(
+        "RS2",
+        Role.OUTPUT,
+        (
+            Slot("S", ("D",), index=False),
+            Slot("m", COUNTS, index=False, limits=(0, 0xFFFF)),
+            Slot("D", ("D",), index=False),
+            Slot("n", COUNTS, index=False, limits=(0, 0xFFFF)),
+            Slot("n1", COUNTS, index=False, limits=(2, 6)),
+        ),
+        group="serial",
+    ),
+    Spec(
+        "CPAVL",
+        Role.OUTPUT,
+        (
+            Slot("S", ("D",), points=20, index=False),
+            Slot("D", ("M",), points=20, index=False),
+            Slot("M", ("K",), index=False, limits=(2, 6)),
+        ),
+        group="serial",
+        steps=11,
+    ),
+]
+
+_BARE = [
+    Spec("MCR", Role.BARE, (Slot("level", ("N",), index=False),), steps=2),
+    Spec("FOR", Role.BARE, (_count("n", -32768, 32767, takes=WORDS_FROM),), steps=3),
+    *(Spec(name, Role.BARE, steps=1) for name in ("NEXT", "SRET", "FEND", "END")),
+]
+_BLOCKS = [Spec(name, Role.BLOCK, steps=1) for name in ("ANB", "ORB", "MPS", "MRD", "MPP", "INV")]
+
+#: A label at the head of a line; it has no mnemonic of its own.
+LABEL = Spec("P", Role.BARE, _LABEL, steps=1)
+
+SPECS: dict[str, Spec] = {
+    spec.name: spec
+    for spec in [*_contacts(), *_BLOCKS, Spec("NOP", Role.NOTHING, steps=1), *_OUTPUTS, *_BARE]
+}
+
+
+def _forms() -> dict[str, Form]:
+    found: dict[str, Form] = {}
+    for spec in SPECS.values():
+        found[spec.name] = Form(spec)
+        wide = spec.wide_name or f"D{spec.name}"
+        if "P" in spec.forms:
+            found[f"{spec.name}P"] = Form(spec, pulse=True)
+        if "D" in spec.forms:
+            found[wide] = Form(spec, wide=True)
+        if "D" in spec.forms and "P" in spec.forms:
+            found[f"{wide}P"] = Form(spec, wide=True, pulse=True)
+    return found
+
+
+#: Every mnemonic that a program may use.
+FORMS: dict[str, Form] = _forms()
+
+_OTHERS = (
+    *(
+        "SMOV",
+        "PRUN",
+        "REF",
+        "REFF",
+        "MTR",
+        "HSCS",
+        "HSCR",
+        "HSZ",
+        "SPD",
+        "PLSY",
+        "PWM",
+        "PLSR",
+        "IST",
+        "SER",
+    ),
+    *("ABSD", "INCD", "TTMR", "STMR", "RAMP", "ROTC", "SORT", "TKY", "HKY", "DSW", "SEGD", "SEGL", "ARWS"),
+    *("ASC", "PR", "FROM", "TO", "ASCI", "HEX", "CCD", "VRRD", "VRSC", "PID", "RCR", "RCL", "WSFR", "WSFL"),
+    *("SFWR", "SFRD", "DECO", "ENCO", "SUM", "BON", "ANS", "ANR", "SQR", "FLT", "TCMP", "TZCP", "TADD"),
+    *("TSUB", "TRD", "TWR", "GRY", "GBIN", "SWAP", "ECMP", "EZCP", "EADD", "ESUB", "EMUL", "EDIV", "ESQR"),
+    *("INT", "SIN", "COS", "TAN"),
+)
+#: Instructions that an FX has and this simulation does not, with what stands in the way.
+NOT_SIMULATED: dict[str, str] = {
+    **dict.fromkeys(("STL", "RET"), "step ladders are not simulated; write the steps with SET and RST"),
+    **dict.fromkeys(("EI", "DI", "IRET"), "interrupts are not simulated"),
+    "RS": "RS is not simulated; RS2 with the port K2 does the same",
+    **dict.fromkeys(
+        _OTHERS,
+        "it is not simulated",
+    ),
+}
+
+
+def steps_of(form: Form, operands: tuple[Operand, ...]) -> int:
+    """How many program steps an instruction takes (FX programming manual)."""
+    spec = form.spec
+    if spec.steps is not None:
+        return spec.steps
+    if spec.name in ("OUT", "SET", "RST") and operands:
+        first = operands[0]
+        if spec.name == "OUT" and first.kind in "TC":
+            return 5 if first.kind == "C" and first.address >= 200 else 3
+        if first.kind in "DVZ":
+            return 3
+        return 2 if first.kind in "STC" or (first.kind == "M" and first.address >= 8000) else 1
+    if spec.role is Role.CONTACT and spec.group == "basic":
+        return 1
+    return 1 + (4 if form.wide else 2) * len(spec.slots)

@@ -1,0 +1,220 @@
+"""Checks of single instructions: number, kinds and ranges of operands, and what devices they touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from bussim.plc.memory import FIRST_LONG_COUNTER, Device
+from bussim.plc.program.text.catalog import Form, Instruction, Role, Slot
+from bussim.plc.program.text.operands import Operand, range_of, range_text
+
+#: The first counter that counts in hardware, from its own inputs (FX programming manual).
+FIRST_FAST_COUNTER = 235
+#: Special bits that the PLC drives: a program that writes them achieves nothing.
+READ_ONLY_BITS = frozenset((8000, 8001, 8002, 8003, 8011, 8012, 8013, 8014))
+#: Instructions that take T and C for both their contact and their value.
+_BOTH = ("OUT", "RST", "ZRST")
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Devices that an instruction touches: ``first``…``last`` of a letter, as bits or as words."""
+
+    letter: str
+    first: int
+    last: int
+    word: bool
+    writes: bool
+
+    def holds(self, letter: str, address: int, *, word: bool) -> bool:
+        """Whether a device is among them."""
+        return self.letter == letter and self.word is word and self.first <= address <= self.last
+
+
+def slots_of(form: Form, operands: tuple[Operand, ...]) -> tuple[Slot, ...]:
+    """The operands that an instruction takes: a timer's or a counter's OUT has a preset as well."""
+    slots = form.spec.slots
+    if form.spec.name == "OUT" and operands and operands[0].kind in ("T", "C"):
+        long = operands[0].kind == "C" and operands[0].address >= FIRST_LONG_COUNTER
+        limits = (-(1 << 31), (1 << 31) - 1) if long else (0, 32767)
+        return (*slots, Slot("preset", ("K", "D"), points=2 if long else 1, limits=limits, index=False))
+    return slots
+
+
+def operand_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> list[tuple[int, str]]:
+    """Mistakes of one instruction: (number of the operand, or -1 for the mnemonic, message)."""
+    slots = slots_of(form, operands)
+    if len(operands) != len(slots):
+        names = ", ".join(slot.name for slot in slots)
+        wanted = f"{len(slots)} operand{'' if len(slots) == 1 else 's'} ({names})" if slots else "no operand"
+        # The first one too many, or the mnemonic that misses some.
+        at = len(slots) if len(operands) > len(slots) else -1
+        return [(at, f"{name} takes {wanted}, found {len(operands) or 'none'}")]
+    found: list[tuple[int, str]] = []
+    for number, (slot, operand) in enumerate(zip(slots, operands, strict=True)):
+        message = _kind_problem(name, slot, operand) or _value_problem(name, form, slot, operand)
+        if message is not None:
+            found.append((number, message))
+    if found:
+        return found
+    for number, extent in enumerate(_extents(form, operands)):
+        message = None if extent is None else _extent_problem(name, operands[number], extent)
+        if message is not None:
+            found.append((number, message))
+    return found or list(_pair_problems(name, form, operands))
+
+
+def _kind_problem(name: str, slot: Slot, operand: Operand) -> str | None:
+    text, kind = operand.text, operand.kind
+    if kind not in slot.takes:
+        if name == "OUT" and kind == "X":
+            return f"OUT {text}: X is an input; a program can only read it"
+        allowed = " ".join("K H" if taken == "K" else taken for taken in slot.takes)
+        return f"{name}: the {slot.name} cannot be {text}, allowed {allowed}"
+    if operand.index is not None and not slot.index:
+        return f"{name}: the {slot.name} cannot have an index register, found {text}"
+    return None
+
+
+def _value_problem(name: str, form: Form, slot: Slot, operand: Operand) -> str | None:
+    text, kind, address = operand.text, operand.kind, operand.address
+    wide = form.wide and not slot.always_16
+    if kind == "K":
+        return _constant_problem(name, slot, operand, wide=wide)
+    if kind.startswith("Kn"):
+        most = 8 if wide or (slot.points == 2 and form.spec.name == "MUL") else 4
+        if operand.groups > most:
+            return f"{name}: {text} means {4 * operand.groups} bits, allowed K1–K{most}"
+    elif kind == "V" and wide:
+        return f"{name}: {text} cannot begin a pair; Z{address} names that of V{address} and Z{address}"
+    elif kind == "C" and address >= FIRST_LONG_COUNTER:
+        if _is_word(form, kind) and not wide:
+            instead = "use the D form" if "D" in form.spec.forms else f"allowed C0–C{FIRST_LONG_COUNTER - 1}"
+            return f"{name}: {text} has 32 bits; {instead}"
+        if name == "OUT" and address >= FIRST_FAST_COUNTER:
+            return (
+                f"OUT {text}: C{FIRST_FAST_COUNTER}–C255 count in hardware, which is not simulated; "
+                f"use C0–C{FIRST_FAST_COUNTER - 1}"
+            )
+    elif name in ("PLS", "PLF") and kind == "M" and address >= 8000:
+        return f"{name}: {text} is a special bit, allowed Y and M0–M3071"
+    return None
+
+
+def _constant_problem(name: str, slot: Slot, operand: Operand, *, wide: bool) -> str | None:
+    value = operand.address
+    limits = slot.wide_limits if wide and slot.wide_limits else slot.limits
+    if operand.hexadecimal and limits is None:
+        digits = 8 if wide else 4
+        if value >> 4 * digits:
+            return f"{name}: {operand.text} has more than {digits} digits" + (
+                "" if wide else _wide_hint(name)
+            )
+        return None
+    low, high = limits or ((-(1 << 31), (1 << 31) - 1) if wide else (-32768, 32767))
+    if low <= value <= high:
+        return None
+    hint = "" if wide or limits is not None else _wide_hint(name)
+    return f"{name}: the {slot.name} is {operand.text}, allowed K{low}…K{high}{hint}"
+
+
+def _wide_hint(name: str) -> str:
+    from bussim.plc.program.text.catalog import FORMS
+
+    form = FORMS.get(name)
+    return " (32 bits: the D form)" if form is not None and "D" in form.spec.forms else ""
+
+
+def _is_word(form: Form, kind: str) -> bool:
+    """Whether T and C mean their values to an instruction, not their contacts."""
+    if kind in ("T", "C"):
+        bitwise = form.spec.role is Role.CONTACT and form.spec.group == "basic"
+        return form.spec.name not in _BOTH and not bitwise
+    return kind in ("D", "V", "Z")
+
+
+def _extents(form: Form, operands: tuple[Operand, ...]) -> list[Extent | None]:
+    slots = slots_of(form, operands)
+    return [
+        _extent(form, slot, slots, operand, operands) for slot, operand in zip(slots, operands, strict=True)
+    ]
+
+
+def _extent(
+    form: Form, slot: Slot, slots: tuple[Slot, ...], operand: Operand, operands: tuple[Operand, ...]
+) -> Extent | None:
+    kind, first = operand.kind, operand.address
+    if kind in ("K", "P", "N"):
+        return None
+    count = slot.points
+    if slot.by:
+        named = next(other for other, its in zip(operands, slots, strict=True) if its.name == slot.by)
+        count = named.constant or 1  # a register's value is known only when it runs
+    if kind.startswith("Kn"):
+        bits = 4 * operand.groups * (count if slot.by else 1)
+        return Extent(operand.letter, first, first + bits - 1, word=False, writes=slot.writes)
+    if not _is_word(form, kind):
+        return Extent(operand.letter, first, first + count - 1, word=False, writes=slot.writes)
+    paired = (
+        form.wide and not slot.always_16 and kind != "Z" and not (kind == "C" and first >= FIRST_LONG_COUNTER)
+    )
+    last = first + count * (2 if paired else 1) - 1
+    return Extent(operand.letter, first, last, word=True, writes=slot.writes)
+
+
+def _extent_problem(name: str, operand: Operand, extent: Extent) -> str | None:
+    letter = extent.letter
+    bounds = range_of(letter, extent.first, word=extent.word)
+    if bounds is not None and extent.last > bounds[1]:
+        last = Device(letter, bounds[1])
+        return f"{name}: {operand.text} reaches past {last}, allowed {range_text(letter)}"
+    if extent.writes and letter == "M" and operand.index is None:
+        for number in range(extent.first, extent.last + 1):
+            if number in READ_ONLY_BITS:
+                return f"{name}: M{number} is driven by the PLC itself; a program can only read it"
+    return None
+
+
+def extents(instruction: Instruction, *, both_ways: bool = False) -> list[Extent]:
+    """What an instruction touches whose operands have no index; of an indexed one nothing is known.
+
+    ``both_ways``: M8024 may make a BMOV write its source.
+    """
+    found = _extents(instruction.form, instruction.operands)
+    if both_ways and instruction.spec.name == "BMOV" and found[0] is not None and found[0].letter != "X":
+        found[0] = replace(found[0], writes=True)
+    kept = [
+        extent
+        for extent, operand in zip(found, instruction.operands, strict=True)
+        if extent is not None and operand.index is None
+    ]
+    if instruction.spec.name == "ZRST":
+        first, last = kept
+        words = first.letter == "D"
+        return [Extent(first.letter, first.first, max(first.first, last.first), word=words, writes=True)]
+    return kept
+
+
+def _pair_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> Iterator[tuple[int, str]]:
+    spec = form.spec.name
+    if spec == "BMOV":
+        source, target = operands[0], operands[1]
+        if source.groups and target.groups and source.groups != target.groups:
+            yield 1, f"{name}: {target.text} has other groups than {source.text}; both must have the same K"
+    elif spec in ("SFTR", "SFTL"):
+        length, step = operands[2].constant, operands[3].constant
+        if length is not None and step is not None and step > length:
+            yield 3, f"{name}: n2 is {step}, allowed 1…n1 ({length})"
+    elif spec in ("ROR", "ROL"):
+        full = 8 if form.wide else 4
+        if operands[0].groups not in (0, full):
+            yield 0, f"{name}: {operands[0].text} is no whole word, allowed K{full} in front of a bit device"
+    elif spec == "ZRST":
+        first, last = operands
+        if first.kind != last.kind:
+            yield 1, f"{name}: {last.text} is another kind of device than {first.text}"
+        elif first.kind == "C" and (first.address < FIRST_LONG_COUNTER) != (
+            last.address < FIRST_LONG_COUNTER
+        ):
+            yield 1, f"{name}: {first.text} has 16 bits and {last.text} 32; reset them apart"

@@ -1,0 +1,154 @@
+"""Where a program jumps: labels, CJ, CALL and SRET, FOR and NEXT, FEND and END.
+
+The checks, and the program cut into stretches that are carried out from their head to their end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from bussim.errors import Problem
+from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.ladder import Control, Rung
+from bussim.plc.program.text.operands import END_LABEL
+
+#: FX programming manual: FOR and CALL may be nested five deep.
+MAX_LOOPS = 5
+MAX_CALLS = 5
+
+
+class FlowCheck:
+    """What is wrong with a program's jumps, as ``problems``."""
+
+    def __init__(self, instructions: list[Instruction], name: str) -> None:
+        self.problems: list[Problem] = []
+        self._name = name
+        self._instructions = instructions
+        self._main_end = next((at.number for at in instructions if at.name == "FEND"), None)
+        self._ends()
+        self._jumps(self._labels())
+        self._loops()
+
+    def _wrong(self, at: Instruction, message: str) -> None:
+        self.problems.append(Problem(self._name, at.line, at.column, message))
+
+    def _ends(self) -> None:
+        program = self._instructions
+        end = next((at.number for at in program if at.name == "END"), None)
+        if end is None:
+            last = program[-1] if program else None
+            place = (last.line, last.column) if last is not None else (1, 1)
+            message = "the program has no END; it must be its last instruction"
+            self.problems.append(Problem(self._name, *place, message))
+        elif end + 1 < len(program):
+            self._wrong(
+                program[end + 1], f"{program[end + 1].name} after END; END must be the last instruction"
+            )
+
+    def _labels(self) -> dict[int, Instruction]:
+        labels: dict[int, Instruction] = {}
+        for at in self._instructions:
+            if at.name != "P" or not at.operands:
+                continue
+            number = at.operands[0].address
+            if number == END_LABEL:
+                self._wrong(at, f"P{END_LABEL} means END and cannot be a label")
+            elif number in labels:
+                self._wrong(at, f"the label P{number} stands at line {labels[number].line} already")
+            else:
+                labels[number] = at
+        return labels
+
+    def _jumps(self, labels: dict[int, Instruction]) -> None:
+        for at in self._instructions:
+            name = at.spec.name
+            if name == "SRET" and (self._main_end is None or at.number < self._main_end):
+                self._wrong(at, "SRET before FEND; a subroutine stands between FEND and END")
+            if name not in ("CJ", "CALL") or not at.operands:
+                continue
+            number = at.operands[0].address
+            target = labels.get(number)
+            if number == END_LABEL and name == "CJ":
+                continue
+            if target is None:
+                known = ", ".join(f"P{label}" for label in sorted(labels)) or "none"
+                self._wrong(at, f"{at.name} P{number}: there is no label P{number}; the labels are: {known}")
+            elif name == "CALL":
+                self._subroutine(at, target)
+
+    def _subroutine(self, call: Instruction, label: Instruction) -> None:
+        place = f"{call.name} P{call.operands[0].address}: the subroutine at line {label.line}"
+        if self._main_end is None or label.number < self._main_end:
+            self._wrong(call, f"{place} must stand between FEND and END")
+        elif all(at.name != "SRET" for at in self._instructions[label.number :]):
+            self._wrong(call, f"{place} has no SRET")
+
+    def _loops(self) -> None:
+        loops: list[Instruction] = []
+        for at in self._instructions:
+            if at.name == "FOR":
+                loops.append(at)
+                if len(loops) > MAX_LOOPS:
+                    self._wrong(at, f"FOR is nested {len(loops)} deep, allowed {MAX_LOOPS}")
+            elif at.name == "NEXT":
+                if not loops:
+                    self._wrong(at, "NEXT without its FOR")
+                else:
+                    loops.pop()
+            elif at.name in ("FEND", "END", "SRET"):
+                for opened in loops:
+                    self._wrong(opened, f"FOR without its NEXT in front of {at.name}")
+                loops.clear()
+
+
+@dataclass(slots=True)
+class Stretch:
+    """Rungs that are carried out one after the other, and what then decides where to go on.
+
+    ``exit`` is None where the program goes on with the next stretch. ``target`` is the stretch that
+    the exit names: of a jump its label, of FOR what follows its NEXT, of NEXT what follows its FOR;
+    -1 is the end of the scan. ``instructions`` are all of the stretch's, for their times.
+    """
+
+    rungs: list[Rung | Control] = field(default_factory=list)
+    exit: Control | None = None
+    target: int = -1
+    instructions: list[Instruction] = field(default_factory=list)
+
+
+def cut(items: list[Rung | Control], instructions: list[Instruction]) -> list[Stretch]:
+    """A checked program in stretches, in the order of its text. The first one begins the scan."""
+    stretches = [Stretch()]
+    labels: dict[int, int] = {END_LABEL: -1}
+    loops: list[int] = []
+    opened: dict[int, int] = {}  # of each NEXT's stretch, its FOR's
+    cuts = []  # (number of the first instruction of the next stretch)
+    for item in items:
+        if not isinstance(item, Control) or item.instruction.spec.name in ("MC", "MCR"):
+            stretches[-1].rungs.append(item)
+            continue
+        at = item.instruction
+        name = at.spec.name
+        if name == "P":
+            cuts.append(at.number)
+            stretches.append(Stretch())
+            labels[at.operands[0].address] = len(stretches) - 1
+            continue
+        here = len(stretches) - 1
+        stretches[here].exit = item
+        if name == "FOR":
+            loops.append(here)
+        elif name == "NEXT":
+            opened[here] = loops.pop()
+        cuts.append(at.number + 1)
+        stretches.append(Stretch())
+    for stretch in stretches:
+        if stretch.exit is not None and stretch.exit.instruction.spec.name in ("CJ", "CALL"):
+            stretch.target = labels[stretch.exit.instruction.operands[0].address]
+    for here, start in opened.items():
+        stretches[here].target = start + 1
+        stretches[start].target = here + 1
+    bounds = [0, *cuts, len(instructions)]
+    for stretch, first, end in zip(stretches, bounds, bounds[1:], strict=False):
+        stretch.instructions = instructions[first:end]
+    return stretches

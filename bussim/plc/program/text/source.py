@@ -1,0 +1,285 @@
+"""Reads the text of an instruction list: one instruction a line, all mistakes at once.
+
+A line is ``[step number] mnemonic operands``, separated by blanks, tabs or commas, or a label
+(``P0``), alone or in front of an instruction. Operands may also stand on lines of their own below their
+instruction, as programming tools print them. ``;``, ``//``, ``#`` and ``'`` begin a comment, ``(* … *)``
+and ``/* … */`` hold one. Capitals or not makes no difference; between a device's letter and its number
+may be blanks (``X 0``), and in front of a comparison's sign (``LD = D0 K1``). Step numbers are read over:
+a list that was edited keeps its old ones.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from bussim.errors import Problem
+from bussim.plc.program.text.catalog import (
+    FORMS,
+    LABEL,
+    NOT_SIMULATED,
+    Form,
+    Instruction,
+    Spec,
+    steps_of,
+)
+from bussim.plc.program.text.check import operand_problems, slots_of
+from bussim.plc.program.text.operands import Operand, parse_operand
+from bussim.wording import nearest, shorten
+
+#: Largest program that is read: the FX's 16 000 steps with room for comments.
+MAX_CHARACTERS = 1_000_000
+MAX_STEPS = 16_000
+#: Mistakes that are listed before the reader gives up.
+_MAX_PROBLEMS = 100
+
+_TOKEN = re.compile(r"[^\s,]+")
+#: Comments, the first to begin wins: to the end of the line, or up to their closing mark.
+_COMMENT = re.compile(r"(?:;|//|#|')[^\n]*|\(\*.*?\*\)|/\*.*?\*/|(?P<open>\(\*|/\*).*", re.DOTALL)
+#: What may stand apart from its number, and the signs of comparisons that may stand apart.
+_LETTERS = frozenset("KHXYMSTCDPNVZ")
+_NUMBER = re.compile(r"[+-]?[0-9]+(?:[VvZz][0-9]?)?", re.ASCII)
+_DIGITS = re.compile(r"[0-9][0-9A-Fa-f]*(?:[VvZz][0-9]?)?", re.ASCII)  # behind H
+_SIGNS = frozenset(("=", ">", "<", "<>", "<=", ">="))
+_LABEL = re.compile(r"[Pp][0-9]+:?", re.ASCII)
+_STEP = re.compile(r"[0-9]+:?", re.ASCII)
+#: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
+#: each other the earlier one is meant.
+_COMMON = (
+    *("LD", "LDI", "AND", "ANI", "OR", "ORI", "OUT", "SET", "RST", "MOV", "END"),
+    *("LDP", "LDF", "ANDP", "ANDF", "ORP", "ORF", "ANB", "ORB", "MPS", "MRD", "MPP", "PLS", "PLF", "INV"),
+    *("MOVP", "DMOV", "BMOV", "FMOV", "ADD", "SUB", "MUL", "DIV", "INC", "INCP", "DEC", "DECP", "CMP", "ZCP"),
+    *("CJ", "CALL", "FEND", "SRET", "NOP", "CPAVL", "RS2"),
+)
+
+
+class _Word(NamedTuple):
+    """A word of the text and its place."""
+
+    text: str
+    line: int
+    column: int
+
+
+class _Statement(NamedTuple):
+    """An instruction whose operands are still being gathered."""
+
+    name: str
+    head: _Word
+    form: Form | None  # None: there is no such instruction
+    words: list[_Word]
+
+    def takes(self, word: _Word) -> bool:
+        """Whether an operand on a line of its own belongs to it: it has too few, and a label is its own."""
+        if self.form is None:
+            return not _LABEL.fullmatch(word.text)  # nobody knows how many an unknown instruction takes
+        try:
+            first = tuple(parse_operand(word.text, word.column) for word in self.words[:1])
+        except ValueError:
+            first = ()
+        wanted = slots_of(self.form, first)[len(self.words) :]
+        return bool(wanted) and (not _LABEL.fullmatch(word.text) or "P" in wanted[0].takes)
+
+
+class Source:
+    """The instructions of a text and the mistakes in it.
+
+    An instruction with wrong operands has none. ``instructions`` leaves out a line whose mnemonic could
+    not be read; ``gaps`` holds the numbers of the instructions in front of which one is missing, so that
+    later checks blame nothing on its absence.
+    """
+
+    def __init__(self, text: str, name: str) -> None:
+        self.name = name
+        self.instructions: list[Instruction] = []
+        self.gaps: set[int] = set()
+        self.problems: list[Problem] = []
+        #: Whether the text was read to its end.
+        self.whole = False
+        self._step = 0
+        self._open = False  # whether a comment was not closed
+        self._statement: _Statement | None = None
+        if len(text) > MAX_CHARACTERS:
+            self._wrong(0, 0, f"has {len(text)} characters, allowed {MAX_CHARACTERS}")
+            return
+        text = self._without_comments(text.replace("\r\n", "\n").replace("\r", "\n"))
+        # Not str.splitlines, which also breaks at form feeds and other characters no editor counts.
+        for number, line in enumerate(text.split("\n"), 1):
+            self._line(number, line)
+            if len(self.problems) >= _MAX_PROBLEMS:
+                self._wrong(number, 1, f"more than {_MAX_PROBLEMS} mistakes; the rest was not read")
+                return
+            if self._step > MAX_STEPS:
+                self._wrong(number, 1, f"the program has more than {MAX_STEPS} steps")
+                return
+        self._finish()
+        self.whole = not self._open
+
+    def _wrong(self, line: int, column: int, message: str) -> None:
+        self.problems.append(Problem(self.name, line, column, message))
+
+    def _without_comments(self, text: str) -> str:
+        """The text with blanks for its comments; every other character keeps its place."""
+
+        def blank(comment: re.Match[str]) -> str:
+            if comment["open"]:
+                self._open = True
+                line = text.count("\n", 0, comment.start()) + 1
+                column = comment.start() - text.rfind("\n", 0, comment.start())
+                closing = "*)" if comment["open"] == "(*" else "*/"
+                self._wrong(line, column, f"the comment that begins here has no {closing}")
+            return re.sub(r"[^\n]", " ", comment.group())
+
+        if text.startswith("\ufeff"):
+            text = " " + text[1:]  # editors on Windows put a mark there
+        return _COMMENT.sub(blank, text)
+
+    def _line(self, number: int, line: str) -> None:
+        words = _joined(number, line)
+        if words and _STEP.fullmatch(words[0].text):
+            if len(words) == 1:
+                self._finish()
+                self._wrong(number, words[0].column, "a step number without an instruction")
+                return
+            words = words[1:]
+        if words:
+            self._begin_or_go_on(words)
+
+    def _begin_or_go_on(self, words: list[_Word]) -> None:
+        statement, head = self._statement, words[0]
+        if head.text.upper() not in FORMS and _is_operand(head):
+            if statement is not None and statement.takes(head):
+                statement.words.extend(words)
+                return
+            if statement is not None and not _LABEL.fullmatch(head.text):
+                name = f"{statement.name} in front of it" if statement.name != "P" else "a label"
+                self._wrong(
+                    head.line,
+                    head.column,
+                    f"{shorten(head.text)} without its instruction: {name} takes no more",
+                )
+                return
+        self._finish()
+        self._begin(words)
+
+    def _begin(self, words: list[_Word]) -> None:
+        head, *rest = words
+        if _LABEL.fullmatch(head.text):
+            label = head._replace(text=head.text.rstrip(":"))
+            self._statement = _Statement("P", head, Form(LABEL), [label])
+            if not rest:
+                return
+            self._finish()
+            head, *rest = rest
+        name = head.text.upper()
+        if rest and rest[0].text in _SIGNS and name + rest[0].text in FORMS:
+            name, rest = name + rest[0].text, rest[1:]
+        form = FORMS.get(name)
+        self._statement = _Statement(name, head, form, rest)
+        if form is None:
+            self._wrong(head.line, head.column, _unknown(head.text))
+            self.gaps.add(len(self.instructions))
+
+    def _finish(self) -> None:
+        """The statement that was begun has all its operands."""
+        statement, self._statement = self._statement, None
+        if statement is None or statement.form is None:
+            return
+        name, head, form, words = statement
+        assert form is not None  # noqa: S101 - narrows the type
+        before = len(self.problems)
+        operands = tuple(self._operands(words))
+        if len(self.problems) == before:
+            for at, message in operand_problems(name, form, operands):
+                word = words[at] if 0 <= at < len(words) else head
+                self._wrong(word.line, word.column, message)
+        broken = len(self.problems) > before
+        # With wrong operands its place in the ladder is known all the same.
+        self.instructions.append(
+            Instruction(
+                len(self.instructions),
+                self._step,
+                head.line,
+                head.column,
+                name,
+                form,
+                () if broken else operands,
+            )
+        )
+        self._step += steps_of(form, operands)
+
+    def _operands(self, words: list[_Word]) -> Iterator[Operand]:
+        for word in words:
+            try:
+                yield parse_operand(word.text, word.column)
+            except ValueError as error:
+                self._wrong(word.line, word.column, str(error))
+
+
+def _joined(number: int, line: str) -> list[_Word]:
+    """The words of a line; a device's letter and the number behind it are one."""
+    words: list[_Word] = []
+    end = 0
+    for match in _TOKEN.finditer(line):
+        text, start = match.group(), match.start()
+        last = words[-1] if words else None
+        if (
+            last is not None
+            and last.text.upper() in _LETTERS
+            and (_DIGITS if last.text.upper() == "H" else _NUMBER).fullmatch(text)
+            and line[end:start].isspace()
+        ):
+            words[-1] = last._replace(text=last.text + text)
+        else:
+            words.append(_Word(text, number, start + 1))
+        end = match.end()
+    return words
+
+
+def _is_operand(word: _Word) -> bool:
+    try:
+        parse_operand(word.text, word.column)
+    except ValueError:
+        return False
+    return True
+
+
+def _unknown(word: str) -> str:
+    shown = shorten(repr(word))
+    upper = word.upper()
+    # A known instruction in a form that it does not have says more than the nearest name.
+    for base in (
+        upper,
+        upper.removesuffix("P"),
+        upper.removeprefix("D"),
+        upper.removeprefix("D").removesuffix("P"),
+    ):
+        if base in NOT_SIMULATED:
+            return f"{shown}: {NOT_SIMULATED[base]}"
+        if base in FORMS and base != upper and not FORMS[base].wide:
+            return f"{shown}: {base} has {_forms(FORMS[base].spec)}"
+    near = _nearest(upper)
+    if near is not None:
+        return f"{shown} is no instruction; did you mean {near}?"
+    return f"{shown} is no instruction"
+
+
+def _nearest(upper: str) -> str | None:
+    """The instruction that was meant: with its letters swapped, a common one, else any that is very like."""
+    letters = sorted(upper)
+    swapped = next((name for name in _COMMON if sorted(name) == letters), None)
+    return swapped or nearest(upper, _COMMON) or nearest(upper, list(FORMS), cutoff=0.75)
+
+
+def _forms(spec: Spec) -> str:
+    wide = spec.wide_name or f"D{spec.name}"
+    match spec.forms:
+        case "":
+            return "neither a P (pulse) nor a D (32-bit) form"
+        case "P":
+            return f"the forms {spec.name} and {spec.name}P only"
+        case "D":
+            return f"the forms {spec.name} and {wide} only"
+        case _:
+            return f"the forms {spec.name}, {spec.name}P, {wide} and {wide}P"

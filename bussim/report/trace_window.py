@@ -1,0 +1,169 @@
+"""A stretch of a traced run on one bus: the records that a timeline is drawn from.
+
+Times are ticks of 1/72 MHz from the start of the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from bussim.results.meters.timeline import Span
+from bussim.trace.records import (
+    AttemptRecord,
+    DeviceValueRecord,
+    FrameRecord,
+    InputRecord,
+    NoteRecord,
+    ScanRecord,
+    TransactionRecord,
+)
+from bussim.units import format_ms, milliseconds
+
+#: How the text of a part ends that is an ordinary exchange.
+ANSWERED = "answered"
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """What happened on ``bus`` from ``begin`` to ``end`` (ticks), records that reach in included.
+
+    ``nodes`` are the names of what sits on the bus in cable order; ``stations`` the names of an N:N
+    link's stations by number; ``ends`` are the ENDs of each PLC. ``values`` are what memories
+    hold at ENDs, ``inputs`` the changes on the wires of driven inputs. ``faults`` are faults in words and
+    when they acted, ``flags`` when the master had each station in error.
+    """
+
+    bus: str
+    begin: int
+    end: int
+    nodes: Sequence[str]
+    stations: Mapping[int, str] = field(default_factory=dict)
+    frames: Sequence[FrameRecord] = ()
+    attempts: Sequence[AttemptRecord] = ()
+    transactions: Sequence[TransactionRecord] = ()
+    scans: Sequence[ScanRecord] = ()
+    notes: Sequence[NoteRecord] = ()
+    values: Sequence[DeviceValueRecord] = ()
+    inputs: Sequence[InputRecord] = ()
+    ends: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    faults: Sequence[tuple[str, Span]] = ()
+    flags: Mapping[int, Sequence[Span]] = field(default_factory=dict)
+
+    def station(self, number: int | None) -> str:
+        """``station 1 (press2)``."""
+        if number is None:
+            return "no station"
+        name = self.stations.get(number)
+        return f"station {number} ({name})" if name else f"station {number}"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a link scan: what took so many ticks. ``lost`` marks what a plain scan has not.
+
+    ``attempt`` is the attempt's number where the part is one, else 0.
+    """
+
+    start: int
+    end: int
+    what: str
+    attempt: int = 0
+    lost: bool = False
+
+    @property
+    def ticks(self) -> int:
+        """How long it took."""
+        return self.end - self.start
+
+    @property
+    def answered(self) -> bool:
+        """Whether it is an ordinary exchange."""
+        return self.what.endswith(ANSWERED)
+
+
+def parts_of_scan(stretch: Stretch, scan: ScanRecord) -> list[Part]:
+    """A link scan cut into what its time went to; the parts' lengths add up to its duration.
+
+    The master's data frame, then each attempt with the gap before its poll, then what is left until
+    the next data frame. A part without the records that explain it says so.
+    """
+    end = scan.start + scan.duration
+    parts: list[Part] = []
+    at = scan.start
+    opening = next((f for f in stretch.frames if f.start == scan.start and f.kind == "data"), None)
+    if opening is not None and opening.end <= end:
+        parts.append(Part(at, opening.end, f"data frame of {opening.sender}"))
+        at = opening.end
+    inside = (a for a in stretch.attempts if scan.start <= a.start and a.end <= end)
+    for attempt in sorted(inside, key=lambda record: record.start):
+        what = _outcome(stretch, attempt)
+        parts.append(Part(at, attempt.end, what, attempt.number, lost=attempt.code != 0))
+        at = attempt.end
+    frame = next((f for f in stretch.frames if f.kind == "parameters" and at <= f.start < end), None)
+    if frame is not None:
+        parts.append(Part(at, frame.start, "overhead of the scan"))
+        parts.append(Part(frame.start, end, "parameter frame", lost=True))
+    elif at < end:
+        parts.append(Part(at, end, "overhead of the scan"))
+    return parts
+
+
+#: An answer is worth a word when it comes so many times later than the promptest one.
+_LATE = 4
+
+
+def _outcome(stretch: Stretch, attempt: AttemptRecord) -> str:
+    where = f"at {stretch.station(attempt.station)}: "
+    if attempt.code:
+        return f"{where}{attempt.outcome}, code {attempt.code:02X}"
+    prompt = min((a.turnaround for a in stretch.attempts if a.turnaround is not None), default=0)
+    if attempt.turnaround is not None and attempt.turnaround > _LATE * prompt:
+        return f"{where}answer {format_ms(attempt.turnaround)} after the poll"
+    return f"{where}{ANSWERED}"
+
+
+def told(parts: Sequence[Part]) -> list[str]:
+    """The parts in words: neighbours in which nothing was lost together, attempts that failed alike too."""
+    words = []
+    for group in _grouped(parts):
+        first, total = group[0], _ms(sum(part.ticks for part in group))
+        if len(group) == 1:
+            words.append(f"{total} ({_named(first)})")
+        elif first.lost:
+            attempts = f"attempts {first.attempt} to {group[-1].attempt}"
+            words.append(f"{len(group)} × {_ms(first.ticks)} ({attempts} {first.what})")
+        else:
+            answered = sum(part.answered for part in group)
+            names = [_named(part) for part in group if not part.answered]
+            names += [f"{answered} answered poll{'s' if answered > 1 else ''}"] if answered else []
+            words.append(f"{total} ({', '.join(names)})")
+    return words
+
+
+def _grouped(parts: Sequence[Part]) -> Iterator[list[Part]]:
+    group: list[Part] = []
+    for part in parts:
+        if group and _alike(group[-1], part):
+            group.append(part)
+        else:
+            if group:
+                yield group
+            group = [part]
+    if group:
+        yield group
+
+
+def _alike(one: Part, other: Part) -> bool:
+    if one.lost or other.lost:
+        # To the microsecond that is shown: what is heard of an attempt ends on a tick of its own.
+        return one.lost and other.lost and one.what == other.what and _ms(one.ticks) == _ms(other.ticks)
+    return True
+
+
+def _named(part: Part) -> str:
+    return f"attempt {part.attempt} {part.what}" if part.attempt else part.what
+
+
+def _ms(ticks: int) -> str:
+    return f"{milliseconds(ticks):.3f} ms"

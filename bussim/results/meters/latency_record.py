@@ -1,0 +1,147 @@
+"""What was measured of one entry of a scenario's ``latency``. All times are ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from bussim.results.meters.histogram import Histogram
+
+#: What a latency is made of: waiting for the source's scan (to the END after it, or of
+#: those that its program takes), for the station's turn on the link, the frame on the wire, waiting for the
+#: destination's END, and for its output.
+PARTS = ("scan", "turn", "wire", "destination", "output")
+#: The way of an entry to whose target nothing leads.
+NO_WAY = "none"
+
+
+class Sample(NamedTuple):
+    """One latency: when the change was, and its parts in the order of :data:`PARTS`."""
+
+    at: int
+    parts: tuple[int, ...]
+
+    @property
+    def total(self) -> int:
+        """All parts together."""
+        return sum(self.parts)
+
+
+@dataclass(slots=True)
+class LatencyRecord:
+    """What was measured of one entry.
+
+    Bits: ``changes`` = ``delivered`` + ``lost`` + ``unseen`` + ``open`` (under way at the end). Words:
+    ``changes`` counts those of the source, ``delivered`` the scans at which an age was measured.
+    ``sums`` and ``longest_parts`` are of each part; ``shortest`` and ``longest`` whole latencies.
+
+    ``way`` is how the programs' texts and the link lead from source to target: "direct", "over other
+    stations", "unknown" or "none" (empty: not asked). With "none" what is matched of a bit is
+    coincidence. ``reasons`` tell why there is no way, or no age of a word. ``longest_gap`` is between two
+    data frames of the source's that the target's PLC heard (None: there were no two), and ``lost_short``
+    how many of the lost changes began or ended a level that did not last so long.
+    """
+
+    source: str
+    target: str
+    edge: str
+    inverted: bool
+    word: bool
+    changes: int = 0
+    delivered: int = 0
+    lost: int = 0
+    unseen: int = 0
+    open: int = 0
+    way: str = ""
+    reasons: tuple[str, ...] = ()
+    lost_short: int = 0
+    longest_gap: int | None = None
+    histogram: Histogram = field(default_factory=Histogram)
+    sums: list[int] = field(default_factory=lambda: [0] * len(PARTS))
+    longest_parts: list[int] = field(default_factory=lambda: [0] * len(PARTS))
+    shortest: Sample | None = None
+    longest: Sample | None = None
+
+    @property
+    def coincidence(self) -> bool:
+        """Whether what was matched of a bit says nothing: no way leads from source to target."""
+        return self.way == NO_WAY and not self.word
+
+    def add(self, sample: Sample) -> None:
+        """Count a latency; of several longest ones the first is kept."""
+        self.delivered += 1
+        total = sample.total
+        if self.histogram.maximum is None or total > self.histogram.maximum:
+            self.longest = sample
+        if self.histogram.minimum is None or total < self.histogram.minimum:
+            self.shortest = sample
+        self.histogram.add(total)
+        for place, ticks in enumerate(sample.parts):
+            self.sums[place] += ticks
+            if ticks > self.longest_parts[place]:
+                self.longest_parts[place] = ticks
+
+    def examples(self) -> dict[str, Sequence[float]]:
+        """The parts (ticks) of the shortest, the mean and the longest one; empty where nothing has any."""
+        if not self.delivered or self.coincidence:
+            return {}
+        found: dict[str, Sequence[float]] = {"mean": [total / self.delivered for total in self.sums]}
+        if self.shortest is not None and self.longest is not None:
+            found = {"shortest": self.shortest.parts, **found, "longest": self.longest.parts}
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, times in ticks."""
+        return {
+            "from": self.source,
+            "to": self.target,
+            "edge": self.edge,
+            "inverted": self.inverted,
+            "word": self.word,
+            "changes": self.changes,
+            "delivered": self.delivered,
+            "lost": self.lost,
+            "unseen": self.unseen,
+            "open": self.open,
+            "way": self.way,
+            "reasons": list(self.reasons),
+            "lost_short": self.lost_short,
+            "longest_gap": self.longest_gap,
+            "parts": dict(
+                zip(PARTS, map(list, zip(self.sums, self.longest_parts, strict=True)), strict=True)
+            ),
+            "shortest": _sample_to_json(self.shortest),
+            "longest": _sample_to_json(self.longest),
+            **self.histogram.to_json(),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> LatencyRecord:
+        """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
+        parts = [data["parts"][name] for name in PARTS]
+        record = cls(
+            str(data["from"]), str(data["to"]), str(data["edge"]), bool(data["inverted"]), bool(data["word"])
+        )
+        record.changes, record.delivered = int(data["changes"]), int(data["delivered"])
+        record.lost, record.unseen, record.open = int(data["lost"]), int(data["unseen"]), int(data["open"])
+        # Runs of before lack these.
+        record.way = str(data.get("way", ""))
+        record.reasons = tuple(map(str, data.get("reasons", ())))
+        record.lost_short = int(data.get("lost_short", 0))
+        gap = data.get("longest_gap")
+        record.longest_gap = None if gap is None else int(gap)
+        record.histogram = Histogram.from_json(data)
+        record.sums = [int(total) for total, _ in parts]
+        record.longest_parts = [int(longest) for _, longest in parts]
+        record.shortest = _sample_from_json(data["shortest"])
+        record.longest = _sample_from_json(data["longest"])
+        return record
+
+
+def _sample_to_json(sample: Sample | None) -> list[Any] | None:
+    return None if sample is None else [sample.at, list(sample.parts)]
+
+
+def _sample_from_json(data: Any) -> Sample | None:
+    return None if data is None else Sample(int(data[0]), tuple(int(part) for part in data[1]))

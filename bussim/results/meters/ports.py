@@ -1,0 +1,257 @@
+"""What happened on the ports beside the N:N links: transactions, polls, ages of data, free protocol.
+
+Memory does not grow with a run: counts, and histograms of times. Times are ticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from bussim.results.meters.histogram import Histogram
+from bussim.results.numbers import by_code
+from bussim.trace.records import CycleRecord, FreeRecord, PollRecord, RunTotals, TransactionRecord
+
+#: The yy of D8063 = 7xyy that have a count of their own (PW10 board manual, section 8).
+NO_RESPONSE = 9
+WRONG_CHECK = 3
+#: Outcomes where the master took an answer for that to its request.
+_ANSWERS = ("ok", "exception")
+#: Modbus functions that read: only what is read grows old.
+_READS = frozenset({1, 2, 3, 4})
+
+
+def response_time(record: TransactionRecord) -> int | None:
+    """Last stop bit of the request to the last stop bit of its answer, an exception included.
+
+    None without an answer, and where the answer is to another request.
+    """
+    answered = record.outcome in _ANSWERS and not record.mismatched
+    if not answered or record.asked is None or record.answer_end is None:
+        return None
+    return record.answer_end - record.asked
+
+
+@dataclass(slots=True)
+class Poll:
+    """One poll of a master; ``""`` are all that a program drove.
+
+    ``on_arrival`` is how old values are when the master takes them over, ``before_refresh`` how old
+    they have become when the next ones replace them, ``last_served`` when the slave took the latest
+    ones that arrived. All three are of polls that read.
+    """
+
+    transactions: int = 0
+    ok: int = 0
+    reads: bool = False
+    turns: int = 0
+    failed_turns: int = 0
+    last_served: int | None = None
+    responses: Histogram = field(default_factory=Histogram)
+    late: Histogram = field(default_factory=Histogram)
+    on_arrival: Histogram = field(default_factory=Histogram)
+    before_refresh: Histogram = field(default_factory=Histogram)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Count an attempt."""
+        self.transactions += 1
+        self.ok += record.outcome == "ok"
+        took = response_time(record)
+        if took is not None:
+            self.responses.add(took)
+        if record.function in _READS:
+            self.reads = True
+            if record.outcome == "ok" and record.served is not None:
+                self._arrived(record.served, record.taken)
+
+    def turn(self, record: PollRecord) -> None:
+        """Count a turn."""
+        self.turns += 1
+        self.failed_turns += record.error is not None
+        self.late.add(record.late)
+
+    def _arrived(self, served: int, taken: int) -> None:
+        if self.last_served is not None:
+            self.before_refresh.add(taken - self.last_served)
+        self.on_arrival.add(taken - served)
+        self.last_served = served
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, times in ticks."""
+        return {
+            "transactions": self.transactions,
+            "ok": self.ok,
+            "reads": self.reads,
+            "turns": self.turns,
+            "failed_turns": self.failed_turns,
+            "last_served": self.last_served,
+            **{name: getattr(self, name).to_json() for name in _POLL_TIMES},
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Poll:
+        """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
+        served = data["last_served"]
+        return cls(
+            transactions=int(data["transactions"]),
+            ok=int(data["ok"]),
+            reads=bool(data["reads"]),
+            turns=int(data["turns"]),
+            failed_turns=int(data["failed_turns"]),
+            last_served=None if served is None else int(served),
+            **{name: Histogram.from_json(data[name]) for name in _POLL_TIMES},
+        )
+
+
+_POLL_TIMES = ("responses", "late", "on_arrival", "before_refresh")
+
+
+@dataclass(slots=True)
+class FreeCounts:
+    """Free protocol of one node: sendings, receptions, receptions that ended by timeout, bytes."""
+
+    sent: int = 0
+    received: int = 0
+    timeouts: int = 0
+    damaged: int = 0  # characters
+    bytes_sent: int = 0
+    bytes_received: int = 0
+
+    def add(self, record: FreeRecord) -> None:
+        """Count a sending or a reception."""
+        self.damaged += record.damaged
+        if record.direction == "sent":
+            self.sent += 1
+            self.bytes_sent += len(record.data)
+            return
+        self.bytes_received += len(record.data)
+        if record.ended == "timeout":
+            self.timeouts += 1
+        else:
+            self.received += 1
+
+
+@dataclass(slots=True)
+class PortRecord:
+    """One node as Modbus master or with the free protocol.
+
+    ``exceptions`` are by exception code, ``others`` by the words of the port error. ``timeout`` is
+    the master's, in ticks, None where it is not known. ``mismatched`` are answers to another request
+    that the master has taken; what it heard and refused is none of them.
+    """
+
+    bus: str
+    timeout: int | None = None
+    polls: dict[str, Poll] = field(default_factory=dict)
+    cycles: Histogram = field(default_factory=Histogram)
+    exceptions: dict[int, int] = field(default_factory=dict)
+    timeouts: int = 0
+    crc_errors: int = 0
+    others: dict[str, int] = field(default_factory=dict)
+    mismatched: int = 0
+    free: FreeCounts = field(default_factory=FreeCounts)
+
+    @property
+    def responses(self) -> Histogram:
+        """Response times of all polls."""
+        together = Histogram()
+        for poll in self.polls.values():
+            together.merge(poll.responses)
+        return together
+
+    def poll(self, name: str) -> Poll:
+        """The poll of that name, a new one if there is none."""
+        found = self.polls.get(name)
+        if found is None:
+            found = self.polls[name] = Poll()
+        return found
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Count an attempt."""
+        self.poll(record.poll).transaction(record)
+        self.mismatched += record.mismatched and record.outcome in _ANSWERS
+        if record.outcome == "ok":
+            return
+        if record.exception:
+            self.exceptions[record.exception] = self.exceptions.get(record.exception, 0) + 1
+        elif record.error == NO_RESPONSE:
+            self.timeouts += 1
+        elif record.error == WRONG_CHECK:
+            self.crc_errors += 1
+        else:
+            self.others[record.outcome] = self.others.get(record.outcome, 0) + 1
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, times in ticks."""
+        return {
+            "bus": self.bus,
+            "timeout": self.timeout,
+            "polls": {name: poll.to_json() for name, poll in self.polls.items()},
+            "cycles": self.cycles.to_json(),
+            "exceptions": by_code(self.exceptions),
+            "timeouts": self.timeouts,
+            "crc_errors": self.crc_errors,
+            "others": dict(sorted(self.others.items())),
+            "mismatched": self.mismatched,
+            "free": asdict(self.free),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> PortRecord:
+        """The value of :meth:`to_json`.
+
+        Raises AttributeError, KeyError, TypeError or ValueError for anything else.
+        """
+        timeout = data["timeout"]
+        return cls(
+            bus=str(data["bus"]),
+            timeout=None if timeout is None else int(timeout),
+            polls={str(name): Poll.from_json(poll) for name, poll in data["polls"].items()},
+            cycles=Histogram.from_json(data["cycles"]),
+            exceptions={int(code, 16): int(number) for code, number in data["exceptions"].items()},
+            timeouts=int(data["timeouts"]),
+            crc_errors=int(data["crc_errors"]),
+            others={str(words): int(number) for words, number in data["others"].items()},
+            mismatched=int(data["mismatched"]),
+            free=FreeCounts(**{name: int(number) for name, number in data["free"].items()}),
+        )
+
+
+class PortMeter:
+    """Takes the records of all nodes."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[str, PortRecord] = {}
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Count an attempt of a master."""
+        self._node(record.master, record.bus).transaction(record)
+
+    def turn(self, record: PollRecord) -> None:
+        """Count a turn of a poll."""
+        self._node(record.master, record.bus).poll(record.poll).turn(record)
+
+    def cycle(self, record: CycleRecord) -> None:
+        """Count a cycle of a poll list."""
+        self._node(record.master, record.bus).cycles.add(record.duration)
+
+    def free(self, record: FreeRecord) -> None:
+        """Count a sending or a reception."""
+        self._node(record.node, record.bus).free.add(record)
+
+    def nodes(self, totals: RunTotals) -> dict[str, PortRecord]:
+        """Every node that a record has come from, in the order of the totals."""
+        timeouts = {port.node: port.timeout for port in totals.ports}
+        timeouts |= {device.name: device.timeout for device in totals.devices}
+        order = {name: place for place, name in enumerate(timeouts)}
+        names = sorted(self._nodes, key=lambda name: order.get(name, len(order)))
+        for name in names:
+            self._nodes[name].timeout = timeouts.get(name)
+        return {name: self._nodes[name] for name in names}
+
+    def _node(self, name: str, bus: str) -> PortRecord:
+        try:
+            return self._nodes[name]
+        except KeyError:
+            return self._nodes.setdefault(name, PortRecord(bus))

@@ -1,0 +1,84 @@
+"""Chosen devices over time, as a monitor of a programming tool shows them. Times in ticks."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from bussim.results.numbers import s
+from bussim.trace.codec import Record
+from bussim.trace.records import DeviceValueRecord
+
+
+@dataclass(slots=True)
+class Watched:
+    """One device of ``width`` bits. ``ticks`` and ``values`` are its changes; 0 before the first."""
+
+    plc: str
+    device: str
+    width: int
+    ticks: list[int] = field(default_factory=list)
+    values: list[int] = field(default_factory=list)
+
+    @property
+    def bit(self) -> bool:
+        """Whether it is a bit, not a word."""
+        return self.width == 1
+
+    @property
+    def name(self) -> str:
+        """As a scenario names it: ``press1.D8201``."""
+        return f"{self.plc}.{self.device}"
+
+    def at(self, tick: int) -> int:
+        """Its value at a tick."""
+        number = bisect_right(self.ticks, tick)
+        return self.values[number - 1] if number else 0
+
+    def between(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """Its changes after ``begin`` and before ``end``."""
+        first, last = bisect_right(self.ticks, begin), bisect_right(self.ticks, end - 1)
+        return list(zip(self.ticks[first:last], self.values[first:last], strict=True))
+
+
+class Watch:
+    """Takes the values of some devices from a run's records."""
+
+    def __init__(self, watched: Sequence[Watched]) -> None:
+        self.watched = tuple(watched)
+        self._by_name = {(each.plc, each.device): each for each in self.watched}
+
+    def take(self, record: Record) -> None:
+        """A record; only new values of these devices matter."""
+        if isinstance(record, DeviceValueRecord):
+            found = self._by_name.get((record.plc, record.device))
+            if found is not None:
+                found.ticks.append(record.tick)
+                found.values.append(record.value)
+
+    def rows(self, begin: int, end: int) -> Iterator[tuple[int, list[int]]]:
+        """A row for the beginning, and one for every tick at which something changed: all the values."""
+        values = [each.at(begin) for each in self.watched]
+        yield begin, list(values)
+        changes = sorted(
+            (tick, place, value)
+            for place, each in enumerate(self.watched)
+            for tick, value in each.between(begin, end)
+        )
+        for number, (tick, place, value) in enumerate(changes):
+            values[place] = value
+            if number + 1 == len(changes) or changes[number + 1][0] != tick:
+                yield tick, list(values)
+
+    def to_json(self, begin: int, end: int) -> dict[str, Any]:
+        """Each device: its kind, its value at the beginning, its changes as pairs of seconds and value."""
+        return {
+            each.name: {
+                "kind": "bit" if each.bit else "word",
+                "start": each.at(begin),
+                "changes": [[s(tick), value] for tick, value in each.between(begin, end)],
+            }
+            for each in self.watched
+        }

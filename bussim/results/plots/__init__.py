@@ -1,0 +1,1 @@
+"""Pictures of runs, of exact distributions and of sizings."""

@@ -1,0 +1,259 @@
+"""The histogram of one latency, and what the shortest, the mean and the longest one are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from textwrap import fill
+from typing import Literal
+
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from bussim.errors import UsageError
+from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.meters.latency_record import PARTS, LatencyRecord
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
+from bussim.results.plots.scan_times import caption, run_labels
+from bussim.results.plots.style import (
+    GREY,
+    LAW,
+    PARTS_OF_LATENCY,
+    RUNS,
+    Picture,
+    finish_picture,
+    new_picture,
+    shorten,
+    style,
+)
+from bussim.results.text.latency import (
+    bound_caveats,
+    counts_in_words,
+    part_names,
+    shown_bounds,
+    told_bounds,
+    way_caveats,
+)
+from bussim.units import TICKS_PER_MS, milliseconds
+
+#: Longest label of a run beside its bars.
+_LONGEST_LABEL = 22
+#: Characters in a line of what must be told beside the bounds.
+_CAVEAT_WIDTH = 60
+#: The columns of a picture where a few latencies lie far from the others.
+_USUAL, _ALL = "the usual ones", "all"
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """The line of a bound: where (ms), and how it is told from the others; without a dash none is drawn."""
+
+    at: float
+    text: str
+    colour: str
+    dash: Literal["-", "-.", ""]
+    width: float
+
+
+def measured(run: RunRecord) -> list[str]:
+    """Entries of a run whose latencies can be drawn."""
+    return [name for name, entry in run.latency.items() if entry.histogram.count]
+
+
+def latency_of(run: RunRecord, name: str) -> LatencyRecord:
+    """An entry of a run. Raises UsageError if there is none of that name, or nothing was measured of it."""
+    record = run.latency.get(name)
+    if record is None:
+        known = ", ".join(map(repr, run.latency)) or "none"
+        raise UsageError(f"{run.scenario} has no latency {name!r}; it has {known}")
+    if not record.histogram.count:
+        raise UsageError(f"{run.scenario}: nothing was measured of {name}, there is nothing to plot")
+    return record
+
+
+def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] | None = None) -> Picture:
+    """One entry's histogram, and below it, on the same axis, latencies in their parts.
+
+    Of one run the shortest, the mean and the longest; its bounds are marked up to the first that lies
+    above the longest. Of several runs, each in its colour and named by ``labels`` (default: the
+    scenarios' names), the mean and the longest, and the bounds without error.
+
+    Raises UsageError if a run has no such entry or nothing was measured, if it is of a bit in one run and
+    of a word in another, or for too many runs.
+    """
+    if len(runs) > len(RUNS):
+        raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {len(RUNS)}")
+    records = [latency_of(run, name) for run in runs]
+    if len({record.word for record in records}) > 1:
+        raise UsageError(f"{name} is the age of a word in one run and the latency of a bit in another")
+    histograms = [record.histogram for record in records]
+    several = labels or run_labels(runs) if len(runs) > 1 else None
+    if several is None:
+        marks = _marks_of_one(records[0], runs[0].summary["latency"][name])
+    else:
+        marks = _marks_of_several([run.summary["latency"][name] for run in runs])
+    bars = _bars(records, several)
+    handles = _explain(records, several, marks)
+    with style():
+        captions = "; ".join(dict.fromkeys(map(caption, runs)))
+        picture = new_picture(8, _height(len(bars), several), captions)
+        what = "age (ms)" if records[0].word else "latency (ms)"
+        counted = "readings" if records[0].word else "changes"
+        shown = _shown(histograms, marks)
+        first, furthest = whole_range(histograms)
+        grid = picture.subplots(
+            2 if bars else 1,
+            len(shown),
+            sharex="col",
+            squeeze=False,
+            height_ratios=(3, 0.5 * len(bars)) if bars else (3,),
+            width_ratios=(2, 3)[-len(shown) :],
+        )
+        for (axes, *stacks), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
+            if title == _ALL and len(shown) > 1:
+                axes.set_yscale("log")
+            draw(axes, histograms, (first, min(last, furthest)), what, counted)
+            if title == _ALL and len(shown) > 1:
+                axes.set_ylim(bottom=0.6)
+            if stacks:
+                axes.set_xlabel("")
+                axes.tick_params(axis="x", labelbottom=False)
+            for stack in stacks:
+                _draw_parts(stack, bars)
+                stack.set_xlabel(what)
+            axes.set_xlim(0, 1.03 * milliseconds(last * BIN_TICKS) + milliseconds(BIN_TICKS))
+            for mark in marks:
+                for each in (axes, *stacks) if mark.dash else ():
+                    each.axvline(mark.at, color=mark.colour, linewidth=mark.width, linestyle=mark.dash)
+            if len(shown) > 1:
+                axes.set_title(title, fontsize=9)
+                axes.locator_params(axis="x", nbins=5)
+        if len(shown) > 1 and bars:
+            grid[1, 1].tick_params(axis="y", labelleft=False)
+        if several is None:
+            words = shorten(counts_in_words(runs[0].summary["latency"][name]), 100)
+            grid[0, 0].set_title(words if len(shown) == 1 else f"{words}\n{_USUAL}", fontsize=9)
+        heading = _heading(name, records)
+        if several is None:
+            heading = f"{runs[0].scenario}: {heading}"
+        finish_picture(picture, heading, handles, columns=2 if several is None else 1)
+    return picture
+
+
+def _shown(histograms: Sequence[Histogram], marks: Sequence[_Mark]) -> dict[str, int]:
+    """The columns of the picture, and the last bin of each: a few far ones leave the others their own."""
+    usual, last = usual_range(histograms)[1], whole_range(histograms)[1]
+    shown = {_ALL: max([last, *(round(mark.at * TICKS_PER_MS) // BIN_TICKS for mark in marks if mark.dash)])}
+    return {_USUAL: usual, **shown} if is_far((0, last), (0, usual)) else shown
+
+
+def _height(bars: int, several: Sequence[str] | None) -> float:
+    """Inches of the picture."""
+    return 5.6 if several is None else 5.0 + 0.28 * bars + 0.22 * len(several)
+
+
+def _heading(name: str, records: Sequence[LatencyRecord]) -> str:
+    ways = dict.fromkeys(f"{record.source} to {record.target}" for record in records)
+    way = next(iter(ways))
+    return name if name == way or len(ways) > 1 else f"{name}, {way}"
+
+
+def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[_Mark]:
+    near = shown_bounds(summary, milliseconds(record.histogram.maximum or 0))
+    marks = [
+        _Mark(bound, f"at worst with {case}: {bound:.3f} ms", LAW, "-", 2 if number == 0 else 1)
+        for number, (case, bound) in enumerate(near.items())
+    ]
+    return (
+        marks
+        + [
+            _Mark(bound, f"at worst with {case}: {bound:.3f} ms, beyond this axis", LAW, "", 0)
+            for case, bound in told_bounds(summary).items()
+            if case not in near
+        ]
+        + _caveats([summary])
+    )
+
+
+def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
+    """Lines of text: what must be told beside the bounds, each once."""
+    found = dict.fromkeys(said for summary in summaries for said in _said(summary))
+    return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), LAW, "", 0) for said in found]
+
+
+def _said(summary: Mapping[str, object]) -> list[str]:
+    return [*way_caveats(summary), *bound_caveats(summary)]
+
+
+def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
+    """The bound without error of each run in its colour, or of all of them where it is the same."""
+    bounds = [next(iter(shown_bounds(summary).items()), None) for summary in summaries]
+    if len(set(bounds)) == 1:
+        marks = [_bound_mark(bound, GREY, "") for bound in bounds[:1] if bound is not None]
+    else:
+        marks = [
+            _bound_mark(bound, RUNS[number], f" ({number + 1})")
+            for number, bound in enumerate(bounds)
+            if bound is not None
+        ]
+    return marks + _caveats(summaries)
+
+
+def _bound_mark(bound: tuple[str, float], colour: str, of: str) -> _Mark:
+    case, at = bound
+    return _Mark(at, f"at worst with {case}{of}: {at:.3f} ms", colour, "-.", 1.2)
+
+
+def _bars(
+    records: Sequence[LatencyRecord], labels: Sequence[str] | None
+) -> list[tuple[str, Sequence[float]]]:
+    """What is shown in its parts, from above to below: what it is called and the ticks of each part."""
+    bars: list[tuple[str, Sequence[float]]] = []
+    for number, record in enumerate(records):
+        of = f"{shorten(labels[number], _LONGEST_LABEL)}: " if labels is not None else ""
+        rows = record.examples()
+        if labels is not None:
+            rows.pop("shortest", None)
+        bars += [(f"{of}{what}", parts) for what, parts in rows.items()]
+    return bars
+
+
+def _draw_parts(axes: Axes, rows: Sequence[tuple[str, Sequence[float]]]) -> None:
+    """Bars of parts, one behind the other."""
+    for number, (_, parts) in enumerate(rows):
+        left = 0.0
+        for name, ticks in zip(PARTS, parts, strict=True):
+            width = milliseconds(ticks)
+            axes.barh(number, width, left=left, height=0.7, color=PARTS_OF_LATENCY[name], linewidth=0)
+            left += width
+    axes.set_yticks(range(len(rows)), [label for label, _ in rows])
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.grid(visible=False, axis="y")
+
+
+def _explain(
+    records: Sequence[LatencyRecord], labels: Sequence[str] | None, marks: Sequence[_Mark]
+) -> list[Patch | Line2D]:
+    names = part_names(word=records[0].word)
+    handles: list[Patch | Line2D] = [
+        Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=names[name])
+        for place, name in enumerate(PARTS)
+        if any(record.longest_parts[place] for record in records if not record.coincidence)
+    ]
+    if labels is None:
+        for name, value in marked(records[0].histogram).items():
+            label = f"{name} {ms_text(value)}"
+            handles.append(Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=label))
+    else:
+        for number, (label, record) in enumerate(zip(labels, records, strict=True)):
+            numbers = ", ".join(f"{key} {ms_text(value)}" for key, value in marked(record.histogram).items())
+            what = "readings" if record.word else "arrived"
+            text = f"{number + 1} {shorten(label, 36)}: {record.delivered:,} {what}, {numbers}"
+            handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
+        handles.append(Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted"))
+    return handles + [
+        Line2D([], [], color=mark.colour, linewidth=mark.width, linestyle=mark.dash, label=mark.text)
+        for mark in marks
+    ]

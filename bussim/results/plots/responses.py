@@ -1,0 +1,166 @@
+"""The histograms of a Modbus master's response times, poll by poll."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from bussim.errors import UsageError
+from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.meters.ports import PortRecord
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
+from bussim.results.plots.scan_times import caption, run_labels
+from bussim.results.plots.style import IN_ERROR, RUNS, Picture, finish_picture, new_picture, shorten, style
+from bussim.units import format_ms, milliseconds
+
+#: Most panels; the polls with the fewest attempts share the last one.
+_MOST_PANELS = 8
+#: A timeout is on the axis up to so many times the longest response.
+_BEYOND = 20
+_TIMES = "end of the request to end of its answer (ms)"
+
+
+@dataclass(slots=True)
+class _Panel:
+    """One poll in every run: its responses and attempts."""
+
+    label: str
+    responses: list[Histogram]
+    attempts: list[int]
+
+    def add(self, other: _Panel) -> None:
+        for number, histogram in enumerate(other.responses):
+            self.responses[number].merge(histogram)
+            self.attempts[number] += other.attempts[number]
+
+
+def response_time_histogram(
+    runs: Sequence[RunRecord], node: str, labels: Sequence[str] | None = None
+) -> Picture:
+    """The histograms of a master's response times: a row for each poll, on one axis of time.
+
+    Counts are logarithmic, so that rare slow answers are seen, and the timeout is marked. Where a few
+    answers or the timeout lie far from the usual answers, these have an axis of their own beside the
+    whole range. Several runs share the panels, each in its colour; ``labels`` names them (default:
+    the scenarios' names).
+
+    Raises UsageError if a run has no such master or it had no answer, or for too many runs.
+    """
+    if len(runs) > len(RUNS):
+        raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {len(RUNS)}")
+    ports = [master_of(run, node) for run in runs]
+    panels = _panels(ports)
+    filled = [histogram for panel in panels for histogram in panel.responses if histogram.count]
+    usual, whole = usual_range(filled), whole_range(filled)
+    timeouts = list(dict.fromkeys(port.timeout for port in ports if port.timeout is not None))
+    near = [timeout for timeout in timeouts if timeout <= _BEYOND * whole[1] * BIN_TICKS]
+    whole = (whole[0], max(whole[1], *(timeout // BIN_TICKS for timeout in near), 0))
+    beside = is_far(whole, usual)
+    handles = _explain(ports, labels or run_labels(runs), timeouts, near)
+    abreast = len(handles) if len(runs) == 1 else 1
+    with style():
+        captions = "; ".join(dict.fromkeys(caption(run) for run in runs))
+        height = 1.2 + 0.22 * len(handles) / abreast + 1.6 * len(panels)
+        picture = new_picture(7.5, height, captions)
+        columns = picture.subplots(
+            len(panels), 1 + beside, sharex="col", squeeze=False, width_ratios=(2, 3) if beside else (1,)
+        ).T.tolist()
+        for axes, panel in zip(columns[0], panels, strict=True):
+            if beside:
+                draw(axes, panel.responses, usual, "the usual answers (ms)", "answers")
+                axes.locator_params(axis="x", nbins=5)
+            axes.set_title(shorten(_in_words(panel), 100), fontsize=9)
+        for axes, panel in zip(columns[-1], panels, strict=True):
+            axes.set_yscale("log")
+            draw(axes, panel.responses, whole, _TIMES, "answers")
+            axes.set_ylim(0.6, max(12, axes.get_ylim()[1]))  # a whole decade: whole numbers on the axis
+            for timeout in near:
+                axes.axvline(milliseconds(timeout), color=IN_ERROR, linewidth=2, alpha=0.8)
+        for axes in (*columns[0], *columns[-1]):
+            axes.yaxis.label.set_size(8)
+        for column, shown in zip(columns, (usual, whole) if beside else (whole,), strict=True):
+            _limit(column, shown)
+        heading = f"response times of {node}"
+        if len(runs) == 1:
+            heading = f"{run_labels(runs)[0]}: {heading}"
+        finish_picture(picture, heading, handles, columns=abreast)
+    return picture
+
+
+def masters(run: RunRecord) -> list[str]:
+    """Nodes of a run whose response times can be drawn."""
+    return [node for node, port in run.ports.items() if port.responses.count]
+
+
+def master_of(run: RunRecord, node: str) -> PortRecord:
+    """The master of a run. Raises UsageError if there is none of that name, or without an answer."""
+    port = run.ports.get(node)
+    if port is None or not port.polls:
+        known = ", ".join(repr(name) for name, port in run.ports.items() if port.polls) or "none"
+        raise UsageError(f"{run.scenario} has no Modbus master {node!r}; it has {known}")
+    if not port.responses.count:
+        raise UsageError(f"{run.scenario}: {node} had no answer, there is nothing to plot")
+    return port
+
+
+def _panels(ports: Sequence[PortRecord]) -> list[_Panel]:
+    names = dict.fromkeys(name for port in ports for name, poll in port.polls.items() if poll.transactions)
+    panels = []
+    for name in names:
+        polls = [port.polls.get(name) for port in ports]
+        responses = [poll.responses.copy() if poll else Histogram() for poll in polls]
+        attempts = [poll.transactions if poll else 0 for poll in polls]
+        panels.append(_Panel(name or "driven by the program", responses, attempts))
+    if len(panels) > _MOST_PANELS:
+        few = sorted(panels, key=lambda panel: -sum(panel.attempts))[_MOST_PANELS - 1 :]
+        panels = [panel for panel in panels if panel not in few]
+        for panel in few[1:]:
+            few[0].add(panel)
+        few[0].label = f"{len(few)} other polls"
+        panels.append(few[0])
+    return panels
+
+
+def _in_words(panel: _Panel) -> str:
+    answers, attempts = sum(h.count for h in panel.responses), sum(panel.attempts)
+    words = f"{panel.label}: {answers:,} of {attempts:,} attempts answered"
+    if len(panel.responses) == 1:
+        words += "".join(f", {name} {ms_text(value)}" for name, value in marked(panel.responses[0]).items())
+    return words
+
+
+def _limit(column: Sequence[Axes], shown: tuple[int, int]) -> None:
+    """Give a column one axis of time, its label below the last panel."""
+    low, high = (milliseconds(place * BIN_TICKS) for place in shown)
+    margin = max(0.03 * (high - low), 0.05)
+    for axes in column[:-1]:
+        axes.set_xlabel("")
+    column[-1].set_xlim(low - margin, high + margin)
+
+
+def _explain(
+    ports: Sequence[PortRecord], labels: Sequence[str], timeouts: Sequence[int], near: Sequence[int]
+) -> list[Line2D]:
+    handles = []
+    if len(ports) > 1:
+        for number, (label, port) in enumerate(zip(labels, ports, strict=True)):
+            together = port.responses
+            numbers = ", ".join(f"{name} {ms_text(value)}" for name, value in marked(together).items())
+            text = f"{shorten(label, 40)}: {together.count:,} answers, {numbers}"
+            handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
+        handles.append(Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted"))
+    else:
+        handles += [
+            Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=name)
+            for name in marked(ports[0].responses)
+        ]
+    for timeout in timeouts:
+        handle = Line2D([], [], color=IN_ERROR, linewidth=2, alpha=0.8, label=f"timeout {format_ms(timeout)}")
+        if timeout not in near:
+            handle.set(linestyle="", label=f"timeout {format_ms(timeout)}, beyond this axis")
+        handles.append(handle)
+    return handles

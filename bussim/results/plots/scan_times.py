@@ -1,0 +1,125 @@
+"""The histogram of link scan times, of one run or of several on one axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+
+from matplotlib.lines import Line2D
+
+from bussim.errors import UsageError
+from bussim.results.meters.histogram import Histogram
+from bussim.results.meters.run_record import LinkRecord, RunRecord
+from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
+from bussim.results.plots.style import RUNS, Picture, finish_picture, new_picture, shorten, style
+from bussim.units import seconds
+
+#: What the axes are called.
+_AXES = ("link scan time (ms)", "link scans")
+_MOST_RUNS = len(RUNS)
+
+
+def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[str] | None = None) -> Picture:
+    """The histogram of a bus's link scan times.
+
+    With several runs each has a colour; ``labels`` names them (default: the scenarios' names). Where
+    a few scans lie far from the usual ones, the usual ones have an axis of their own beside the
+    whole range, whose counts are logarithmic.
+
+    Raises UsageError if a run has no such bus or no scans on it, or for too many runs.
+    """
+    if len(runs) > _MOST_RUNS:
+        raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {_MOST_RUNS}")
+    links = [link_of(run, bus) for run in runs]
+    histograms = [link.scan_times.histogram for link in links]
+    whole = whole_range(histograms)
+    usual = usual_range(histograms)
+    with style():
+        picture = new_picture(7.5, 4.4 + 0.2 * len(runs), _captions(runs))
+        if is_far(whole, usual):
+            close_up, axes = picture.subplots(1, 2, width_ratios=(2, 3))
+            draw(close_up, histograms, usual, *_AXES)
+            close_up.set_title("the usual scans")
+            close_up.locator_params(axis="x", nbins=5)
+            axes.set_title("all scans")
+            axes.set_yscale("log")
+        else:
+            axes = picture.add_subplot()
+        draw(axes, histograms, whole, *_AXES)
+        if axes.get_yscale() == "log":
+            axes.set_ylim(bottom=0.6)
+        if len(runs) == 1:
+            heading = f"{run_labels(runs)[0]}: {histograms[0].count:,} link scans on {bus}"
+            attempts = runs[0].summary["links"][bus]["attempts"]
+            if attempts is not None:
+                heading += f", {attempts} attempts a poll"
+            handles = _explain_one(links[0])
+        else:
+            heading = f"link scans on {bus}"
+            handles = _explain_several(labels or run_labels(runs), histograms)
+        finish_picture(picture, heading, handles)
+    return picture
+
+
+def link_of(run: RunRecord, bus: str) -> LinkRecord:
+    """The link of a run. Raises UsageError if there is none of that name, or without a single scan."""
+    link = run.links.get(bus)
+    if link is None:
+        raise UsageError(
+            f"{run.scenario} has no N:N link {bus!r}; it has {', '.join(map(repr, run.links)) or 'none'}"
+        )
+    if not link.scan_times.histogram.count:
+        raise UsageError(f"{run.scenario}: the link {bus!r} made no complete scan, there is nothing to plot")
+    return link
+
+
+def caption(run: RunRecord) -> str:
+    """What a picture rests on: scenario, seed, duration, version."""
+    summary = run.summary
+    return (
+        f"{summary['scenario']}, seed {summary['seed']}, {summary['duration_s']:g} s, "
+        f"bussim {summary['bussim']}"
+    )
+
+
+def run_labels(runs: Sequence[RunRecord]) -> list[str]:
+    """A different name for each run: its scenario's, with the seed or a number where that is not enough."""
+    names = [run.scenario for run in runs]
+    if len(set(names)) < len(names):
+        names = [f"{run.scenario}, seed {run.summary['seed']}" for run in runs]
+    if len(set(names)) < len(names):
+        names = [f"{name} ({number})" for number, name in enumerate(names, 1)]
+    return names
+
+
+def _captions(runs: Sequence[RunRecord]) -> str:
+    return "; ".join(dict.fromkeys(caption(run) for run in runs))
+
+
+def _explain_one(link: LinkRecord) -> list[Line2D]:
+    times = link.scan_times
+    texts = {name: f"{name} {ms_text(value)}" for name, value in marked(times.histogram).items()}
+    if times.longest_at is not None:
+        texts["max"] += f" at {seconds(times.longest_at):.2f} s"
+        if times.longest_cause:
+            texts["max"] += f": {times.longest_cause}"
+    return [
+        Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=_wrapped(text))
+        for name, text in texts.items()
+    ]
+
+
+def _explain_several(labels: Sequence[str], histograms: Sequence[Histogram]) -> list[Line2D]:
+    handles = []
+    for number, (label, histogram) in enumerate(zip(labels, histograms, strict=True)):
+        numbers = ", ".join(f"{name} {ms_text(value)}" for name, value in marked(histogram).items())
+        text = f"{shorten(label, 40)}: {histogram.count:,} scans, {numbers}"
+        handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
+    key = "lines: mean solid, p99 dashed, maximum dotted"
+    return [*handles, Line2D([], [], linestyle="", label=key)]
+
+
+def _wrapped(text: str) -> str:
+    """A text on at most two lines of the legend."""
+    first, *rest = wrap(text, 92)
+    return "\n".join([shorten(first, 92), shorten(" ".join(rest), 92)] if rest else [shorten(first, 92)])

@@ -1,0 +1,190 @@
+"""Latencies in ``summary.json`` and in words. Times in ms, instants in s."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from bussim.results.meters.latency_record import NO_WAY, PARTS, LatencyRecord
+from bussim.results.numbers import counted, ms, s, statistics
+
+#: What the parts are called in words; "scan" of a word's age does not exist.
+PART_NAMES = {
+    "scan": "waiting for the source's scan",
+    "turn": "waiting for the station's turn",
+    "wire": "on the wire",
+    "destination": "waiting for the destination's scan",
+    "output": "its output",
+}
+#: The same of the age of a word.
+AGE_PART_NAMES = PART_NAMES | {"destination": "since the frame came, until it was read"}
+#: Of the cases of a bound those that are told in words.
+_SHOWN_BOUNDS = ("no error", "1 lost reply", "every retry spent")
+
+
+class LatencyBounds(NamedTuple):
+    """What an entry may be at worst, by case, in ticks, and what is to be told with it; or why it is not."""
+
+    cases: Mapping[str, int]
+    reasons: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+
+def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict[str, Any]:
+    """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, if known."""
+    parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
+    delivered = record.delivered
+    split = bool(delivered) and not record.coincidence  # no way, no parts
+    summary: dict[str, Any] = {
+        "from": record.source,
+        "to": record.target,
+        "kind": "age of a word" if record.word else "change of a bit",
+        "edge": None if record.word else record.edge,
+        "inverted": record.inverted,
+        "changes": record.changes,
+        "delivered": delivered,
+        "lost": record.lost,
+        "unseen": record.unseen,
+        "open": record.open,
+        "ms": statistics(record.histogram),
+        "max_at_s": s(record.longest.at if record.longest is not None else None),
+        "parts_ms": {
+            name: {
+                "mean": ms(total / delivered) if split else None,
+                "max": ms(longest) if split else None,
+            }
+            for name, total, longest in parts
+        },
+        "reads": delivered if record.word else None,
+        "lost_short": None if record.word else record.lost_short,
+        "longest_gap_ms": None if record.word else ms(record.longest_gap),
+        "way": record.way or None,
+        "way_reasons": list(record.reasons),
+    }
+    if bounds is None:
+        return summary
+    if bounds.cases:
+        summary["bound_ms"] = {case: ms(ticks) for case, ticks in bounds.cases.items()}
+    if bounds.reasons:
+        summary["bound_reasons"] = list(bounds.reasons)
+    if bounds.cases and bounds.notes:
+        summary["bound_notes"] = list(bounds.notes)
+    return summary
+
+
+def shown_bounds(summary: Mapping[str, Any], longest: float = 0.0) -> dict[str, float]:
+    """Of the bounds of an entry of the summary those of interest beside its longest latency, all in ms.
+
+    From the least one up to the first that nothing went beyond; empty where there are none.
+    """
+    bounds: dict[str, float] = summary.get("bound_ms", {})
+    ascending = sorted(bounds.values())
+    over = next((bound for bound in ascending if bound >= longest), ascending[-1] if ascending else 0.0)
+    return {case: bound for case, bound in bounds.items() if bound <= over}
+
+
+def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
+    """The bounds of an entry of the summary that are told in words (ms), by case."""
+    bounds: Mapping[str, float] = summary.get("bound_ms", {})
+    return {case: bounds[case] for case in _SHOWN_BOUNDS if case in bounds}
+
+
+def bound_caveats(summary: Mapping[str, Any]) -> list[str]:
+    """What must be told beside an entry's bounds, or why it has none."""
+    # Why there is no way, or no age, is told once.
+    reasons = () if summary.get("way_reasons") else summary.get("bound_reasons", ())
+    found = [f"no bound: {reason}" for reason in reasons]
+    found += summary.get("bound_notes", ())
+    bounds: Mapping[str, float] = summary.get("bound_ms", {})
+    longest = summary["ms"]["max"]
+    if bounds and longest is not None and longest > max(bounds.values()):
+        gated = any("let it through" in note for note in summary.get("bound_notes", ()))
+        shut = "something that did not let it through, " if gated else ""
+        found.append(
+            f"the longest, {longest:.3f} ms, is beyond all of these cases: {shut}a fault, a link that had "
+            "not formed yet, a source in error for longer, or frames that only the target missed"
+        )
+    return found
+
+
+def part_names(*, word: bool) -> Mapping[str, str]:
+    """What the parts are called, of the age of a word or of a bit's latency."""
+    return AGE_PART_NAMES if word else PART_NAMES
+
+
+def way_caveats(summary: Mapping[str, Any]) -> list[str]:
+    """What must be told of an entry's numbers: that they are coincidence, why there are none."""
+    reasons = summary.get("way_reasons") or []
+    if summary["edge"] is None:
+        return [f"no age and no bound: {reason}" for reason in reasons]
+    if summary.get("way") == NO_WAY and summary["delivered"]:
+        return [f"these are coincidences without a bound: {reason}" for reason in reasons]
+    return list(reasons)
+
+
+def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    """A run's latencies as lines of text, from its summary."""
+    for name, entry in summary.get("latency", {}).items():
+        way = f"{entry['from']} to {entry['to']}"
+        label = way if name == way else f"{name}: {way}"
+        yield ""
+        yield f"{label}, {edge_in_words(entry)}"
+        yield f"  {counts_in_words(entry)}"
+        times = entry["ms"]
+        hint = lost_in_words(entry)
+        if hint:
+            yield f"  {hint}"
+        if times["max"] is None:
+            yield from (f"  {said}" for said in way_caveats(entry))
+            yield from _caveat_lines(entry)
+            continue
+        numbers = [("min", "min"), ("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
+        shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
+        yield f"  {'age' if entry['edge'] is None else 'latency':<16} {shown} ms"
+        yield from (f"  {said}" for said in way_caveats(entry))
+        names = part_names(word=entry["edge"] is None)
+        parts = [
+            f"{names[part]} {found['mean']:.3f}" for part, found in entry["parts_ms"].items() if found["max"]
+        ]
+        if parts:
+            yield f"  on average       {', '.join(parts)} ms"
+        bounds = told_bounds(entry)
+        if bounds:
+            cases = ", ".join(f"{bound:.3f} with {case}" for case, bound in bounds.items())
+            yield f"  at worst         {cases} (ms)"
+        yield from _caveat_lines(entry)
+
+
+def _caveat_lines(entry: Mapping[str, Any]) -> Iterator[str]:
+    bounded = "bound_ms" in entry and entry["ms"]["max"] is not None
+    for number, caveat in enumerate(bound_caveats(entry)):
+        yield f"  {'' if bounded or number else 'at worst':<16} {caveat}"
+
+
+def edge_in_words(entry: Mapping[str, Any]) -> str:
+    """What is measured of an entry of the summary."""
+    if entry["edge"] is None:
+        return "age of the word whenever it is read"
+    edge = "either edge" if entry["edge"] == "both" else f"{entry['edge']} edge"
+    return f"{edge}, inverted" if entry["inverted"] else edge
+
+
+def counts_in_words(entry: Mapping[str, Any]) -> str:
+    """What became of the changes of an entry of the summary."""
+    if entry["edge"] is None:
+        return f"{counted(entry['changes'], 'change')} of the source; read {entry['delivered']:,} times"
+    found = [f"{counted(entry['changes'], 'change')}: {entry['delivered']:,} arrived"]
+    words = {"lost": "never arrived", "unseen": "too short to be seen", "open": "under way at the end"}
+    found += [f"{entry[key]:,} {word}" for key, word in words.items() if entry[key]]
+    return ", ".join(found)
+
+
+def lost_in_words(entry: Mapping[str, Any]) -> str:
+    """How many of the changes that never arrived need no lost frame for it; empty where none did."""
+    short, gap = entry.get("lost_short"), entry.get("longest_gap_ms")
+    if not short or gap is None or entry.get("way") == NO_WAY:
+        return ""
+    return (
+        f"of those that never arrived, {short:,} began or ended a pulse no longer than the longest gap "
+        f"between the station's frames, {gap:.3f} ms: it may lie between two of them"
+    )

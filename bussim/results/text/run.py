@@ -1,0 +1,138 @@
+"""A run's result in words and small tables, for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from bussim.results.meters.run_record import RunRecord
+from bussim.results.numbers import counted
+from bussim.results.text.latency import latency_lines
+from bussim.results.text.ports import alone_lines, port_lines
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+
+_ON_OFF = {0: "off", 1: "ON"}
+
+
+def show_result(console: Console, record: RunRecord, station_names: Mapping[str, Mapping[int, str]]) -> None:
+    """Print what a controls engineer asks first. ``station_names`` are by bus and station number."""
+    summary = record.summary
+    _say(console, f"{summary['scenario']}: {summary['duration_s']:g} s simulated, seed {summary['seed']}")
+    for bus, link in summary["links"].items():
+        console.print()
+        _show_link(console, record, bus, link, station_names.get(bus, {}))
+    for line in (*alone_lines(summary), *port_lines(summary), *latency_lines(summary)):
+        _say(console, line)
+    if summary["warnings"]:
+        console.print()
+        for warning in summary["warnings"]:
+            _say(console, f"warning: {warning}")
+
+
+def _show_link(
+    console: Console, record: RunRecord, bus: str, link: dict[str, Any], names: Mapping[int, str]
+) -> None:
+    if link["attempts"] is None:
+        _say(console, f"{bus}: {link['stations']} stations, no working master: no link scans")
+        return
+    _say(
+        console,
+        f"{bus}: {link['stations']} stations, mode {link['mode']}, "
+        f"{link['retries']} retries = {counted(link['attempts'], 'attempt')} a poll, "
+        f"timeout {link['timeout_ms']:g} ms",
+    )
+    _show_times(console, link)
+    if link["station_errors"]:
+        console.print(_stations(record, link, names))
+    _show_registers(console, record, bus)
+    _show_refresh(console, link["refresh_gap_ms"])
+
+
+def _show_times(console: Console, link: dict[str, Any]) -> None:
+    times, later = link["scan_time_ms"], link["scan_time_ms"]["after_startup"]
+    if not link["scans"]:
+        _say(console, "  no complete link scan")
+        return
+    numbers = [("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
+    shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
+    missing = [word for word, key in numbers if times[key] is None]
+    few = f" (too few scans for {' and '.join(missing)})" if missing else ""
+    _say(console, f"  link scan time   {shown} ms{few}")
+    _say(console, f"  longest          {_when_and_why(times)}")
+    if later["max"] is not None and later["max_at_s"] != times["max_at_s"]:
+        _say(console, f"  after start-up   {later['max']:.3f} ms {_when_and_why(later)}")
+    healthy = link["healthy_at_s"]
+    health = "never all stations healthy" if healthy is None else f"all stations healthy at {healthy:.3f} s"
+    _say(console, f"  link scans       {link['scans']:,}, bus load {link['bus_load']:.1%}, {health}")
+    oddities = [
+        f"{counted(link[key], what)}"
+        for key, what in (("collisions", "collision"), ("undetected_frames", "undetected damaged frame"))
+        if link[key]
+    ]
+    if link["undetected_frames"]:
+        oddities[-1] += " (rests on the assumed frame layout)"
+    if oddities:
+        _say(console, f"  also             {', '.join(oddities)}")
+
+
+def _when_and_why(times: dict[str, Any]) -> str:
+    why = f": {times['max_cause']}" if times["max_cause"] else ""
+    return f"at {times['max_at_s']:.3f} s{why}"
+
+
+def _stations(record: RunRecord, link: dict[str, Any], names: Mapping[int, str]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    failed = link["failed_attempts"]
+    codes = sorted({code for by_code in failed.values() for code in by_code})
+    table = Table(box=None, padding=(0, 3, 0, 0), pad_edge=False)
+    table.add_column("  station")
+    for code in codes:
+        table.add_column(f"failed {code}", justify="right", no_wrap=True)
+    table.add_column("station errors", justify="right", no_wrap=True)
+    table.add_column("flag", no_wrap=True)
+    flags = _registers(record, names.get(0, ""))
+    for station, errors in link["station_errors"].items():
+        name = names.get(int(station))
+        cells = [f"  {station} ({name})" if name else f"  {station}"]
+        cells += [f"{failed.get(station, {}).get(code, 0):,}" for code in codes]
+        cells += [f"{errors:,}", _ON_OFF.get(flags.get(f"M{8183 + int(station)}", -1), "–")]
+        table.add_row(*map(Text, cells))
+    return table
+
+
+def _show_registers(console: Console, record: RunRecord, bus: str) -> None:
+    words = []
+    for name in record.links[bus].seats:
+        registers = _registers(record, name)
+        if "D8201" in registers and "D8202" in registers:
+            words.append(f"{name} {registers['D8201']}/{registers['D8202']}")
+    if words:
+        _say(console, f"  D8201/D8202      {', '.join(words)}")
+
+
+def _show_refresh(console: Console, gaps: dict[str, dict[str, Any]]) -> None:
+    if not gaps:
+        return
+    pair, worst = max(gaps.items(), key=lambda item: max(item[1]["max"] or 0.0, item[1]["open"]))
+    if worst["max"] is None or worst["open"] > worst["max"]:
+        text = f"{worst['open']:.3f} ms, still open at the end"
+    else:
+        text = f"{worst['max']:.3f} ms"
+    usual = f", typical {worst['p50']:.3f} ms" if worst["p50"] is not None else ""
+    many = f", the longest of {len(gaps)} pairs" if len(gaps) > 1 else ""
+    _say(console, f"  refresh gap      {text} ({pair}{many}{usual})")
+
+
+def _registers(record: RunRecord, plc: str) -> dict[str, int]:
+    found: dict[str, int] = record.summary["plcs"].get(plc, {}).get("registers", {})
+    return found
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=True)

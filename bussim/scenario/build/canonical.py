@@ -1,0 +1,154 @@
+"""The scenario as plain data in the file's own form, with every default filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from bussim.plc.link_registers import D_TIMEOUT, TIMEOUT_UNIT
+from bussim.plc.inputs import Times
+from bussim.scenario.schema.disturbances import FAULT_KINDS, FaultIn, NoiseIn
+from bussim.scenario.yaml.source_map import Path
+from bussim.scenario.resolve.port_configuration import written_keys
+from bussim.scenario.schema.programs import LatencyIn
+from bussim.scenario.schema.document import BusIn, DocumentIn, PlcIn
+from bussim.scenario.resolve.members import NN_KEYS, Member, device_name, line_of, raw_registers
+from bussim.scenario.build.written import as_written, in_order
+from bussim.units import format_time
+
+if TYPE_CHECKING:
+    from bussim.scenario.schema.devices import DeviceIn
+    from bussim.scenario.schema.polls import TransactionIn
+
+
+def canonical(
+    document: DocumentIn,
+    buses: list[BusIn],
+    members: list[Member],
+    devices: Sequence[tuple[DeviceIn, Sequence[TransactionIn]]],
+    polls: Mapping[Path, Sequence[TransactionIn]],
+    noise: list[NoiseIn],
+    faults: list[FaultIn],
+    latency: list[LatencyIn],
+) -> dict[str, object]:
+    """Plain data that load as the same scenario: what the file says, and the defaults it relies on.
+
+    ``polls`` are those of each PLC by its path; a device stands beside its own.
+    """
+    written = {
+        "schema": 1,
+        "name": document.name,
+        "duration": format_time(document.duration),
+        "seed": document.seed,
+        "buses": [_bus(bus) for bus in buses],
+        "plcs": [_plc(member, polls.get(member.path, ())) for member in members],
+        "devices": [_device(device, own) for device, own in devices],
+        "noise": [_noise(entry) for entry in noise],
+        "faults": [_fault(fault) for fault in faults],
+        "observe": [str(point) for point in document.observe],
+        "latency": [_latency(entry) for entry in latency],
+    }
+    for key in ("buses", "devices", "observe", "latency"):
+        if not written[key]:
+            del written[key]
+    return written
+
+
+def _latency(latency: LatencyIn) -> dict[str, object]:
+    written = as_written(latency)
+    if not latency.from_.device.is_word:
+        written.setdefault("edge", "both")
+        written.setdefault("inverted", False)
+    return in_order(latency, written)
+
+
+def _bus(bus: BusIn) -> dict[str, object]:
+    if bus.nn:
+        return {"name": bus.name, "nn": True}
+    line = line_of(bus)
+    return {"name": bus.name, "nn": False, "baud": line.baud, "format": str(line.format)}
+
+
+def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
+    plc = member.plc
+    written = as_written(plc)
+    written["polls"] = _polls(polls)
+    profile = written["profile"]
+    written["profile"] = profile["base"] if set(profile) == {"base"} else profile
+    if "turnaround" in profile and "mean" in profile["turnaround"]:
+        profile["turnaround"].setdefault("jitter", format_time(0))
+    raw = raw_registers(plc)
+    for seat in member.ports:
+        port = written["ports"][seat.name]
+        for key, value in written_keys(seat, member.registers, raw).items():
+            port[key] = format_time(value) if key in ("timeout", "interval") else value
+        if seat.name not in member.logic.first.ports:  # else its program says it
+            port["cpavl"] = {"words": str(seat.words), "bits": str(seat.bits)}
+        written["ports"][seat.name] = in_order(seat.given, port)
+    for key in ("registers", "sources", "inputs"):
+        written[key] = {device_name(name) or name: value for name, value in written[key].items()}
+    for key in ("registers", "ports", "polls", "sources", "inputs"):
+        if not written[key]:
+            del written[key]
+    if member.logic.program is not None:
+        written["program"] = member.logic.program.text
+    for name, given in plc.inputs.items():
+        if given.csv is not None:
+            proper = device_name(name) or name
+            spec = member.logic.inputs[proper]
+            if isinstance(spec, Times):
+                written["inputs"][proper] = {"times": [format_time(tick) for tick in spec.ticks]}
+    if plc.nn is not None:
+        written["nn"] = _nn(member, plc)
+    return written
+
+
+def _polls(polls: Sequence[TransactionIn]) -> list[dict[str, object]]:
+    if not polls:
+        return []
+    from bussim.scenario.build.canonical_devices import written_poll  # what only a scenario with polls pays
+
+    return [written_poll(poll) for poll in polls]
+
+
+def _device(device: DeviceIn, polls: Sequence[TransactionIn]) -> dict[str, object]:
+    from bussim.scenario.build.canonical_devices import written_device
+
+    return written_device(device, polls)
+
+
+def _nn(member: Member, plc: PlcIn) -> dict[str, object]:
+    """``nn`` with the defaults that it stands for, except where ``registers`` gives them."""
+    if plc.nn is None:
+        return {}
+    written: dict[str, object] = {"bus": plc.nn.bus, "port": plc.nn.port or member.port}
+    raw = raw_registers(plc)
+    for key, address in NN_KEYS.items():
+        name = f"D{address}"
+        given = getattr(plc.nn, key)
+        if given is not None:
+            written[key] = format_time(given) if address == D_TIMEOUT else given
+            continue
+        if name in raw or name in member.logic.first.link or name not in member.registers:
+            continue
+        value = member.registers[name]
+        written[key] = format_time(value * TIMEOUT_UNIT) if address == D_TIMEOUT else value
+    return written
+
+
+def _noise(noise: NoiseIn) -> dict[str, object]:
+    written = as_written(noise)
+    if noise.station is not None and noise.reply_loss is None:
+        written.setdefault("direction", "rx")
+    return in_order(noise, written)
+
+
+def _fault(fault: FaultIn) -> dict[str, object]:
+    written = as_written(fault)
+    if fault.power_on is None:
+        written = {"at": format_time(0), **written}
+    for kind in FAULT_KINDS:
+        inside = written.get(kind)
+        if inside is not None and set(inside) == {"station"}:
+            written[kind] = inside["station"]
+    return written

@@ -1,0 +1,204 @@
+"""What a PLC's entry means: its profile, its registers, its seat on a link, its other ports.
+
+Rules judge these values and the builder puts them into the scenario, so that both mean the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from bussim.line.characters import NN_LINE, CharFormat, LineTiming
+from bussim.plc.link_registers import (
+    D_MODE,
+    D_RETRIES,
+    D_SLAVES,
+    D_STATION,
+    D_TIMEOUT,
+    M_PORT,
+    TAKE_PART,
+    TIMEOUT_UNIT,
+    bad_parameters,
+    setting_defaults,
+)
+from bussim.plc.memory import parse_device
+from bussim.plc.profiles import Profile
+from bussim.scenario.resolve.plc_logic import PlcLogic
+from bussim.scenario.resolve.port_configuration import PortSeat, is_set_up, seat_port
+from bussim.scenario.resolve.profiles import profile_of
+from bussim.scenario.schema.document import BusIn, NNIn, PlcIn
+from bussim.scenario.yaml.source_map import Path
+from bussim.units import round_half_up
+
+#: The keys of ``nn`` beside bus and port, and the registers that they stand for.
+NN_KEYS = {
+    "station": D_STATION,
+    "slaves": D_SLAVES,
+    "mode": D_MODE,
+    "retries": D_RETRIES,
+    "timeout": D_TIMEOUT,
+}
+#: The ports' own rate and format (PW10, section 5), for a bus that gives none.
+PLAIN_LINE = LineTiming(9600, CharFormat(8, "N", 1))
+PORT_DEVICE = f"M{M_PORT}"
+
+
+def line_of(bus: BusIn) -> LineTiming:
+    """Rate and format of a bus."""
+    if bus.nn:
+        return NN_LINE
+    return LineTiming(bus.baud or PLAIN_LINE.baud, bus.format or PLAIN_LINE.format)
+
+
+def friendly_registers(nn: NNIn) -> dict[str, int]:
+    """The registers that the given keys of ``nn`` stand for."""
+    registers = {
+        f"D{address}": value for key, address in NN_KEYS.items() if (value := getattr(nn, key)) is not None
+    }
+    if nn.timeout is not None:
+        registers[f"D{D_TIMEOUT}"] = nn.timeout // TIMEOUT_UNIT
+    if nn.port is not None:
+        registers[PORT_DEVICE] = int(nn.port == "COM4")
+    return registers
+
+
+def device_name(name: str) -> str | None:
+    """The proper name of a device (D007 is D7), None if there is no such device."""
+    try:
+        return str(parse_device(name))
+    except ValueError:
+        return None
+
+
+def raw_registers(plc: PlcIn) -> dict[str, int]:
+    """``registers`` by the devices' proper names, without names that are not devices."""
+    return raw_devices(plc.registers)
+
+
+def raw_devices(registers: Mapping[str, int]) -> dict[str, int]:
+    """Values by the devices' proper names, without names that are not devices."""
+    return {proper: value for name, value in registers.items() if (proper := device_name(name)) is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One PLC as its buses see it.
+
+    ``port`` and ``bus`` are those of the N:N link; ``bus`` is None if it takes no part, or none is
+    given for its port. ``ports`` are the others.
+    """
+
+    path: Path
+    plc: PlcIn
+    profile: Profile
+    registers: dict[str, int]
+    takes_part: bool
+    port: str
+    bus: str | None
+    ports: tuple[PortSeat, ...] = ()
+    logic: PlcLogic = field(default_factory=PlcLogic)
+
+    @property
+    def name(self) -> str:
+        """The PLC's name."""
+        return self.plc.name
+
+    @property
+    def unread(self) -> bool:
+        """Whether it has a program with mistakes, so that nothing follows from what it seems not to do."""
+        return self.plc.program is not None and self.logic.program is None
+
+    @property
+    def drives_ports(self) -> bool:
+        """Whether its program has an RS2 or a CPAVL."""
+        return self.logic.program is not None and self.logic.program.uses_ports
+
+    @property
+    def settings(self) -> dict[int, int]:
+        """D8176 to D8180 after power-on, as 16-bit values by address."""
+        return {
+            address: self.registers.get(f"D{address}", default) & 0xFFFF
+            for address, default in setting_defaults(self.profile).items()
+        }
+
+    @property
+    def station(self) -> int:
+        """D8176; 0 is the master."""
+        return self.settings[D_STATION]
+
+    @property
+    def refused(self) -> list[str]:
+        """What the PLC refuses of its settings, in words."""
+        return bad_parameters(self.profile, self.settings)
+
+    @property
+    def longest_scan(self) -> int:
+        """Its longest PLC scan while N:N runs, in ticks."""
+        scan = self.plc.scan
+        return round_half_up((scan.mean + scan.jitter) * self.profile.scan_factor)
+
+    def setting_path(self, address: int) -> Path:
+        """Where the scenario sets one of D8176 to D8180, or the PLC itself."""
+        key = next(key for key, device in NN_KEYS.items() if device == address)
+        if self.plc.nn is not None and getattr(self.plc.nn, key) is not None:
+            return (*self.path, "nn", key)
+        for name in self.plc.registers:
+            if device_name(name) == f"D{address}":
+                return (*self.path, "registers", name)
+        return (*self.path, "program") if f"D{address}" in self.logic.first.link else self.path
+
+
+def own_registers(plc: PlcIn) -> dict[str, int]:
+    """The registers that a PLC's entry sets by itself: raw ones, and those that ``nn`` stands for."""
+    registers = raw_registers(plc)
+    return registers if plc.nn is None else {**friendly_registers(plc.nn), **registers}
+
+
+def member_of(
+    path: Path, plc: PlcIn, lines: Mapping[str, LineTiming], logic: PlcLogic | None = None
+) -> Member:
+    """The meaning of a PLC's entry; ``lines`` are rate and format of the buses by name.
+
+    ``nn`` of a master also stands for the defaults of what it leaves open, so that a scenario says
+    with which settings it runs. What its program sets in the first scan wins, as it does in the PLC.
+    """
+    logic = PlcLogic() if logic is None else logic
+    profile = profile_of(plc.profile)
+    registers = raw_registers(plc)
+    takes_part = plc.nn is not None or any(
+        name in registers or name in logic.first.link for name in TAKE_PART
+    )
+    if plc.nn is not None:
+        given = friendly_registers(plc.nn)
+        registers = {**given, **registers}
+        registers.setdefault(PORT_DEVICE, 0)
+        if plc.nn.station == 0:
+            for address, default in setting_defaults(profile).items():
+                registers.setdefault(f"D{address}", default)
+    registers = {**registers, **logic.first.link}
+    port = "COM4" if registers.get(PORT_DEVICE) else "COM3"
+    bus = plc.nn.bus if plc.nn is not None else None
+    if bus is None and takes_part and port in plc.ports:
+        bus = plc.ports[port].bus
+    seats = []
+    for found in logic.first.ports.values():
+        registers.update(found.registers)
+    raw = registers
+    for name, given_port in sorted(plc.ports.items()):
+        programmed = logic.first.ports.get(name)
+        if (programmed or is_set_up(name, given_port)) and not (takes_part and name == port):
+            line = lines.get(given_port.bus, PLAIN_LINE)
+            seat, added = seat_port(
+                (*path, "ports", name),
+                plc.name,
+                name,
+                given_port,
+                line,
+                raw,
+                (programmed.words, programmed.bits) if programmed is not None else None,
+                com2_station=profile.com2_station,
+            )
+            registers = {**registers, **added}
+            seats.append(seat)
+    ordered = dict(sorted(registers.items()))
+    return Member(path, plc, profile, ordered, takes_part, port, bus, tuple(seats), logic)

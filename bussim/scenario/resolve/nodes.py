@@ -1,0 +1,190 @@
+"""What sits on the buses of a scenario, in the order of the cable, and who is meant by a name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from bussim.engines.modbus.adu import Mode
+from bussim.line.characters import NN_LINE, LineTiming
+from bussim.scenario.resolve.members import PLAIN_LINE, Member, line_of
+from bussim.scenario.resolve.port_configuration import FREE, PortSeat, own_line
+from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.yaml.source_map import Path
+from bussim.scenario.yaml.wording import show, suggest
+
+if TYPE_CHECKING:
+    from bussim.scenario.schema.devices import DeviceIn
+
+
+class Role(Enum):
+    """What a node does on its bus."""
+
+    LINK_MASTER = "N:N master"
+    LINK_SLAVE = "N:N slave"
+    MASTER = "Modbus master"
+    SLAVE = "Modbus slave"
+    FREE = "free protocol"
+    SILENT = "silent"  # a port that does nothing, or whose protocol is not simulated
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """One node of a bus. ``path`` is where the scenario describes it, ``owner`` the PLC or device."""
+
+    name: str
+    owner: str
+    bus: str
+    role: Role
+    timing: LineTiming
+    mode: Mode | None
+    station: int | None
+    path: Path
+    member: Member | None = None
+    seat: PortSeat | None = None
+    device: DeviceIn | None = None
+
+    @property
+    def answers(self) -> bool:
+        """Whether it sends replies."""
+        return self.role in (Role.LINK_SLAVE, Role.SLAVE)
+
+
+def link_node(member: Member) -> Node | None:
+    """A PLC's node on its N:N link."""
+    if not member.takes_part or member.bus is None:
+        return None
+    role = Role.LINK_SLAVE if member.station else Role.LINK_MASTER
+    return Node(
+        member.name, member.name, member.bus, role, NN_LINE, None, member.station, member.path, member
+    )
+
+
+def port_node(member: Member, seat: PortSeat, line: LineTiming) -> Node:
+    """A PLC's node on another bus."""
+    role = Role.MASTER if seat.is_master else Role.SLAVE if seat.is_slave else Role.SILENT
+    if seat.protocol == FREE:
+        role = Role.FREE
+    timing, station = line, None
+    if seat.valid is not None:
+        timing = seat.valid.timing
+        station = seat.valid.station if seat.is_slave else None
+    return Node(seat.node, member.name, seat.bus, role, timing, seat.mode, station, seat.path, member, seat)
+
+
+def device_node(path: Path, device: DeviceIn, line: LineTiming) -> Node:
+    """A device's node."""
+    from bussim.scenario.schema.devices import HmiIn, SlaveIn  # what only a scenario with devices pays
+
+    timing = own_line(device, line)
+    mode, station, role = None, None, Role.FREE
+    if isinstance(device, SlaveIn):
+        mode, station, role = Mode(device.mode), device.station, Role.SLAVE
+    elif isinstance(device, HmiIn):
+        mode, role = Mode(device.mode), Role.MASTER
+    return Node(device.name, device.name, device.bus, role, timing, mode, station, path, device=device)
+
+
+class Missing(Exception):  # noqa: N818 - an answer that the caller words
+    """No node is meant by a name; the text follows the name's key."""
+
+
+class Directory:
+    """All nodes: PLC ports in the order of ``plcs``, of one PLC by port, then devices in their order.
+
+    ``whole`` tells whether everything could be read, so that something may be said of what is absent.
+    """
+
+    def __init__(self, draft: Draft, members: Sequence[Member], lines: Mapping[str, LineTiming]) -> None:
+        self.nodes: list[Node] = []
+        #: The link's port of those PLCs that take part in N:N: their node has the PLC's bare name.
+        self._links: dict[str, str] = {}
+        owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
+        for member in members:
+            own = [(seat.name, port_node(member, seat, _line(lines, seat.bus))) for seat in member.ports]
+            link = link_node(member)
+            if link is not None:
+                own.append((member.port, link))
+                self._links[member.name] = member.port
+            self.nodes += [node for _, node in sorted(own, key=lambda pair: pair[0])]
+        for entry in draft.devices:
+            if entry.value is not None and entry.value.known:
+                self.nodes.append(device_node(entry.path, entry.value, _line(lines, entry.value.bus)))
+        self.plcs = [entry.name for entry in draft.plcs if entry.name is not None]
+        self.devices = [entry.name for entry in draft.devices if entry.name is not None]
+        #: PLCs and devices that could not be read, so that nothing may be said against them.
+        self._unsure = {
+            entry.name
+            for entry in owners
+            if entry.lost("nn", "registers", "ports", "profile", "model", "bus", "station", "mode")
+        }
+        self._unsure |= {member.name for member in members if member.unread}
+        self.whole = not self._unsure
+
+    def on(self, bus: str) -> list[Node]:
+        """The nodes of a bus."""
+        return [node for node in self.nodes if node.bus == bus]
+
+    def sure(self, owner: str) -> bool:
+        """Whether a PLC or device could be read, so that something may be said against it."""
+        return owner not in self._unsure
+
+    def owner(self, name: str) -> str:
+        """The PLC or device of a name. Raises :class:`Missing` for an unknown one."""
+        known = [*self.plcs, *self.devices]
+        if name in known or not known:
+            return name
+        kinds = "no PLC and no device" if self.devices else "no PLC"
+        raise Missing(f"is {show(name)}, which is {kinds}; {suggest(name, known)}")
+
+    def find(self, name: str, bus: str | None = None) -> Node | None:
+        """The node that a name means, on a bus if that is given.
+
+        A PLC's bare name is its only port on that bus; without a bus its link port, else its only
+        port. None if that cannot be told because of other mistakes. Raises :class:`Missing`.
+        """
+        owner, _, port = name.partition(".")
+        self.owner(owner if port else name)
+        own = [node for node in self.nodes if node.owner == owner]
+        if port:
+            return self._port(name, owner, port, own, bus)
+        there = [node for node in own if bus is None or node.bus == bus]
+        link = next((node for node in there if node.name == owner), None)
+        if link is not None:
+            return link
+        if len(there) == 1:
+            return there[0]
+        if not self.sure(owner):
+            return None
+        if there:
+            ports = " or ".join(node.name for node in there)
+            raise Missing(
+                f"is {name}, which has several ports{'' if bus is None else ' there'}; write {ports}"
+            )
+        if bus is None:
+            raise Missing(f"is {name}, which is on no bus")
+        raise Missing(f"is {name}, which is not on {bus}; {suggest(name, [n.name for n in self.on(bus)])}")
+
+    def _port(self, name: str, owner: str, port: str, own: list[Node], bus: str | None) -> Node | None:
+        wanted = owner if self._links.get(owner) == port else name
+        found = next((node for node in own if node.name == wanted), None)
+        if found is None and not self.sure(owner):
+            return None
+        if found is None:
+            names = [node.name if "." in node.name else f"{owner}.{self._links.get(owner)}" for node in own]
+            raise Missing(f"is {name}, which is on no bus; {suggest(name, names)}")
+        if bus is not None and found.bus != bus:
+            there = [node.name for node in self.on(bus)]
+            raise Missing(f"is {name}, which is not on {bus}; {suggest(name, there)}")
+        return found
+
+
+def lines_of(draft: Draft) -> dict[str, LineTiming]:
+    """Rate and format of the buses by name, as far as they could be read."""
+    return {entry.value.name: line_of(entry.value) for entry in draft.buses if entry.value is not None}
+
+
+def _line(lines: Mapping[str, LineTiming], bus: str) -> LineTiming:
+    return lines.get(bus, PLAIN_LINE)

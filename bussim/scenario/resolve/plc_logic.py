@@ -1,0 +1,206 @@
+"""What a PLC's program and inputs mean: files read, the program parsed, its first scan tried."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from bussim.errors import Problem, ProgramError
+from bussim.plc.first_scan import FirstScan, first_scan
+from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
+from bussim.plc.memory import Device, parse_device
+from bussim.plc.profiles import Profile
+from bussim.scenario.rules.registers import named_device
+from bussim.scenario.schema.document import PlcIn
+from bussim.scenario.schema.programs import InputIn, ProgramIn
+from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.input_table import read_times
+from bussim.scenario.yaml.source_map import Path, Report
+from bussim.units import format_time
+
+if TYPE_CHECKING:
+    from bussim.plc.program.program import Program
+
+#: A program's text, comments and all; a run's scenario holds all of them.
+MAX_PROGRAM = 128 * 1024
+MAX_CSV = 1024 * 1024
+
+#: How a message names another line of the program; no word of a program has a blank in it.
+_LINE = re.compile(r"\bat line ([0-9]+)\b", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where the lines of a program stand: in a file of its own, in the scenario, or in no file at all."""
+
+    file: str
+    line: int = 0  # of the scenario, of the text's first line; 0: the text is the file's own
+    indent: int = 0
+    path: Path | None = None  # of a text whose lines have no places of their own
+
+    def problem(self, report: Report, found: Problem, *, warning: bool = False) -> Problem:
+        """A problem of the program, told where the user finds it, as are the other lines that it names.
+
+        What a run says of a warning is the same wherever the program stands: lines of the program.
+        """
+        plain = _LINE.sub(r"at line \1 of the program", found.message)
+        if self.path is not None:
+            where = "" if warning else f"line {found.line} of the program: "
+            placed = report.places.remark(self.path, f"{where}{plain}")
+        elif self.line == 0:
+            placed = Problem(self.file, found.line, found.column, found.message)
+        else:
+            moved = _LINE.sub(lambda match: f"at line {int(match[1]) + self.line - 1}", found.message)
+            line, column = self.line + max(found.line, 1) - 1, self.indent + max(found.column, 1)
+            placed = Problem(self.file, line, column, moved)
+        if warning:
+            report.plain[placed] = plain
+        return placed
+
+
+@dataclass(frozen=True, slots=True)
+class PlcLogic:
+    """``first`` is what the program sets at RUN; ``inputs`` are by device name."""
+
+    program: Program | None = None
+    origin: Origin | None = None
+    first: FirstScan = field(default_factory=FirstScan)
+    inputs: Mapping[str, InputSpec] = field(default_factory=dict)
+
+
+def read_logic(
+    path: Path,
+    plc: PlcIn,
+    profile: Profile,
+    registers: Mapping[str, int],
+    power_on: int,
+    files: Files,
+    report: Report,
+) -> PlcLogic:
+    """What a PLC's entry says of its program and inputs; mistakes in them are reported.
+
+    ``registers`` are what the PLC has at power-on without its program.
+    """
+    inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
+    _warn_of_short_levels(path, plc, report)
+    if plc.program is None:
+        return PlcLogic(inputs=inputs)
+    program, origin = _program((*path, "program"), plc, plc.program, files, report)
+    if program is None:
+        return PlcLogic(origin=origin, inputs=inputs)
+    known = {parse_device(name): value for name, value in registers.items()}
+    levels = {
+        parse_device(name): given for name, given in inputs.items() if not isinstance(given, RandomInput)
+    }
+    return PlcLogic(program, origin, first_scan(program, profile, known, levels, power_on), inputs)
+
+
+def _program(
+    path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report
+) -> tuple[Program | None, Origin | None]:
+    if given.file is not None:
+        origin = Origin(given.file)
+        try:
+            text = files.read(given.file, MAX_PROGRAM)
+        except ValueError as error:
+            report.error(_inner(path, "file", report), str(error))
+            return None, origin
+    else:
+        text = given.text or ""
+        at = _inner(path, "text", report)
+        block = report.places.blocks.get(at)
+        origin = Origin(report.places.file, *block) if block is not None else Origin("", path=at)
+        if len(text.encode()) > MAX_PROGRAM:
+            report.error(at, f"has more than {MAX_PROGRAM >> 10} KiB")
+            return None, origin
+    from bussim.plc.program.program import Program  # what only a scenario with programs pays
+
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    try:
+        program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name)
+    except ProgramError as error:
+        for problem in error.problems:
+            report.foreign(origin.problem(report, problem), fatal=True)
+        return None, origin
+    for problem in program.warnings:
+        # A run's warnings have no places: the PLC's name tells whose program it is.
+        named = replace(problem, message=f"{plc.name}: {problem.message}")
+        report.foreign(origin.problem(report, named, warning=True), fatal=False)
+    return program, origin
+
+
+def _inner(path: Path, key: str, report: Report) -> Path:
+    """Where a value stands that may have been written without its key."""
+    inner = (*path, key)
+    return inner if inner in report.places.values else path
+
+
+# -- inputs --------------------------------------------------------------------------------------------
+
+
+def _inputs(path: Path, given: Mapping[str, InputIn], files: Files, report: Report) -> dict[str, InputSpec]:
+    found: dict[str, InputSpec] = {}
+    written: dict[Device, str] = {}
+    for name, entry in given.items():
+        device = named_device((*path, name), name, report)
+        if device is None:
+            continue
+        if device.letter != "X":
+            report.error(
+                (*path, name), f"is no input: {device.letter} cannot be driven here, only X", key=True
+            )
+        elif device in written:
+            report.error((*path, name), f"is the same device as {written[device]}", key=True)
+        else:
+            written[device] = name
+            spec = _input((*path, name), entry, files, report)
+            if spec is not None:
+                found[str(device)] = spec
+    return found
+
+
+#: A level that is so many times shorter than a scan is seen by hardly any.
+_FAR_SHORTER = 10
+
+
+def _warn_of_short_levels(path: Path, plc: PlcIn, report: Report) -> None:
+    """Inputs of which the PLC sees next to nothing, since it looks once a scan."""
+    for name, given in plc.inputs.items():
+        if given.pulse is not None:
+            level, what = given.pulse.width, "stays on for"
+        elif given.square is not None:
+            level, what = given.square.period // 2, "stays on and off for"
+        elif given.random is not None:
+            level, what = min(given.random.on, given.random.off), "stays on or off for a mean of"
+        else:
+            continue
+        if level * _FAR_SHORTER < plc.scan.mean:
+            report.warn(
+                (*path, "inputs", name),
+                f"{name} of {plc.name} {what} {format_time(level)}, but is looked at once a scan, every "
+                f"{format_time(plc.scan.mean)}: almost none of its changes are seen",
+                key=True,
+            )
+
+
+def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpec | None:
+    if given.pulse is not None:
+        pulse = given.pulse
+        return Pulse(pulse.width, pulse.at, pulse.every, pulse.times)
+    if given.square is not None:
+        return Square(given.square.period, given.square.at)
+    if given.random is not None:
+        return RandomInput(given.random.on, given.random.off, given.random.seed)
+    if given.times is not None:
+        return Times(tuple(given.times))
+    if given.csv is not None:
+        try:
+            text = files.read(given.csv, MAX_CSV)
+        except ValueError as error:
+            report.error((*path, "csv"), str(error))
+            return None
+        times = read_times(text, given.csv, report)
+        return Times(times) if times is not None else None
+    return None  # what it was to be is reported

@@ -1,0 +1,152 @@
+"""Who answers a poll, with what, and whether in time. All of it happens in the run: these are warnings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.engines.modbus.adu import BROADCAST, Mode, adu_chars
+from bussim.engines.modbus.framing import reply_times
+from bussim.engines.modbus.pdu import EXCEPTION_SIZE, READS, Request, response_size
+from bussim.engines.modbus.server import SPACES, Space
+from bussim.scenario.resolve.nodes import Directory, Node, Role
+from bussim.scenario.schema.devices import DeviceIn, LxIn, SlaveIn
+from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.polls import TransactionIn
+from bussim.scenario.yaml.source_map import Report
+from bussim.scenario.yaml.user_code import Code
+from bussim.units import format_ms, format_time
+
+if TYPE_CHECKING:
+    from bussim.devices.areas import AreaMap
+
+
+class Answers:
+    """Judges what comes back. Register maps are made once a device, when a poll asks it."""
+
+    def __init__(self, draft: Draft, nodes: Directory, code: Code, report: Report) -> None:
+        self._nodes = nodes
+        self._code = code
+        self._report = report
+        self._broken = {entry.path for entry in draft.devices if entry.cut}
+        self._maps: dict[str, AreaMap | None] = {}
+
+    def check(self, entry: Entry[TransactionIn], poll: TransactionIn, master: Node, timeout: int) -> None:
+        """Judge one poll of a master, whose request can be sent."""
+        if self._report.errors or not self._nodes.whole:
+            return  # warnings beside a mistake are not shown
+        slaves = [node for node in self._nodes.on(master.bus) if node.role is Role.SLAVE]
+        if poll.station == BROADCAST:
+            return
+        asked = [node for node in slaves if node.station == poll.station]
+        understands = [node for node in asked if node.mode is master.mode]
+        path = (*entry.path, "station")
+        if not asked:
+            known = sorted({node.station for node in slaves if node.station is not None})
+            there = f"it has {', '.join(map(str, known))}" if known else "it has none"
+            self._report.warn(
+                path, f"{master.name} asks station {poll.station}, which is not on {master.bus} ({there})"
+            )
+        elif not understands:
+            self._report.warn(
+                path,
+                f"{master.name} asks station {poll.station} in {_name(master.mode)}, but {asked[0].name} "
+                f"speaks {_name(asked[0].mode)}",
+            )
+        else:
+            before = len(self._report.warnings)
+            self._check_map(entry, poll, understands[0])
+            refused = len(self._report.warnings) > before
+            self._check_time(entry, poll, master, understands[0], timeout, refused=refused)
+
+    def _check_map(self, entry: Entry[TransactionIn], poll: TransactionIn, slave: Node) -> None:
+        found = self._map(slave)
+        function, address = poll.function or 0, poll.address or 0
+        count = poll.quantity
+        if found is None:
+            return
+        if function not in found.functions:
+            self._warn_exception(entry, "function", slave, f"does not have function {function}", 1)
+            return
+        limit = found.limits.of(function)
+        if count > limit:
+            self._warn_exception(entry, "count", slave, f"takes at most {limit} in function {function}", 3)
+            return
+        space = SPACES[function]
+        parts = found.parts(space, address, count)
+        names = {Space.COILS: "coil", Space.INPUTS: "input", Space.INPUT_REGISTERS: "input register"}
+        name = names.get(space, "register")
+        what = f"{name}s {address} to {address + count - 1}" if count > 1 else f"{name} {address}"
+        if parts is None:
+            lacks = f"does not have all of the {what}" if count > 1 else f"has no {what}"
+            self._warn_exception(entry, "address", slave, lacks, 2)
+        elif function not in READS and not all(part.area.writable for part in parts):
+            self._warn_exception(entry, "address", slave, f"does not let {what} be written", 2)
+
+    def _warn_exception(
+        self, entry: Entry[TransactionIn], key: str, slave: Node, what: str, code: int
+    ) -> None:
+        self._report.warn((*entry.path, key), f"{slave.name} {what}: it answers with exception {code:02}")
+
+    def _map(self, slave: Node) -> AreaMap | None:
+        if slave.name not in self._maps:
+            self._maps[slave.name] = None if slave.path in self._broken else self._map_of(slave.device)
+        return self._maps[slave.name]
+
+    def _map_of(self, device: DeviceIn | None) -> AreaMap | None:
+        """The map of a device, or of a PLC's port."""
+        from bussim.scenario.build.devices import settings_of
+        from bussim.scenario.resolve.register_maps import plc_map, register_map
+
+        return plc_map({}) if device is None else register_map(settings_of(device, (), self._code))
+
+    def _check_time(
+        self,
+        entry: Entry[TransactionIn],
+        poll: TransactionIn,
+        master: Node,
+        slave: Node,
+        timeout: int,
+        *,
+        refused: bool,
+    ) -> None:
+        """Judge the timeout against the slave's answer, which is an exception where it is ``refused``."""
+        if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
+            return  # it understands nothing anyway
+        request = Request(poll.function or 0, poll.address or 0, poll.quantity)
+        least, most = _response_time(slave, EXCEPTION_SIZE if refused else response_size(request))
+        if least > timeout:
+            can = f"takes at least {format_ms(least)}: it never comes in time"
+        elif most > timeout:
+            can = f"may take {format_ms(most)}: it can come too late"
+        else:
+            return
+        label = poll.name or f"function {poll.function} at {poll.address}"
+        self._report.warn(
+            entry.path,
+            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} to "
+            f"{label} {can}",
+        )
+
+
+def _name(mode: Mode | None) -> str:
+    return f"Modbus {mode.value.upper()}" if mode is not None else "no Modbus"
+
+
+def _response_time(slave: Node, pdu_size: int) -> tuple[int, int]:
+    """Least and longest time from a request's end to the end of the response, in ticks."""
+    mode = slave.mode or Mode.RTU
+    profile = DEVICE_PROFILES[slave.device.model if slave.device is not None else "lx"]
+    delay, jitter, waiting = profile.delay, 0, 0
+    if isinstance(slave.device, SlaveIn):
+        delay = slave.device.delay if slave.device.delay is not None else delay
+        jitter = slave.device.jitter
+    if isinstance(slave.device, LxIn):
+        waiting = slave.device.scan.mean + slave.device.scan.jitter
+    elif slave.member is not None:
+        scan = slave.member.plc.scan
+        waiting = slave.member.longest_scan if slave.member.takes_part else scan.mean + scan.jitter
+    framing = profile.framing(mode, slave.timing)
+    _, (least, most) = reply_times(framing, delay=delay, jitter=jitter, end=waiting)
+    sent = slave.timing.characters(adu_chars(mode, pdu_size))
+    return least + sent, most + sent

@@ -1,0 +1,213 @@
+"""What is wrong or odd about an N:N link as a whole. An odd link is simulated, with a warning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bussim.engines.nn.frames import MODES, data_chars
+from bussim.line.characters import NN_LINE
+from bussim.plc.link_registers import (
+    D_MODE,
+    D_SLAVES,
+    D_STATION,
+    D_TIMEOUT,
+    TIMEOUT_UNIT,
+    refusal,
+    worst_turnaround,
+)
+from bussim.plc.memory import BlockPlace, block_place, parse_device
+from bussim.plc.profiles import MAX_SLAVES
+from bussim.scenario.resolve.members import NN_KEYS, Member
+from bussim.scenario.schema.document import BusIn
+from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.yaml.source_map import Path, Report
+from bussim.scenario.yaml.wording import show, suggest
+from bussim.units import format_time
+
+MAX_STATIONS = MAX_SLAVES + 1
+
+
+def check_bus_name(path: Path, name: str, buses: Sequence[Entry[BusIn]], report: Report) -> BusIn | None:
+    """The bus of that name, None if it cannot be read; an unknown name is reported."""
+    for entry in buses:
+        if entry.name == name:
+            return entry.value
+    known = [entry.name for entry in buses if entry.name is not None]
+    if known:  # else that is the mistake, reported already
+        report.error(path, f"is {show(name)}, which is no bus; {suggest(name, known)}")
+    return None
+
+
+def check_links(draft: Draft, members: list[Member], report: Report) -> None:
+    """Judge every N:N link of a scenario."""
+    for entry in draft.buses:
+        bus = entry.value
+        if bus is None or entry.lost("nn") or not bus.nn:
+            continue
+        on_link = [member for member in members if member.takes_part and member.bus == bus.name]
+        for member in on_link[MAX_STATIONS:]:
+            report.mistake(
+                member.path,
+                f"{member.name} is one too many: {bus.name}, an N:N link, takes {MAX_STATIONS} stations",
+            )
+        whole = len(members) == len(draft.plcs) and not any(
+            plc.lost("nn", "registers", "ports", "profile") for plc in draft.plcs
+        )
+        if not on_link and whole:
+            alone = any(member.plc.program is not None or member.plc.inputs for member in members)
+            besides = "; programs run all the same" if alone else ""
+            report.warn(entry.path, f"no PLC is on {bus.name}: nothing is sent there{besides}")
+        elif len(on_link) <= MAX_STATIONS and whole:
+            _check_link(bus.name, on_link, report)
+            _check_sources(on_link, report)
+    for member in members:
+        if not member.takes_part and not member.ports and member.plc.sources:
+            report.warn(
+                (*member.path, "sources"),
+                f"{member.name} takes no part in N:N: what its sources drive is sent to nobody",
+            )
+
+
+def _check_link(bus: str, members: list[Member], report: Report) -> None:
+    numbers: dict[int, Member] = {}
+    for member in members:
+        _check_settings(member, report)
+        first = numbers.setdefault(member.station, member)
+        if first is not member:
+            path = member.setting_path(D_STATION)
+            if member.station == 0:
+                report.warn(path, f"{bus} has two masters, {first.name} and {member.name} (station 0)")
+            else:
+                report.warn(
+                    path, f"{first.name} and {member.name} on {bus} are both station {member.station}"
+                )
+    master = numbers.get(0)
+    if master is None:
+        report.warn(members[0].path, f"{bus} has no master (station 0): nobody polls, nothing is sent")
+    elif not master.refused:
+        _check_polling(bus, master, members, report)
+        for member in members:
+            if member.station and not member.refused:
+                _check_slave(master, member, report)
+
+
+def _check_settings(member: Member, report: Report) -> None:
+    settings, name = member.settings, member.name
+    if member.refused:
+        first = next(address for address in NN_KEYS.values() if member.refused[0].startswith(f"D{address} "))
+        report.warn(member.setting_path(first), refusal(name, member.refused, member.port))
+        return
+    if member.station:
+        ignored = [
+            f"nn.{key}"
+            if member.plc.nn is not None and getattr(member.plc.nn, key) is not None
+            else f"D{address}"
+            for key, address in NN_KEYS.items()
+            if key != "station" and f"D{address}" in member.registers
+        ]
+        if ignored:
+            report.warn(
+                member.path, f"{name} is a slave: it ignores {', '.join(ignored)} and learns the master's"
+            )
+        return
+    mode, documented = settings[D_MODE], member.profile.documented_modes
+    if mode not in documented:
+        report.warn(
+            member.setting_path(D_MODE),
+            f"{name} uses refresh mode {mode}, which the manual describes but its table of settings "
+            f"(D8178: {', '.join(map(str, documented))}) leaves out",
+        )
+
+
+def _check_polling(bus: str, master: Member, members: list[Member], report: Report) -> None:
+    slaves = master.settings[D_SLAVES]
+    present = {member.station for member in members}
+    for member in members:
+        if member.station > slaves and not member.refused:
+            report.warn(
+                member.setting_path(D_STATION),
+                f"{member.name} is station {member.station}, but {master.name} polls only {slaves} on {bus} "
+                "(D8177): it is never polled",
+            )
+    absent = [number for number in range(1, slaves + 1) if number not in present]
+    if absent:
+        report.warn(
+            master.setting_path(D_SLAVES),
+            f"{master.name} polls {slaves} slaves (D8177), but {bus} has no station "
+            f"{', '.join(map(str, absent))}: every link scan waits for what is not there",
+        )
+
+
+def _check_slave(master: Member, slave: Member, report: Report) -> None:
+    mode, limit = master.settings[D_MODE], master.settings[D_TIMEOUT] * TIMEOUT_UNIT
+    if mode not in slave.profile.modes:
+        report.warn(
+            slave.path,
+            f"{slave.name} ({slave.profile.name}) does not have refresh mode {mode} of {master.name}: "
+            "it stays out of the link",
+        )
+        return
+    if slave.profile.word_spacing != master.profile.word_spacing:
+        report.warn(
+            slave.path,
+            f"{slave.name} keeps the stations' words {slave.profile.word_spacing} apart, {master.name} "
+            f"{master.profile.word_spacing}: the same data have other addresses there",
+        )
+    longest = worst_turnaround(slave.profile, slave.longest_scan) + NN_LINE.characters(data_chars(mode))
+    if slave.station <= master.settings[D_SLAVES] and longest > limit:
+        report.warn(
+            master.setting_path(D_TIMEOUT),
+            f"the timeout of {master.name} is {format_time(limit)}, but a reply of {slave.name} may take "
+            f"{longest / 72_000:.1f} ms: it can come too late",
+        )
+
+
+def own_block(member: Member, members: list[Member]) -> BlockPlace | None:
+    """Where a PLC's own block lies in the mode of its link's master; None without a working one."""
+    master = next((other for other in members if other.station == 0), None)
+    if master is None or master.refused or member.refused:
+        return None
+    block = MODES[master.settings[D_MODE]]
+    return block_place(member.station, block.bits, block.words, member.profile.word_spacing)
+
+
+def foreign_blocks(member: Member, members: Sequence[Member]) -> list[BlockPlace]:
+    """Where a PLC keeps the blocks of the link's other stations; none without a working master."""
+    master = next((other for other in members if other.station == 0), None)
+    if master is None or master.refused or member.refused:
+        return []
+    block = MODES[master.settings[D_MODE]]
+    return [
+        block_place(station, block.bits, block.words, member.profile.word_spacing)
+        for station in range(master.settings[D_SLAVES] + 1)
+        if station != member.station
+    ]
+
+
+def station_of(place: BlockPlace) -> int:
+    """Whose block lies there."""
+    first, second = (block_place(station, 0, 0, 0).bit for station in (0, 1))
+    return (place.bit - first) // (second - first)
+
+
+def _check_sources(members: list[Member], report: Report) -> None:
+    for member in members:
+        place = own_block(member, members)
+        if place is None:
+            continue
+        bits = f"M{place.bit} to M{place.bit + place.bits - 1} and " if place.bits else ""
+        own = f"{bits}D{place.word} to D{place.word + place.words - 1}"
+        for name in member.plc.sources:
+            try:
+                device = parse_device(name)
+            except ValueError:
+                continue
+            if member.ports and not any(other.holds(device) for other in foreign_blocks(member, members)):
+                continue  # another port may send it
+            if not place.holds(device):
+                report.warn(
+                    (*member.path, "sources", name),
+                    f"{member.name} drives {name}, which is not in its own block ({own}): it is not sent, "
+                    "and in another station's block it is overwritten",
+                    key=True,
+                )

@@ -1,0 +1,169 @@
+"""What is wrong or odd about polls: whether they can be sent, where their data lie, who answers them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bussim.engines.modbus.adu import BROADCAST
+from bussim.engines.modbus.pdu import FUNCTIONS, READS, STANDARD_LIMITS
+from bussim.engines.modbus.server import SPACES
+from bussim.scenario.resolve.members import Member
+from bussim.scenario.resolve.nodes import Directory, Role
+from bussim.scenario.resolve.port_configuration import FREE, PortSeat
+from bussim.scenario.rules.answers import Answers
+from bussim.scenario.rules.poll_data import Placed, check_coils, check_free_data, check_registers
+from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.polls import PollIn, TransactionIn
+from bussim.scenario.yaml.source_map import Report
+from bussim.scenario.yaml.user_code import Code
+from bussim.scenario.yaml.wording import suggest
+
+#: Keys of a Modbus poll only, and of a free-protocol one only.
+_MODBUS_KEYS = ("station", "function", "address", "from_", "values", "retries")
+_FREE_KEYS = ("send", "send_count", "data", "text")
+
+Polls = list[Entry[TransactionIn]]
+
+
+def check_polls(
+    draft: Draft, members: Sequence[Member], nodes: Directory, code: Code, report: Report
+) -> set[str]:
+    """Judge the polls of every PLC and HMI; returns the names of the ports that have some."""
+    answers = Answers(draft, nodes, code, report)
+    polled: set[str] = set()
+    for member in members:
+        polls = draft.polls.get(member.path, [])
+        _check_names(polls, report)
+        for entry in polls:
+            poll = entry.value
+            if isinstance(poll, PollIn):
+                polled.add(f"{member.name}.{poll.port}")
+                seat = _seat(entry, poll, member, nodes, report)
+                if seat is not None:
+                    _check_poll(entry, poll, Placed(member, seat, members), nodes, answers, report)
+            else:
+                polled |= {seat.node for seat in member.ports}  # who knows for which
+    for node in nodes.nodes:
+        if node.device is not None and node.role is Role.MASTER:
+            polls = draft.polls.get(node.path, [])
+            _check_names(polls, report)
+            for entry in polls:
+                if entry.value is None:
+                    continue
+                _check_values(entry, entry.value, report)
+                if _check_request(entry, entry.value, report):
+                    answers.check(entry, entry.value, node, getattr(node.device, "timeout", 0))
+    return polled
+
+
+def _check_names(polls: Polls, report: Report) -> None:
+    seen: dict[str, Entry[TransactionIn]] = {}
+    for entry in polls:
+        if entry.name is None:
+            continue
+        first = seen.setdefault(entry.name.casefold(), entry)
+        if first is not entry:
+            where = report.places.where((*first.path, "name"))
+            report.error((*entry.path, "name"), f"is {entry.name!r}, which is used already ({where})")
+
+
+def _seat(
+    entry: Entry[TransactionIn], poll: PollIn, member: Member, nodes: Directory, report: Report
+) -> PortSeat | None:
+    """The port that drives a poll, if it is one that can."""
+    seat = next((seat for seat in member.ports if seat.name == poll.port), None)
+    usable = [s.name for s in member.ports if s.is_master or s.protocol == FREE]
+    if seat is not None and seat.name in usable:
+        return seat
+    if not nodes.sure(member.name):
+        return None
+    if seat is not None and (seat.valid is None or seat.given.protocol not in (None, seat.protocol)):
+        return None  # what is wrong with the port was said there
+    if member.takes_part and poll.port == member.port:
+        what = "runs N:N"
+    elif seat is not None and seat.protocol is not None:
+        what = f"is {seat.protocol}"
+    else:
+        what = "has no protocol" if poll.port in member.plc.ports else "is not in ports"
+    near = f"; {suggest(poll.port, usable)}" if usable else ""
+    text = f"is {poll.port}, which {what}: only a Modbus master or a free port polls{near}"
+    report.error((*entry.path, "port"), text)
+    return None
+
+
+def _check_poll(
+    entry: Entry[TransactionIn],
+    poll: PollIn,
+    place: Placed,
+    nodes: Directory,
+    answers: Answers,
+    report: Report,
+) -> None:
+    free = place.seat.protocol == FREE
+    for key in _MODBUS_KEYS if free else _FREE_KEYS:
+        if getattr(poll, key) is not None:
+            text = f"has no meaning on {poll.port}, whose protocol is {place.seat.protocol}"
+            report.error((*entry.path, key.rstrip("_")), text, key=True)
+    if free:
+        check_free_data(entry, poll, place, report)
+        return
+    _check_values(entry, poll, report)
+    if not _check_request(entry, poll, report) or poll.function is None:
+        return
+    node = next((node for node in nodes.nodes if node.seat is place.seat), None)
+    if SPACES[poll.function].is_bit:
+        check_coils(entry, poll, place, poll.quantity, report)
+    else:
+        check_registers(entry, poll, place, poll.quantity, report)
+    if node is not None:
+        answers.check(entry, poll, node, place.seat.valid.timeout if place.seat.valid is not None else 0)
+
+
+def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:
+    """Whether a request can be made of it; everything that says not is reported."""
+    before = len(report.errors)
+    for key in ("station", "function", "address"):
+        if getattr(poll, key) is None and not entry.lost(key):
+            report.error((*entry.path, key), "is missing")
+    function, count = poll.function, poll.quantity
+    if function is None:
+        return False
+    limit = STANDARD_LIMITS.of(function)
+    if not 1 <= count <= limit:
+        at = "count" if poll.count is not None else "values"
+        has = f"is {count}" if at == "count" else f"has {count} entries"
+        allowed = f"1..{limit}" if limit > 1 else "1"
+        report.error((*entry.path, at), f"{has}, allowed {allowed} (function {function})")
+    elif poll.address is not None and poll.address + count > 0x10000:
+        report.error(
+            (*entry.path, "address"),
+            f"is {poll.address}, whose {count} items end at {poll.address + count - 1}, beyond 65535",
+        )
+    if poll.station == BROADCAST and function in READS:
+        report.error(
+            (*entry.path, "station"), f"is 0, a broadcast, which nobody answers; function {function} reads"
+        )
+    whole = all(getattr(poll, key) is not None for key in ("station", "address"))
+    return whole and len(report.errors) == before and function in FUNCTIONS
+
+
+def _check_values(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> None:
+    """What a write sends."""
+    path, function = (*entry.path, "values"), poll.function
+    if function is None:
+        return
+    if poll.values is None:
+        has_source = isinstance(poll, PollIn) and poll.from_ is not None
+        if function not in READS and not has_source and not entry.lost("values", "from"):
+            either = "from or values" if isinstance(poll, PollIn) else "values"
+            report.error(entry.path, f"writes nothing; expected {either} (function {function})")
+        return
+    if function in READS:
+        report.error(path, f"has no meaning for function {function}, which reads", key=True)
+        return
+    if len(poll.values) != poll.quantity:
+        report.error(path, f"has {len(poll.values)} entries, count is {poll.count}")
+    if SPACES[function].is_bit:
+        wrong = next((value for value in poll.values if value not in (0, 1)), None)
+        if wrong is not None:
+            report.error(path, f"has {wrong}, allowed 0, 1 (coils)")

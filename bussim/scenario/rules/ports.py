@@ -1,0 +1,298 @@
+"""What is wrong or odd about the ports of one PLC, the link's and the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bussim.engines.modbus.adu import Mode
+from bussim.plc.errors import serial_error
+from bussim.plc.memory import BIT_RANGES, Device
+from bussim.plc.ports.cpavl import (
+    BITS,
+    INTERVAL_UNIT,
+    PORT_PROTOCOLS,
+    PROTOCOL_CODES,
+    TIMEOUT_UNIT,
+    WORDS,
+    BadSettings,
+    format_word,
+)
+from bussim.scenario.resolve.members import Member, device_name, line_of
+from bussim.scenario.resolve.nodes import Directory
+from bussim.scenario.resolve.port_configuration import (
+    CPAVL_PORTS,
+    FIRST_SPECIAL,
+    FREE,
+    HMI,
+    MODES,
+    SLAVES,
+    PortSeat,
+    is_set_up,
+    keys_of,
+    own_line,
+)
+from bussim.scenario.rules.links import check_bus_name
+from bussim.scenario.schema.document import BusIn, PlcIn, PortIn
+from bussim.scenario.schema.draft import Entry
+from bussim.scenario.yaml.source_map import Path, Report
+from bussim.scenario.yaml.wording import suggest
+from bussim.units import format_time
+
+#: The ports of the first board, the only ones that M8179 can select.
+LINK_PORTS = ("COM3", "COM4")
+ALL_PORTS = ("COM1", *CPAVL_PORTS)
+Buses = Sequence[Entry[BusIn]]
+
+
+def protocols_of(port: str) -> list[str]:
+    """What a port can be set to, in the order of the codes."""
+    return [name for name in PROTOCOL_CODES if name in PORT_PROTOCOLS[port]]
+
+
+def check_ports(entry: Entry[PlcIn], member: Member, buses: Buses, report: Report) -> None:
+    """Judge every entry of a PLC's ``ports``."""
+    seats = {seat.name: seat for seat in member.ports}
+    for name, port in member.plc.ports.items():
+        path = (*entry.path, "ports", name)
+        if name not in ALL_PORTS:
+            report.error(path, f"is not a port; {suggest(name, CPAVL_PORTS)}", key=True)
+            continue
+        if name == "COM1":
+            text = "serves programming and an HMI only: nothing can be set up on it"
+            report.error(path, f"{text}; allowed are {', '.join(CPAVL_PORTS)}", key=True)
+            continue
+        bus = check_bus_name((*path, "bus"), port.bus, buses, report)
+        if member.takes_part and name == member.port:
+            _check_link_port(path, member, port, bus, buses, report)
+        elif bus is not None and bus.nn:
+            _check_beside_link(path, member, port, bus, report)
+        if name in seats:
+            _check_seat(entry, seats[name], member, bus, buses, report)
+        elif not is_set_up(name, port):
+            _check_bare(entry, path, member, port, bus, report)
+    _check_places(member, report)
+
+
+def check_link_bus(path: Path, name: str, buses: Buses, report: Report) -> None:
+    """The bus of an N:N port must be one for N:N."""
+    bus = check_bus_name(path, name, buses, report)
+    lost = any(entry.name == name and entry.lost("nn") for entry in buses)
+    if bus is not None and not bus.nn and not lost:
+        report.error(path, f"is {name}, which is not an N:N link; give that bus nn: true")
+
+
+def _given(port: PortIn) -> list[str]:
+    return [key for key in PortIn.model_fields if key != "bus" and getattr(port, key) is not None]
+
+
+def _check_link_port(
+    path: Path, member: Member, port: PortIn, bus: BusIn | None, buses: Buses, report: Report
+) -> None:
+    """The port that M8179 selects is the link's: it has a bus, and nothing else."""
+    if member.plc.nn is not None and port.bus != member.plc.nn.bus:
+        report.error((*path, "bus"), f"is {port.bus}, but nn.bus is {member.plc.nn.bus}")
+    elif member.plc.nn is None and bus is not None:
+        check_link_bus((*path, "bus"), port.bus, buses, report)
+    for key in _given(port):
+        where = f"{member.name} runs N:N on {member.port} (M8179 is {int(member.port == 'COM4')})"
+        value = f"is {port.protocol}, but" if key == "protocol" else "has no meaning:"
+        report.error((*path, key), f"{value} {where}, and a port does one thing")
+
+
+def _check_beside_link(path: Path, member: Member, port: PortIn, bus: BusIn, report: Report) -> None:
+    """A port on an N:N bus that is not the one which takes part."""
+    name = str(path[-1])
+    if port.protocol is not None:
+        report.error(
+            (*path, "protocol"),
+            f"is {port.protocol}, but {bus.name} is an N:N link, on which nothing else can run",
+        )
+    elif name in ("COM5", "COM6"):
+        report.error(
+            (*path, "bus"),
+            f"is {bus.name}, an N:N link; M8179 cannot select {name} (0: COM3, 1: COM4): "
+            "N:N runs on COM3 or COM4",
+        )
+    elif name == "COM2" or port.cpavl is not None:
+        why = "which COM2 does not have" if name == "COM2" else "which CPAVL does not set up"
+        report.error((*path, "bus"), f"is {bus.name}, an N:N link, {why}: N:N runs on COM3 or COM4")
+    elif member.takes_part:
+        report.warn(path, f"port {name} of {member.name} does nothing: M8179 selects {member.port}")
+
+
+def _check_bare(
+    entry: Entry[PlcIn], path: Path, member: Member, port: PortIn, bus: BusIn | None, report: Report
+) -> None:
+    """A port with nothing but a bus."""
+    name = str(path[-1])
+    if member.takes_part and name == member.port:
+        return
+    for key in _given(port):
+        report.error((*path, key), f"needs a protocol; allowed on {name}: {', '.join(protocols_of(name))}")
+    if _given(port) or entry.lost("nn", "registers", "ports"):
+        return
+    if not member.takes_part:
+        report.warn(
+            path,
+            f"{member.name} takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set) and {name} "
+            f"has no protocol: its port {name} does nothing",
+        )
+    elif bus is None or not bus.nn:
+        report.warn(path, f"port {name} of {member.name} has no protocol: it does nothing")
+
+
+def _check_seat(
+    entry: Entry[PlcIn], seat: PortSeat, member: Member, bus: BusIn | None, buses: Buses, report: Report
+) -> None:
+    path, given = seat.path, seat.given
+    sure = not entry.lost("registers", "ports")
+    before = len(report.errors)
+    if given.protocol is not None and given.protocol not in protocols_of(seat.name):
+        allowed = ", ".join(protocols_of(seat.name))
+        report.error((*path, "protocol"), f"is {given.protocol}, which only COM2 has; allowed {allowed}")
+        return
+    _check_keys(seat, given.protocol or (seat.protocol if sure else None), report)
+    _check_units(seat, report)
+    _check_contradictions(entry, seat, report)
+    if given.protocol in SLAVES and seat.register("station") not in member.registers and sure:
+        report.error((*path, "station"), "is missing")
+    if bus is not None and not bus.nn and sure:
+        _check_line(seat, member, bus, buses, report)
+    if sure and len(report.errors) == before:
+        _check_settings(seat, report)
+
+
+def _check_settings(seat: PortSeat, report: Report) -> None:
+    """What becomes of words that the PLC refuses, or that set up nothing that is simulated."""
+    settings = seat.settings
+    if isinstance(settings, BadSettings):
+        code = serial_error(seat.name, settings.error)
+        report.warn(
+            seat.path,
+            f"{seat.plc} refuses the parameters of {seat.name} ({settings.text}): M8063 on, D8063 = {code}, "
+            "and the port stays silent",
+        )
+    elif settings.protocol is None:
+        word = seat.register("protocol")
+        codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)
+        report.warn(
+            seat.path,
+            f"{word} of {seat.plc} is 0: port {seat.name} does nothing (give it a protocol, or {word} one of "
+            f"{codes})",
+        )
+    elif settings.protocol == HMI:
+        report.warn(
+            seat.path,
+            f"the monitoring protocol of an HMI is not simulated: {seat.node} stays silent "
+            "(an HMI that speaks Modbus needs protocol: modbus-rtu-slave)",
+        )
+
+
+def _check_keys(seat: PortSeat, protocol: str | None, report: Report) -> None:
+    """Keys that the protocol has no use for."""
+    if protocol is None:
+        return
+    allowed = keys_of(protocol)
+    for key in _given(seat.given):
+        if key in ("protocol", "cpavl") or key in allowed:
+            continue
+        report.error(
+            (*seat.path, key), f"has no meaning for {protocol}, which has {', '.join(allowed)}", key=True
+        )
+
+
+def _check_units(seat: PortSeat, report: Report) -> None:
+    """Times that the words cannot hold."""
+    for key, unit in (("timeout", TIMEOUT_UNIT), ("interval", INTERVAL_UNIT)):
+        value = getattr(seat.given, key)
+        if value is None:
+            continue
+        below = value - value % unit
+        if value != below:
+            near = f"{format_time(below)} or {format_time(below + unit)}"
+            if key == "timeout" and not below:
+                near = format_time(unit)
+            report.error(
+                (*seat.path, key),
+                f"is {format_time(value)}, allowed are multiples of {format_time(unit)}, here {near}",
+            )
+    if seat.given.interval == 0 and seat.is_master:
+        report.warn(
+            (*seat.path, "interval"),
+            f"interval of {seat.node} is 0, which the PLC takes as 5 ms (CPAVL word +2)",
+        )
+
+
+def _check_contradictions(entry: Entry[PlcIn], seat: PortSeat, report: Report) -> None:
+    """The same word in ``registers`` and in a friendly key, with different values."""
+    if entry.value is None:
+        return
+    wanted = {register: (key, value) for key, (register, value) in seat.explicit.items()}
+    for name, value in entry.value.registers.items():
+        key, friendly = wanted.get(device_name(name) or "", ("", value & 0xFFFF))
+        if value & 0xFFFF != friendly:
+            report.error(
+                (*entry.path, "registers", name),
+                f"is {value}, but ports.{seat.name}.{key} makes it {friendly} ({friendly:04X}H)",
+            )
+
+
+def _check_line(seat: PortSeat, member: Member, bus: BusIn, buses: Buses, report: Report) -> None:
+    """Rate and format against the protocol and the bus."""
+    if any(entry.value is bus and entry.lost("baud", "format") for entry in buses):
+        return
+    line, given = line_of(bus), seat.given
+    own = own_line(given, line)
+    if MODES.get(given.protocol or "") is Mode.RTU and own.format.data_bits != 8:
+        word = seat.register("format")
+        needs = "Modbus RTU needs 8 data bits"
+        if given.format is not None:
+            report.error((*seat.path, "format"), f"is {own.format}, but {needs}")
+            return
+        if member.registers.get(word) == format_word(own, eight_bit=False):
+            report.error(
+                (*seat.path, "protocol"),
+                f"is {given.protocol}, but the format of {bus.name} is {own.format}: {needs}",
+            )
+            return
+    timing = seat.valid.timing if seat.valid is not None and seat.protocol is not None else line
+    if (timing.baud, timing.format) != (line.baud, line.format):
+        report.warn(
+            seat.path,
+            f"{seat.node} runs at {timing.baud} {timing.format}, {bus.name} at {line.baud} {line.format}: "
+            "nobody there understands it",
+        )
+
+
+def _check_places(member: Member, report: Report) -> None:
+    """CPAVL's words and bits must lie in the memory, and apart."""
+    for kind, size in (("words", WORDS), ("bits", BITS)):
+        taken: list[tuple[Device, PortSeat]] = []
+        for seat in member.ports:
+            first: Device = getattr(seat, kind)
+            wanted = "D" if kind == "words" else "M"
+            shown = f"is {first}, the first of {size} {kind}"
+            path = (*seat.path, "cpavl", kind)
+            last = FIRST_SPECIAL - 1 if kind == "words" else BIT_RANGES["M"][0][1]
+            if first.letter != wanted or first.address + size - 1 > last:
+                most = Device(wanted, last - size + 1)
+                report.error(path, f"{shown}; allowed {wanted}0..{most}")
+                continue
+            for other, owner in taken:
+                if abs(other.address - first.address) < size:
+                    report.error(path, f"{shown}, which overlap those of {owner.name} ({other} on)")
+            taken.append((first, seat))
+
+
+def check_port_use(nodes: Directory, polled: set[str], report: Report) -> None:
+    """Masters and free ports that nothing drives; ``polled`` are the nodes with polls."""
+    for node in nodes.nodes:
+        seat = node.seat
+        if seat is None or node.name in polled or not nodes.sure(node.owner):
+            continue
+        if node.member is not None and node.member.drives_ports:
+            continue
+        if seat.is_master:
+            report.warn(seat.path, f"{node.name} is a Modbus master without polls: it sends nothing")
+        elif seat.protocol == FREE:
+            report.warn(seat.path, f"no poll drives {node.name}: it neither sends nor receives")

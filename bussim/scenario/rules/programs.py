@@ -1,0 +1,237 @@
+"""What is odd about programs beside the rest of a scenario, and what is wrong with latency entries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from bussim.errors import Problem
+from bussim.plc.memory import BlockPlace, Device
+from bussim.scenario.resolve.members import (
+    NN_KEYS,
+    PORT_DEVICE,
+    Member,
+    device_name,
+    friendly_registers,
+    raw_registers,
+)
+from bussim.scenario.rules.links import foreign_blocks, station_of
+from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.fields import PlcPoint
+from bussim.scenario.schema.programs import LatencyIn
+from bussim.scenario.yaml.source_map import Path, Report
+from bussim.scenario.yaml.wording import show, suggest
+
+if TYPE_CHECKING:
+    from bussim.plc.program.text.catalog import Instruction
+    from bussim.plc.program.text.check import Extent
+
+#: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
+MAX_PROGRAMS = 256 * 1024
+#: Writes into other stations' blocks that are told of one PLC.
+MAX_FOREIGN = 20
+
+
+def check_programs(members: Sequence[Member], report: Report) -> None:
+    """Judge every program against registers, ports and the link."""
+    total = 0
+    for member in members:
+        program = member.logic.program
+        if program is None:
+            continue
+        # A line costs its indentation as well.
+        total += len(program.text.encode()) + 8 * program.text.count("\n")
+        _check_settings(member, report)
+        _check_specials(member, report)
+        _check_ports(member, report)
+        if member.takes_part and member.bus is not None:
+            link = [other for other in members if other.takes_part and other.bus == member.bus]
+            _check_writes(member, link, report)
+    if total > MAX_PROGRAMS:
+        report.mistake(
+            ("plcs",),
+            f"the programs of all PLCs have {total >> 10} KiB together, allowed {MAX_PROGRAMS >> 10} KiB",
+        )
+
+
+def _warn_at(member: Member, at: Instruction, message: str, report: Report) -> None:
+    origin = member.logic.origin
+    if origin is not None:
+        problem = Problem("", at.line, at.column, f"{member.name}: {message}")
+        report.foreign(origin.problem(report, problem, warning=True), fatal=False)
+
+
+def _check_settings(member: Member, report: Report) -> None:
+    """What the scenario says of the link and the program says otherwise."""
+    name, nn = member.name, member.plc.nn
+    keys = {f"D{address}": key for key, address in NN_KEYS.items()} | {PORT_DEVICE: "port"}
+    friendly = friendly_registers(nn) if nn is not None else {}
+    raw = raw_registers(member.plc)
+    for device, value in member.logic.first.link.items():
+        if device in friendly and friendly[device] != value:
+            path: Path = (*member.path, "nn", keys[device])
+            report.warn(
+                path,
+                f"the program of {name} sets {device} to {value}: nn.{keys[device]}, which stands for "
+                f"{friendly[device]}, is lost",
+            )
+        elif device not in friendly and device in raw and raw[device] & 0xFFFF != value:
+            report.warn(
+                (*member.path, "registers"),
+                f"the program of {name} sets {device} to {value}: the {raw[device]} of registers is lost",
+            )
+
+
+def _check_specials(member: Member, report: Report) -> None:
+    """Special bits that the scenario sets, that would change how the program runs, and that do not."""
+    program = member.logic.program
+    if program is None:
+        return
+    idle = {f"M{address}": message for address, message in program.not_simulated().items()}
+    for name, value in member.plc.registers.items():
+        message = idle.get(device_name(name) or "")
+        if value and message is not None:
+            report.warn((*member.path, "registers", name), f"{member.name}: {message}", key=True)
+
+
+def _check_ports(member: Member, report: Report) -> None:
+    """Ports that a CPAVL sets up and the scenario does not connect; keys that it overrules."""
+    program = member.logic.program
+    if program is None:
+        return
+    for at in program.instructions:
+        if at.spec.name == "CPAVL":
+            port = f"COM{at.operands[2].address}"
+            if port not in member.plc.ports:
+                message = (
+                    f"CPAVL sets {port} up, but ports does not tell its bus: it does nothing; "
+                    f"write ports: {{{port}: {{bus: …}}}}"
+                )
+                _warn_at(member, at, message, report)
+    for seat in member.ports:
+        found = member.logic.first.ports.get(seat.name)
+        if found is None:
+            continue
+        for key, (register, value) in seat.explicit.items():
+            if found.registers.get(register, 0) != value:
+                report.warn(
+                    (*seat.path, key),
+                    f"the program of {member.name} sets {register} to {found.registers.get(register, 0)}: "
+                    f"ports.{seat.name}.{key}, which makes it {value}, is lost",
+                )
+
+
+def _check_writes(member: Member, link: list[Member], report: Report) -> None:
+    """What the program writes of other stations' shared blocks, line by line."""
+    program = member.logic.program
+    if program is None:
+        return
+    from bussim.plc.program.text.check import extents  # what only a scenario with programs pays
+
+    places, turns = foreign_blocks(member, link), program.turns_bmov
+    found = [
+        (at, shared, place)
+        for at in program.instructions
+        for extent in extents(at, both_ways=turns)
+        if extent.writes
+        for place in places
+        if (shared := _shared(extent, place)) is not None
+    ]
+    for at, (letter, first, last), place in found[:MAX_FOREIGN]:
+        station = station_of(place)
+        owner = next((other.name for other in link if other.station == station), None)
+        who = f"station {station}" + (f" ({owner})" if owner is not None else "")
+        span = f"{Device(letter, first)}" + (f" to {Device(letter, last)}" if last > first else "")
+        message = (
+            f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "
+            "frame from there, and nobody else sees it"
+        )
+        _warn_at(member, at, message, report)
+    if len(found) > MAX_FOREIGN:
+        more = len(found) - MAX_FOREIGN
+        _warn_at(member, found[MAX_FOREIGN][0], f"{more} more writes into blocks of other stations", report)
+
+
+def _shared(extent: Extent, place: BlockPlace) -> tuple[str, int, int] | None:
+    """The part of an extent in a shared block: its letter, first and last address."""
+    if extent.letter != ("D" if extent.word else "M"):
+        return None
+    begin, count = (place.word, place.words) if extent.word else (place.bit, place.bits)
+    first, last = max(extent.first, begin), min(extent.last, begin + count - 1)
+    return (extent.letter, first, last) if first <= last else None
+
+
+# -- observed devices and latencies --------------------------------------------------------------------
+
+
+def check_observed(draft: Draft, report: Report) -> None:
+    """Observed devices are of PLCs that there are."""
+    if draft.document is None:
+        return
+    seen: set[PlcPoint] = set()
+    for index, point in enumerate(draft.document.observe):
+        path = ("observe", index)
+        if _is_plc(path, point, draft, report) and point in seen:
+            report.warn(path, f"{point} is observed twice")
+        seen.add(point)
+
+
+def _is_plc(path: Path, point: PlcPoint, draft: Draft, report: Report) -> bool:
+    known = [entry.name for entry in draft.plcs if entry.name is not None]
+    if point.plc in known:
+        return True
+    if known:
+        report.error(path, f"is {show(str(point))}, but {point.plc} is no PLC; {suggest(point.plc, known)}")
+    return False
+
+
+def check_latencies(draft: Draft, members: Sequence[Member], report: Report) -> None:
+    """Judge every entry of ``latency``."""
+    by_name = {member.name: member for member in members}
+    for entry in draft.latency:
+        given = entry.value
+        if given is None:
+            continue
+        ends = [("from", given.from_), ("to", given.to)]
+        known = [_is_plc((*entry.path, key), point, draft, report) for key, point in ends]
+        if not all(known):
+            continue
+        source, target = (by_name.get(point.plc) for _, point in ends)
+        if source is not None and target is not None:
+            _check_latency(entry, given, source, target, members, report)
+
+
+def _check_latency(
+    entry: Entry[LatencyIn],
+    given: LatencyIn,
+    source: Member,
+    target: Member,
+    members: Sequence[Member],
+    report: Report,
+) -> None:
+    start, end, path = given.from_, given.to, entry.path
+    if start.device.is_word != end.device.is_word:
+        kinds = [f"{point} is a {'word' if point.device.is_word else 'bit'}" for point in (start, end)]
+        report.error((*path, "to"), f"is {end}: {' and '.join(kinds)}, but a latency has two of a kind")
+        return
+    if start == end:
+        report.error((*path, "to"), f"is {end}, the device that it comes from")
+        return
+    if end.device.letter == "X":
+        report.error((*path, "to"), f"is {end}, an input: no program can set it")
+        return
+    if source.unread or target.unread:
+        return
+    if source is not target and (source.bus is None or source.bus != target.bus):
+        report.error((*path, "to"), f"is {end}, but {start.plc} and {end.plc} share no N:N link")
+        return
+    if start.device.is_word:
+        for key in ("edge", "inverted"):
+            if getattr(given, key) is not None:
+                report.error((*path, key), f"has no meaning for words, and {start} is one", key=True)
+        if source is target:
+            report.error((*path, "to"), f"is {end}, of the same PLC: there is no age to measure")
+            return
+    from bussim.scenario.rules.latencies import check_way  # what only a scenario with latencies pays
+
+    check_way(path, given, source, target, members, report)

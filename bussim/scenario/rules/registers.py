@@ -1,0 +1,38 @@
+"""What is wrong or odd about the devices that ``registers`` sets at power-on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bussim.plc.memory import Device, parse_device
+from bussim.scenario.yaml.source_map import Path, Report
+
+#: What the link writes: mirrors of its settings, times, counts and codes, and flags.
+_STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
+
+
+def check_registers(path: Path, registers: Mapping[str, int], report: Report, *, link: bool) -> None:
+    """Judge devices and values; ``link``: of a PLC that can take part in N:N."""
+    seen: dict[Device, str] = {}
+    for name, value in registers.items():
+        device = named_device((*path, name), name, report)
+        if device is None:
+            continue
+        if device in seen:
+            report.error((*path, name), f"is the same device as {seen[device]}", key=True)
+        seen[device] = name
+        if not device.is_word and value not in (0, 1):
+            report.error((*path, name), f"is {value}, allowed 0, 1")
+        if link and any(
+            device.letter == letter and first <= device.address <= last for letter, first, last in _STATUS
+        ):
+            report.warn((*path, name), "is written by the link itself: the value given here is lost")
+
+
+def named_device(path: Path, name: str, report: Report) -> Device | None:
+    """The device that a key names; a wrong one is reported."""
+    try:
+        return parse_device(name)
+    except ValueError as error:
+        report.mistake(path, f"a device of {report.places.short_name(path[:-1])} {error}", key=True)
+        return None

@@ -1,0 +1,1 @@
+"""The form of a scenario file: keys, values, their ranges and messages."""

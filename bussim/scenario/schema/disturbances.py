@@ -1,0 +1,271 @@
+"""The form of a scenario file: noise and faults."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from bussim.engines.modbus.adu import ASCII_MAX
+from bussim.engines.nn.frames import MODES, data_chars
+from bussim.line.characters import NN_LINE, CharFormat
+from bussim.scenario.schema.fields import (
+    Baud,
+    Format,
+    Name,
+    NodeName,
+    Positive,
+    Probability,
+    Time,
+    choice,
+    fail,
+    number,
+    one_of,
+    whole,
+)
+from bussim.scenario.schema.form import Model, given_of, only_one
+
+#: Characters and bits of the link's longest frame, and of the longest one on any bus.
+LINK_FRAME = max(data_chars(mode) for mode in range(len(MODES)))
+LINK_BITS = LINK_FRAME * NN_LINE.format.bits
+LONGEST_FRAME = max(LINK_FRAME, ASCII_MAX)
+LONGEST_BITS = LONGEST_FRAME * CharFormat(8, "E", 2).bits
+#: Kinds of frames: the link's, and those of Modbus.
+LINK_FRAMES, MODBUS_FRAMES = ("data", "poll", "parameters"), ("request", "response")
+#: Codes of D8063 that no frame can cause (PW10, section 8; ports COM3 to COM6).
+BOARD_CODES = (*range(10, 20), *range(40, 48), 49)
+
+NOISE_KINDS = ("ber", "burst", "impulse", "reply_loss")
+#: Faults of a station that damage single frames, so that ``count`` can limit them.
+COUNTED = ("drop_reply", "lose_char", "insert_char", "flip_bits")
+FAULT_KINDS = (
+    "power_off",
+    "stop",
+    "drop_reply",
+    "slow",
+    "jabber",
+    "cable_cut",
+    "wrong_format",
+    "clock_ppm",
+    "late_release",
+    "lose_char",
+    "insert_char",
+    "flip_bits",
+    "board_error",
+)
+
+Side = Annotated[str, choice("rx", "tx")]
+Count = Annotated[int, whole(1, 1_000_000)]
+
+
+class BurstIn(Model):
+    """Gilbert–Elliott noise."""
+
+    example = "{good: 10 s, bad: 20 ms, ber_good: 0, ber_bad: 1.0e-2}"
+
+    good: Positive
+    bad: Positive
+    ber_good: Probability = 0.0
+    ber_bad: Probability
+
+
+class ImpulseIn(Model):
+    """Periodic impulses."""
+
+    example = "{every: 20 ms, width: 50 us, ber: 0.5}"
+
+    every: Positive
+    width: Positive
+    ber: Probability = 0.5
+    phase: Time | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> ImpulseIn:
+        if self.width > self.every:
+            raise fail("must not be more than every", "width")
+        if self.phase is not None and self.phase >= self.every:
+            raise fail("must be less than every", "phase")
+        return self
+
+
+class NoiseIn(Model):
+    """One entry of ``noise``."""
+
+    example = "{bus: link, ber: 1.0e-6}"
+
+    name: Name | None = None
+    bus: Name
+    station: NodeName | None = None
+    direction: Side | None = None
+    at: Time = 0
+    for_: Positive | None = Field(None, alias="for")
+    ber: Probability | None = None
+    burst: BurstIn | None = None
+    impulse: ImpulseIn | None = None
+    reply_loss: Probability | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self, info: ValidationInfo) -> NoiseIn:
+        only_one(self, NOISE_KINDS, info)
+        if self.direction is not None and self.station is None:
+            raise fail("needs a station", "direction")
+        if self.direction is not None and self.reply_loss is not None:
+            raise fail("has no meaning for reply_loss: a lost reply is not sent", "direction")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key that says what it does."""
+        return given_of(self, NOISE_KINDS)
+
+
+class StationIn(Model):
+    """A fault that needs no more than the name of a PLC, of one of its ports, or of a device."""
+
+    example = "the name of a PLC, a port such as press1.COM3 or a device, or {station: press1}"
+    shorthand = "station"
+
+    station: NodeName
+
+
+class SlowIn(StationIn):
+    """A slave that answers late."""
+
+    example = "{station: press1, extra: 60 ms}"
+
+    extra: Positive
+
+
+class CableCutIn(Model):
+    """A broken cable."""
+
+    example = "{bus: link, after: press1}"
+
+    bus: Name
+    after: NodeName
+
+
+class WrongFormatIn(StationIn):
+    """A port with other settings than the line's."""
+
+    example = "{station: press1, format: 7O1}"
+
+    format: Format | None = None
+    baud: Baud | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> WrongFormatIn:
+        if self.format is None and self.baud is None:
+            raise fail("is missing", "format")
+        return self
+
+
+class ClockIn(StationIn):
+    """A bit clock that is off."""
+
+    example = "{station: press1, ppm: 20000}"
+
+    ppm: Annotated[float, number(-100_000, 100_000)]
+
+
+class LateReleaseIn(StationIn):
+    """A driver that stays on."""
+
+    example = "{station: press1, by: 2 ms}"
+
+    by: Positive
+
+
+class LoseCharIn(StationIn):
+    """A character too few."""
+
+    example = "the name of a PLC, or {station: press1, direction: tx, index: 3}"
+
+    direction: Side = "tx"
+    index: Annotated[int, whole(0, LONGEST_FRAME - 1)] | None = None
+
+
+class InsertCharIn(LoseCharIn):
+    """A character too many."""
+
+    example = "the name of a PLC, or {station: press1, direction: tx, index: 3, value: 0x30}"
+
+    value: Annotated[int, whole(0, 255)] | None = None
+
+
+class FlipBitsIn(StationIn):
+    """Chosen bits inverted."""
+
+    example = "{station: press1, bits: [31, 32]}"
+
+    direction: Side = "tx"
+    bits: Annotated[
+        list[Annotated[int, whole(0, LONGEST_BITS - 1)]],
+        Field(min_length=1, max_length=LONGEST_BITS),
+    ]
+    frame: Annotated[str, choice(*LINK_FRAMES, *MODBUS_FRAMES)] | None = None
+
+    @model_validator(mode="after")
+    def _different(self) -> FlipBitsIn:
+        if len(set(self.bits)) != len(self.bits):
+            raise fail("names a bit twice, which would leave it as it is", "bits")
+        return self
+
+
+class BoardErrorIn(Model):
+    """A failed exchange between PLC and board."""
+
+    example = "{plc: press1, port: COM4, code: 40}"
+
+    plc: Name
+    port: Annotated[str, choice("COM3", "COM4", "COM5", "COM6")]
+    code: Annotated[int, one_of(BOARD_CODES)]
+
+
+class FaultIn(Model):
+    """One entry of ``faults``."""
+
+    example = "{at: 10 s, for: 5 s, power_off: press1}"
+
+    name: Name | None = None
+    at: Time | None = None
+    for_: Positive | None = Field(None, alias="for")
+    count: Count | None = None
+    power_off: StationIn | None = None
+    stop: StationIn | None = None
+    drop_reply: StationIn | None = None
+    slow: SlowIn | None = None
+    jabber: StationIn | None = None
+    cable_cut: CableCutIn | None = None
+    wrong_format: WrongFormatIn | None = None
+    clock_ppm: ClockIn | None = None
+    late_release: LateReleaseIn | None = None
+    lose_char: LoseCharIn | None = None
+    insert_char: InsertCharIn | None = None
+    flip_bits: FlipBitsIn | None = None
+    board_error: BoardErrorIn | None = None
+    power_on: dict[str, Time] | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self, info: ValidationInfo) -> FaultIn:
+        only_one(self, (*FAULT_KINDS, "power_on"), info)
+        kind = self.kind
+        if kind == "power_on":
+            for key, value in (
+                ("name", self.name),
+                ("at", self.at),
+                ("for", self.for_),
+                ("count", self.count),
+            ):
+                if value is not None:
+                    raise fail("has no meaning beside power_on, whose times are its own", key)
+        if self.count is not None and kind and kind not in COUNTED:
+            raise fail(f"has no meaning for {kind}; use for (count goes with {', '.join(COUNTED)})", "count")
+        if self.count is not None and self.for_ is not None:
+            raise fail("excludes for; give one of them", "count")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key that says what happens."""
+        return given_of(self, (*FAULT_KINDS, "power_on"))

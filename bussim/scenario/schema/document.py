@@ -1,0 +1,173 @@
+"""The form of a scenario file: buses and PLCs. What exceeds one value or one mapping is in ``rules``.
+
+Fields are named as in the file; where that is a word of Python, the alias is the file's.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
+from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
+from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
+from bussim.scenario.schema.fields import (
+    Baud,
+    DeviceName,
+    Flag,
+    Format,
+    Name,
+    PlcDevice,
+    Positive,
+    Time,
+    character,
+    choice,
+    fail,
+    link_port,
+    one_of,
+    time,
+    title,
+    whole,
+)
+from bussim.scenario.schema.form import Model, only_one
+from bussim.scenario.schema.profiles import ProfileIn
+from bussim.scenario.schema.programs import MAX_OBSERVED, InputIn, ProgramIn
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+#: How many of each a scenario may have.
+MAX_BUSES, MAX_PLCS, MAX_DEVICES, MAX_NOISE, MAX_FAULTS = 16, 64, 256, 1000, 1000
+#: How many polls a PLC or an HMI may have.
+MAX_POLLS = 200
+#: The most that one of CPAVL's words holds.
+_WORD_MAX = 0xFFFF
+
+
+class DocumentIn(Model):
+    """The top of a file; its sections are lists that are read entry by entry."""
+
+    example = "keys such as schema: 1, name: …, duration: 60 s"
+
+    schema_: Annotated[int, one_of([1])] = Field(alias="schema")
+    name: Annotated[str, title()]
+    duration: Positive
+    seed: Annotated[int, whole(0, 2**63 - 1)] = 1
+    buses: list[Any] = Field(default_factory=list)  # none: PLCs by themselves
+    plcs: list[Any]
+    devices: list[Any] = Field(default_factory=list)
+    noise: list[Any] = Field(default_factory=list)
+    faults: list[Any] = Field(default_factory=list)
+    observe: list[PlcDevice] = Field(default_factory=list, max_length=MAX_OBSERVED)
+    latency: list[Any] = Field(default_factory=list)
+
+
+class BusIn(Model):
+    """One RS485 line."""
+
+    example = "{name: link, nn: true}"
+
+    name: Name
+    nn: Flag = False
+    baud: Baud | None = None
+    format: Format | None = None
+
+
+class ScanIn(Model):
+    """A scan time."""
+
+    example = "a time, or {mean: 8 ms, jitter: 1 ms}"
+    shorthand = "mean"
+
+    mean: Annotated[int, time(TICKS_PER_MS // 10, 10 * TICKS_PER_SECOND)]
+    jitter: Time = 0
+
+    @model_validator(mode="after")
+    def _jitter_below_mean(self) -> ScanIn:
+        if self.jitter >= self.mean:
+            raise fail("must be less than the mean", "jitter")
+        return self
+
+
+class NNIn(Model):
+    """A PLC's seat on an N:N link: the friendly form of D8176 to D8180 and M8179."""
+
+    example = "{bus: link, port: COM4, station: 1}"
+
+    bus: Name
+    port: Annotated[str, link_port()] | None = None
+    station: Annotated[int, whole(0, MAX_SLAVES)]
+    slaves: Annotated[int, whole(1, MAX_SLAVES)] | None = None
+    mode: Annotated[int, whole(0, 4)] | None = None
+    retries: Annotated[int, whole(0, MAX_RETRIES)] | None = None
+    timeout: Time | None = None
+
+
+class CpavlIn(Model):
+    """Where a port's twenty words and bits lie."""
+
+    example = "{words: D7900, bits: M2900}"
+
+    words: DeviceName | None = None
+    bits: DeviceName | None = None
+
+
+class PortIn(Model):
+    """What a port is wired to and what it does there: the friendly form of CPAVL's words."""
+
+    example = "{bus: feeder, protocol: modbus-rtu-master}"
+
+    bus: Name
+    protocol: Annotated[str, choice(*PROTOCOL_CODES)] | None = None
+    station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] | None = None
+    timeout: Annotated[int, time(TIMEOUT_UNIT, _WORD_MAX * TIMEOUT_UNIT)] | None = None
+    interval: Annotated[int, time(0, _WORD_MAX * INTERVAL_UNIT)] | None = None
+    start: Annotated[int, character()] | None = None
+    end: Annotated[int, character()] | None = None
+    eight_bit: Flag | None = None
+    baud: Baud | None = None
+    format: Format | None = None
+    cpavl: CpavlIn | None = None
+
+
+class RampIn(Model):
+    """A linear ramp of a word."""
+
+    example = "{from: 0, to: 1000, over: 10 s}"
+
+    from_: Annotated[int, whole(-32768, 65535)] = Field(alias="from")
+    to: Annotated[int, whole(-32768, 65535)]
+    over: Positive
+
+
+class SourceIn(Model):
+    """What drives one device: exactly one of its keys."""
+
+    example = "{toggle: 1 s}, {counter: 100 ms}, {constant: 5} or {ramp: {from: 0, to: 1000, over: 10 s}}"
+
+    toggle: Positive | None = None
+    counter: Positive | None = None
+    constant: Annotated[int, whole(-32768, 65535)] | None = None
+    ramp: RampIn | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self, info: ValidationInfo) -> SourceIn:
+        only_one(self, ("toggle", "counter", "constant", "ramp"), info)
+        return self
+
+
+class PlcIn(Model):
+    """One PLC."""
+
+    example = "{name: press1, profile: pw10, scan: 8 ms, nn: {bus: link, station: 0}}"
+
+    name: Name
+    profile: ProfileIn = ProfileIn(base="pw10")
+    scan: ScanIn = ScanIn(mean="10 ms")  # type: ignore[arg-type] # read as from a file
+    phase: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
+    nn: NNIn | None = None
+    registers: dict[str, Annotated[int, whole(-32768, 65535)]] = Field(default_factory=dict)
+    ports: dict[str, PortIn] = Field(default_factory=dict)
+    polls: list[Any] = Field(default_factory=list)
+    sources: dict[str, SourceIn] = Field(default_factory=dict)
+    program: ProgramIn | None = None
+    inputs: dict[str, InputIn] = Field(default_factory=dict)

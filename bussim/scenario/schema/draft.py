@@ -1,0 +1,302 @@
+"""From plain data to the schema's values: every mistake reported, and what is right kept.
+
+An entry with a mistake is read again without the wrong keys, so that the rules can judge the rest of
+it in the same pass. Such an entry remembers what was left out (``cut``); rules about what is absent
+leave that alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
+from bussim.scenario.schema.document import (
+    MAX_BUSES,
+    MAX_DEVICES,
+    MAX_FAULTS,
+    MAX_NOISE,
+    MAX_PLCS,
+    MAX_POLLS,
+    BusIn,
+    DocumentIn,
+    PlcIn,
+)
+from bussim.scenario.schema.fields import EMPTY, OWN
+from bussim.scenario.schema.form import Model
+from bussim.scenario.schema.programs import MAX_LATENCIES, LatencyIn
+from bussim.scenario.yaml.source_map import Path, Report
+from bussim.scenario.yaml.wording import show, suggest
+
+if TYPE_CHECKING:
+    from bussim.scenario.schema.devices import DeviceIn
+    from bussim.scenario.schema.polls import TransactionIn
+
+T = TypeVar("T", bound=Model)
+
+#: Sections that may stand empty, as when all of their entries are commented out.
+_EMPTY_LISTS = frozenset({"buses", "devices", "polls", "noise", "faults", "observe", "latency"})
+#: Keys of entries that name a bus, by section.
+_NEED_BUSES = {"plcs": ("nn", "ports"), "devices": ("bus",), "noise": ("bus",), "faults": ("cable_cut",)}
+_EMPTY_MAPPINGS = frozenset({"registers", "ports", "sources", "inputs"})
+
+
+@dataclass(slots=True)
+class Entry(Generic[T]):
+    """One entry of a section. ``value`` is None if nothing of it can be used."""
+
+    path: Path
+    value: T | None
+    raw: object
+    cut: tuple[Path, ...] = ()  # keys that were left out because they are wrong
+
+    @property
+    def name(self) -> str | None:
+        """The name that the file gives it, also if the rest of it is wrong."""
+        name = self.raw.get("name") if isinstance(self.raw, dict) else None
+        return name if isinstance(name, str) else None
+
+    def lost(self, *keys: str) -> bool:
+        """Whether something below one of these keys was wrong, so that nothing follows from its absence."""
+        return self.value is None or any(cut[:1] == (key,) for cut in self.cut for key in keys)
+
+
+@dataclass(slots=True)
+class Draft:
+    """All that could be read. ``document`` is None if the top-level keys are wrong.
+
+    ``polls`` are those of each PLC and HMI, by the path of their owner.
+    """
+
+    document: DocumentIn | None = None
+    buses: list[Entry[BusIn]] = field(default_factory=list)
+    plcs: list[Entry[PlcIn]] = field(default_factory=list)
+    devices: list[Entry[DeviceIn]] = field(default_factory=list)
+    polls: dict[Path, list[Entry[TransactionIn]]] = field(default_factory=dict)
+    noise: list[Entry[NoiseIn]] = field(default_factory=list)
+    faults: list[Entry[FaultIn]] = field(default_factory=list)
+    latency: list[Entry[LatencyIn]] = field(default_factory=list)
+
+
+def read_draft(data: object, report: Report) -> Draft:
+    """Check the form of a whole scenario."""
+    draft = Draft()
+    if not isinstance(data, dict):
+        report.mistake((), f"a scenario is a mapping with {DocumentIn.example}; this is {show(data)}")
+        return draft
+    draft.document, _ = _read(DocumentIn, data, (), report)
+    draft.buses = _section(lambda _: BusIn, data, ("buses",), (0, MAX_BUSES), report)
+    _check_buses_given(data, report)
+    least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
+    draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (least, MAX_PLCS), report)
+    if data.get("devices"):
+        from bussim.scenario.schema.devices import form_of  # what only a scenario with devices pays
+
+        draft.devices = _section(form_of, data, ("devices",), (0, MAX_DEVICES), report)
+    draft.noise = _section(lambda _: NoiseIn, data, ("noise",), (0, MAX_NOISE), report)
+    draft.faults = _section(lambda _: FaultIn, data, ("faults",), (0, MAX_FAULTS), report)
+    draft.latency = _section(lambda _: LatencyIn, data, ("latency",), (0, MAX_LATENCIES), report)
+    owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
+    for owner in owners:
+        if isinstance(owner.raw, dict) and owner.raw.get("polls"):
+            draft.polls[owner.path] = _polls(owner, report)
+    return draft
+
+
+def _check_buses_given(data: dict[Any, Any], report: Report) -> None:
+    """PLCs may run their programs by themselves; what is wired to something, or disturbs it, needs a bus."""
+    if data.get("buses"):
+        return
+    for section, keys in _NEED_BUSES.items():
+        entries = data.get(section)
+        for index, entry in enumerate(entries if isinstance(entries, list) else []):
+            key = next((key for key in keys if isinstance(entry, dict) and entry.get(key)), None)
+            if key is not None:
+                path = (section, index, key)
+                found = "is empty" if "buses" in data else "is missing"
+                who = report.places.full_name(path)
+                report.error(("buses",), f"{found}, but {who} {report.places.where(path)} needs one")
+                return
+
+
+def _polls(owner: Entry[Any], report: Report) -> list[Entry[TransactionIn]]:
+    """The polls of a PLC or an HMI."""
+    from bussim.scenario.schema.devices import HmiIn, form_of
+    from bussim.scenario.schema.polls import HmiPollIn, PollIn
+
+    if owner.path[0] == "devices" and form_of(owner.raw) is not HmiIn:
+        return []  # it has no polls, which was reported
+    form: type[TransactionIn] = PollIn if owner.path[0] == "plcs" else HmiPollIn
+    return _section(lambda _: form, owner.raw, (*owner.path, "polls"), (0, MAX_POLLS), report)
+
+
+def _section(
+    form: Callable[[object], type[T]], owner: object, path: Path, size: tuple[int, int], report: Report
+) -> list[Entry[T]]:
+    """The entries of one list, at ``path``, of the scenario or of a part of it.
+
+    That it is missing, or no list, was reported with its owner.
+    """
+    items = owner.get(path[-1]) if isinstance(owner, dict) else None
+    if not isinstance(items, list):
+        return []
+    least, most = size
+    if not least <= len(items) <= most:
+        report.error(path, f"has {len(items)} entries, allowed {least}..{most}")
+        return []
+    entries = []
+    for index, item in enumerate(items):
+        value, cut = _read(form(item), item, (*path, index), report)
+        entries.append(Entry((*path, index), value, item, cut))
+    return entries
+
+
+def _read(model: type[T], raw: object, path: Path, report: Report) -> tuple[T | None, tuple[Path, ...]]:
+    """The model of ``raw`` without its wrong keys, and these keys; None if nothing is left of it."""
+    data = _prepared(raw)
+    pruned: list[Path] = []
+    while True:
+        try:
+            return model.model_validate(data, context=pruned), tuple(pruned)
+        except ValidationError as error:
+            wrong = []
+            for detail in error.errors(include_url=False):
+                if not _consequence(detail["type"], detail["loc"], pruned):
+                    _explain(model, detail, path, data, report)
+                wrong.append(_existing(detail["loc"], data))
+            # A list loses its meaning without one of its entries: cut above the first position.
+            cuts = {_above_index(at) for at in wrong}
+            if () in cuts:
+                return None, ((),)
+            for cut in cuts:
+                _remove(data, cut)
+            pruned.extend(cuts)
+
+
+def _prepared(value: object, key: str | None = None) -> Any:
+    """A copy in which a key without a value cannot be taken for a key that is not given."""
+    if isinstance(value, dict):
+        return {k: _prepared(v, k) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_prepared(item) for item in value]
+    if value is None:
+        if key in _EMPTY_LISTS:
+            return []
+        if key in _EMPTY_MAPPINGS:
+            return {}
+        return EMPTY
+    return value
+
+
+def _existing(loc: Path, data: object) -> Path:
+    """The part of an error's location that the data really have (a shorthand has no keys)."""
+    for depth, part in enumerate(loc):
+        if isinstance(data, list) and isinstance(part, int) and part < len(data):
+            data = data[part]
+            continue
+        if not isinstance(data, dict) or part not in data:
+            return loc[:depth]
+        data = data[part]
+    return loc
+
+
+def _above_index(path: Path) -> Path:
+    for depth, part in enumerate(path):
+        if isinstance(part, int):
+            return path[:depth]
+    return path
+
+
+def _remove(data: Any, path: Path) -> None:
+    for part in path[:-1]:
+        data = data.get(part, {})
+    data.pop(path[-1], None)
+
+
+def _consequence(kind: str, loc: Path, pruned: Sequence[Path]) -> bool:
+    """Whether an error is only there because a wrong key was left out."""
+    if kind == "missing":
+        return any(cut[: len(loc)] == loc or loc[: len(cut)] == cut for cut in pruned)
+    return any(cut[: len(loc)] == loc for cut in pruned)
+
+
+def _explain(model: type[Model], detail: Any, path: Path, data: object, report: Report) -> None:
+    """Report one of pydantic's errors in our words."""
+    kind, loc, context = detail["type"], tuple(detail["loc"]), detail.get("ctx", {})
+    if kind == OWN:
+        if context["at"] is not None:
+            loc = (*loc, context["at"])
+        shown = _existing(loc, data)
+        # The name of a missing key is part of its message; a shorthand's invisible key is not.
+        at = loc if context["at"] is not None and shown == loc[:-1] else shown
+        report.error((*path, *at), context["text"])
+    elif kind == "missing":
+        shown = _existing(loc[:-1], data)
+        if shown == loc[:-1]:
+            report.error((*path, *loc), "is missing")
+        else:
+            report.error((*path, *shown), f"is {show(detail['input'])}, {loc[-1]} is missing")
+    elif kind == "extra_forbidden":
+        _unknown(model, path, loc, report)
+    elif kind in ("too_short", "too_long"):
+        low, high = context.get("min_length"), context.get("max_length")
+        wanted = f"at least {low}" if kind == "too_short" else f"at most {high}"
+        report.error((*path, *loc), f"has {context['actual_length']} entries, allowed {wanted}")
+    else:
+        found = "is empty" if detail["input"] is EMPTY else f"is {show(detail['input'])}"
+        report.error((*path, *_existing(loc, data)), f"{found}, expected {_expected(model, loc, kind)}")
+
+
+def _expected(model: type[Model], loc: Path, kind: str) -> str:
+    if kind == "list_type":
+        return "a list"
+    if kind == "string_type":
+        return "a text"
+    owner = _model_at(model, loc)
+    if kind.startswith("model") and owner is not None and owner.example:
+        return owner.example
+    return "a mapping" if kind.startswith(("model", "dict")) else "something else"
+
+
+def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
+    key = str(loc[-1])
+    owner = _model_at(model, loc[:-1])
+    if not getattr(owner, "known", True):
+        return  # a device of an unknown model, whose keys nobody knows
+    allowed = [info.alias or name for name, info in owner.model_fields.items()] if owner else []
+    report.unknown_key((*path, *loc), f"is not a key here; {suggest(key, allowed)}")
+
+
+def _model_at(model: type[Model], loc: Path) -> type[Model] | None:
+    """The model that describes what stands at an error's location."""
+    found: type[Model] | None = model
+    inner = False  # a mapping of freely named keys: the next part is one of them
+    for part in loc:
+        if inner:
+            inner = False
+            continue
+        if found is None:
+            return None
+        by_key = {info.alias or name: info for name, info in found.model_fields.items()}
+        info = by_key.get(str(part))
+        annotation = info.annotation if info is not None else None
+        inner = _is_dict(annotation)
+        found = _model_in(annotation)
+    return found
+
+
+def _is_dict(annotation: Any) -> bool:
+    return getattr(annotation, "__origin__", None) is dict or any(map(_is_dict, get_args(annotation)))
+
+
+def _model_in(annotation: Any) -> type[Model] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation if issubclass(annotation, Model) else None
+    for argument in get_args(annotation):
+        found = _model_in(argument)
+        if found is not None:
+            return found
+    return None

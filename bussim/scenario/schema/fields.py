@@ -1,0 +1,395 @@
+"""The kinds of values that a scenario's keys take, each with its message for a wrong one.
+
+Every validator raises with a predicate that follows the value's name: "is 12, allowed 0..10".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import Annotated, Any, NamedTuple, cast
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from bussim.engines.modbus.pdu import FUNCTIONS
+from bussim.line.characters import BAUDS, CharFormat
+from bussim.plc.memory import Device, parse_device
+from bussim.scenario.yaml.wording import RawFloat, RawInt, nearest, show
+from bussim.units import TICKS_PER_SECOND, format_nanoseconds, format_time, parse_nanoseconds, parse_time
+
+#: The error type of our own messages.
+OWN = "bussim"
+#: The longest time that a scenario may name: ten years of 365 days.
+LONGEST = 10 * 365 * 86400 * TICKS_PER_SECOND
+
+_NAME = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}")
+_NODE = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}(\.COM[1-6])?")
+_CALLABLE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
+_HEX = re.compile(r"(?:0x)?([0-9a-fA-F]{2})")
+
+
+class _Empty:
+    """Stands for a key without a value, so that no field can take it for "not given"."""
+
+
+EMPTY = _Empty()
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of value: how the file's is checked and read, and how ours is written back."""
+
+    read: Callable[[object], object]
+    write: Callable[[Any], object] | None = None
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What pydantic asks an annotation for."""
+        del source, handler
+        serialization = None
+        if self.write is not None:
+            serialization = core_schema.plain_serializer_function_ser_schema(self.write)
+        return core_schema.no_info_plain_validator_function(self.read, serialization=serialization)
+
+
+def fail(predicate: str, at: str | None = None) -> PydanticCustomError:
+    """The error to raise: ``predicate`` about the value, or about its key ``at``."""
+    return PydanticCustomError(OWN, "{text}", {"text": predicate, "at": at})
+
+
+def _found(value: object) -> str:
+    return "is empty" if value is EMPTY else f"is {show(value)}"
+
+
+def name() -> Kind:
+    """A name: letters, digits, _ and - (not as the first), at least one letter, at most 64 characters."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and _NAME.fullmatch(value):
+            return value
+        first = ", and no - at the beginning" if isinstance(value, str) and value.startswith("-") else ""
+        raise fail(
+            f"{_found(value)}, not a name; allowed are letters, digits, _ and -, with at least one letter"
+            + first
+        )
+
+    return Kind(check)
+
+
+def node() -> Kind:
+    """The name of what sits on a bus: a PLC, one of its ports (press1.COM3), a device."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and _NODE.fullmatch(value):
+            return value
+        raise fail(f"{_found(value)}, expected the name of a PLC, a port such as press1.COM3, or a device")
+
+    return Kind(check)
+
+
+def title() -> Kind:
+    """A line of free text, 1 to 200 characters."""
+
+    def check(value: object) -> str:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        if not isinstance(value, str) or not value.strip():
+            raise fail(f"{_found(value)}, expected a line of text")
+        if len(value) > 200 or not value.isprintable():
+            raise fail(f"{_found(value)}, expected one line of at most 200 printable characters")
+        return value
+
+    return Kind(check)
+
+
+def whole(low: int, high: int) -> Kind:
+    """A whole number from ``low`` to ``high``."""
+
+    def check(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise fail(f"{_found(value)}, expected a whole number {low}..{high}")
+        if not low <= value <= high:
+            raise fail(f"{_found(value)}, allowed {low}..{high}")
+        return int(value)
+
+    return Kind(check)
+
+
+def number(low: float, high: float) -> Kind:
+    """A number from ``low`` to ``high``."""
+
+    def check(value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise fail(f"{_found(value)}, expected a number {low:g}..{high:g}")
+        if not low <= value <= high or math.isnan(value):
+            raise fail(f"{_found(value)}, allowed {low:g}..{high:g}")
+        return float(value)
+
+    return Kind(check)
+
+
+def time(low: int = 0, high: int = LONGEST) -> Kind:
+    """A time with its unit, from ``low`` to ``high`` ticks."""
+
+    def check(value: object) -> int:
+        value = _time_text(value)
+        try:
+            ticks = parse_time(value)
+        except ValueError as error:
+            raise fail(str(error)) from None
+        if low <= ticks <= high:
+            return ticks
+        if low <= 1 and high == LONGEST:
+            raise fail(f"is {value.strip()}, allowed {'more than 0' if low else '0'} up to 10 y")
+        least = "more than 0" if low == 1 else format_time(low)
+        most = "10 y" if high == LONGEST else format_time(high)
+        raise fail(f"is {value.strip()}, allowed {least}..{most}")
+
+    return Kind(check, format_time)
+
+
+def _time_text(value: object) -> str:
+    """A time as the file has it; a bare number is left for the parser to complain of."""
+    if isinstance(value, RawInt | RawFloat):
+        value = value.raw
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        value = show(value)
+    if not isinstance(value, str):
+        raise fail(f"{_found(value)}, expected a time such as 8 ms")
+    return value[:100]
+
+
+def time_or(word: str, low: int, high: int) -> Kind:
+    """A time from ``low`` to ``high`` ticks, or ``word``."""
+    known = time(low, high)
+
+    def check(value: object) -> int | str:
+        return word if value == word else cast("int", known.read(value))
+
+    return Kind(check, lambda value: value if value == word else format_time(value))
+
+
+def nanoseconds(low: int, high: int) -> Kind:
+    """A time with its unit as whole nanoseconds, from ``low`` to ``high`` of them."""
+
+    def check(value: object) -> int:
+        text = _time_text(value)
+        try:
+            found = parse_nanoseconds(text)
+        except ValueError as error:
+            raise fail(str(error)) from None
+        if not low <= found <= high:
+            raise fail(f"is {text.strip()}, allowed {format_nanoseconds(low)}..{format_nanoseconds(high)}")
+        return found
+
+    return Kind(check, format_nanoseconds)
+
+
+def flag() -> Kind:
+    """True or false."""
+
+    def check(value: object) -> bool:
+        if not isinstance(value, bool):
+            raise fail(f"{_found(value)}, allowed true, false")
+        return value
+
+    return Kind(check)
+
+
+def choice(*options: str) -> Kind:
+    """One of some words."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and value in options:
+            return value
+        near = nearest(value, options) if isinstance(value, str) else None
+        hint = f"; did you mean {near}?" if near else ""
+        raise fail(f"{_found(value)}, allowed {', '.join(options)}{hint}")
+
+    return Kind(check)
+
+
+def one_of(options: Sequence[int]) -> Kind:
+    """One of some whole numbers."""
+
+    def check(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or value not in options:
+            raise fail(f"{_found(value)}, allowed {', '.join(map(str, options))}")
+        return int(value)
+
+    return Kind(check)
+
+
+def link_port() -> Kind:
+    """The port of an N:N link."""
+
+    def check(value: object) -> str:
+        if value in ("COM3", "COM4"):
+            return str(value)
+        if value in ("COM5", "COM6"):
+            raise fail(f"is {value}, which M8179 cannot select (0: COM3, 1: COM4); allowed COM3, COM4")
+        raise fail(f"{_found(value)}, allowed COM3, COM4")
+
+    return Kind(check)
+
+
+def character_format() -> Kind:
+    """A character format such as 7E1, which YAML may have read as a number."""
+
+    def check(value: object) -> CharFormat:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        if not isinstance(value, str):
+            raise fail(f"{_found(value)}, expected a character format such as 8N1")
+        try:
+            return CharFormat.parse(value[:100])
+        except ValueError as error:
+            raise fail(str(error)) from None
+
+    return Kind(check, str)
+
+
+def device() -> Kind:
+    """A device of a PLC's memory, such as D400."""
+
+    def check(value: object) -> Device:
+        if not isinstance(value, str):
+            raise fail(f"{_found(value)}, expected a device such as D400")
+        try:
+            return parse_device(value[:100])
+        except ValueError as error:
+            raise fail(str(error)) from None
+
+    return Kind(check, str)
+
+
+class PlcPoint(NamedTuple):
+    """A device of one PLC: ``press1.D8201``."""
+
+    plc: str
+    device: Device
+
+    def __str__(self) -> str:
+        return f"{self.plc}.{self.device}"
+
+
+def plc_device() -> Kind:
+    """A device of a PLC that can be observed, such as press1.D8201 or press1.TN0."""
+
+    def check(value: object) -> PlcPoint:
+        plc, dot, device = value.partition(".") if isinstance(value, str) else ("", "", "")
+        if not dot or not _NAME.fullmatch(plc):
+            raise fail(f"{_found(value)}, expected a device of a PLC such as press1.D8201")
+        try:
+            return PlcPoint(plc, parse_device(device[:100], observed=True))
+        except ValueError as error:
+            raise fail(f"is {value}, whose device {error}") from None
+
+    return Kind(check, str)
+
+
+def file_name() -> Kind:
+    """The name of a file, with folders or without."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and value.strip() and len(value) <= 1000 and value.isprintable():
+            return value
+        raise fail(f"{_found(value)}, expected the name of a file")
+
+    return Kind(check)
+
+
+def function_code() -> Kind:
+    """A Modbus function that is known here."""
+
+    def check(value: object) -> int:
+        if isinstance(value, int) and not isinstance(value, bool) and value in FUNCTIONS:
+            return int(value)
+        hint = "; did you mean 0x10?" if value == 10 else ""
+        raise fail(f"{_found(value)}, allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10){hint}")
+
+    return Kind(check)
+
+
+def characters(most: int) -> Kind:
+    """A text as the bytes that go over the line, 1 to ``most``; Latin-1, escapes by YAML's quotes."""
+
+    def check(value: object) -> bytes:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        if not isinstance(value, str) or not value:
+            raise fail(f'{_found(value)}, expected a text such as "abc\\r"')
+        try:
+            data = value.encode("latin-1")
+        except UnicodeEncodeError as error:
+            strange = value[error.start]
+            raise fail(f"has the character {strange!r}, which is no byte; write it in hexadecimal") from None
+        return _sized(data, most)
+
+    return Kind(check, lambda data: data.decode("latin-1"))
+
+
+def hexadecimal(most: int) -> Kind:
+    """Bytes as pairs of hexadecimal digits with spaces between, 1 to ``most``."""
+
+    def check(value: object) -> bytes:
+        if isinstance(value, RawInt | RawFloat):
+            value = value.raw
+        pairs = value.split() if isinstance(value, str) else []
+        found = [_HEX.fullmatch(pair) for pair in pairs]
+        if not pairs or None in found:
+            raise fail(f'{_found(value)}, expected bytes in hexadecimal such as "02 41 0D"')
+        return _sized(bytes(int(match.group(1), 16) for match in found if match is not None), most)
+
+    return Kind(check, lambda data: data.hex(" ").upper())
+
+
+def _sized(data: bytes, most: int) -> bytes:
+    if len(data) > most:
+        raise fail(f"has {len(data)} bytes, allowed 1..{most}")
+    return data
+
+
+def callable_name() -> Kind:
+    """A Python function as ``module:function``."""
+
+    def check(value: object) -> str:
+        if isinstance(value, str) and len(value) <= 200 and _CALLABLE.fullmatch(value):
+            return value
+        raise fail(f"{_found(value)}, expected module:function, such as sensors:level")
+
+    return Kind(check)
+
+
+def character() -> Kind:
+    """One character: its code 0 to 255, or itself in quotes."""
+
+    def check(value: object) -> int:
+        if isinstance(value, str) and len(value) == 1 and ord(value) <= 0xFF:
+            return ord(value)
+        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 0xFF:
+            return int(value)
+        raise fail(f'{_found(value)}, expected a character code 0..255 or one character such as "\\r"')
+
+    return Kind(check)
+
+
+def exact(value: float) -> Fraction:
+    """The decimal number that a float prints as: 1.1 is eleven tenths."""
+    return Fraction(Decimal(repr(value)))
+
+
+Name = Annotated[str, name()]
+Time = Annotated[int, time()]
+Positive = Annotated[int, time(low=1)]
+Probability = Annotated[float, number(0, 1)]
+Baud = Annotated[int, one_of(BAUDS)]
+Format = Annotated[CharFormat, character_format()]
+NodeName = Annotated[str, node()]
+DeviceName = Annotated[Device, device()]
+PlcDevice = Annotated[PlcPoint, plc_device()]
+Flag = Annotated[bool, flag()]

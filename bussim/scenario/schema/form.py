@@ -1,0 +1,44 @@
+"""What every mapping of a scenario file has in common."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
+
+from bussim.scenario.schema.fields import fail
+
+
+class Model(BaseModel):
+    """A mapping of the file: no unknown keys, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
+
+    #: What the message says where something else stands.
+    example: ClassVar[str] = ""
+    #: The key that a plain value in place of the mapping stands for.
+    shorthand: ClassVar[str | None] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _expand(cls, value: Any) -> Any:
+        if cls.shorthand is not None and isinstance(value, str | int | float) and not isinstance(value, bool):
+            return {cls.shorthand: value}
+        return value
+
+
+def given_of(model: Model, keys: tuple[str, ...]) -> str:
+    """The first of ``keys`` that is given, "" for none."""
+    return next((key for key in keys if getattr(model, key) is not None), "")
+
+
+def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
+    """Complain unless exactly one of ``keys`` is given.
+
+    None is right where the reading's context says that wrong keys were left out (they may be it).
+    """
+    given = [key for key in keys if getattr(model, key) is not None]
+    if len(given) > 1:
+        raise fail(f"excludes {given[0]} in the same entry", given[1])
+    if not given and not info.context:
+        raise fail(f"says nothing; expected one of {', '.join(keys)}")

@@ -1,0 +1,1 @@
+"""What leads where: signals through programs and over the link."""

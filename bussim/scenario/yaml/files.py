@@ -1,0 +1,107 @@
+"""The files that a scenario names: programs, and tables of times."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import stat
+from pathlib import Path
+
+from bussim.scenario import builtin
+from bussim.scenario.yaml.wording import nearest, shorten
+
+#: Names of a folder that are looked at for the one that was meant.
+_MOST_NAMES = 2000
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device of the system"),
+    (stat.S_ISBLK, "a device of the system"),
+)
+
+
+class Files:
+    """Finds them beside the scenario, and those that come with bussim among the built-in programs.
+
+    ``folder`` is the scenario's; None: where the program was started. ``texts`` are those that were read,
+    by the names that the scenario has for them; such a one is not read again.
+    """
+
+    def __init__(self, folder: Path | None, texts: dict[str, str] | None = None) -> None:
+        self._folder = folder
+        self.texts = {} if texts is None else texts
+
+    def read(self, name: str, most: int) -> str:
+        """The text of a file. Raises ValueError with a predicate for the user."""
+        if name in self.texts:
+            return self.texts[name]
+        path = self._find(name)
+        if path is None:
+            raise ValueError(f"is {shorten(name)}, {self._why_not(name)}")
+        try:
+            with path.open("rb") as file:
+                raw = file.read(most + 1)
+        except OSError as error:
+            raise ValueError(f"is {shorten(name)}, which cannot be read: {error.strerror or error}") from None
+        if len(raw) > most:
+            raise ValueError(f"is {shorten(name)}, which has more than {most >> 10} KiB")
+        try:
+            text = raw.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"is {shorten(name)}, {_encoding(raw, error.start)}") from None
+        self.texts[name] = text
+        return text
+
+    def _find(self, name: str) -> Path | None:
+        places = [(self._folder or Path()) / name]
+        if Path(name).name == name:
+            places.append(builtin.folder() / "programs" / name)
+        try:
+            return next((path for path in places if path.is_file()), None)
+        except (OSError, ValueError):
+            return None
+
+    def _why_not(self, name: str) -> str:
+        """Why a name is no file that can be read."""
+        where = "here" if self._folder is None else "beside the scenario"
+        path = (self._folder or Path()) / name
+        try:
+            mode = path.stat().st_mode
+        except OSError as error:
+            if error.errno == errno.ELOOP:
+                return "a symbolic link that leads back to itself"
+            if path.is_symlink():
+                return f"a symbolic link to {shorten(str(path.readlink()))}, which does not exist"
+            near = self._nearest(path)
+            return f"but there is no such file {where}" + (f"; did you mean {near}?" if near else "")
+        except ValueError:  # a NUL in the name
+            return f"but there is no such file {where}"
+        kind = next((kind for test, kind in _KINDS if test(mode)), "no plain file")
+        return f"which is {kind}; expected a file of text"
+
+    def _nearest(self, path: Path) -> str | None:
+        """The file in the same folder with the nearest name, of the same kind."""
+        try:
+            with os.scandir(path.parent) as entries:
+                names = [entry.name for entry in itertools.islice(entries, _MOST_NAMES) if entry.is_file()]
+        except OSError:
+            names = []
+        if self._folder is None or path.parent == self._folder:
+            names += [entry.name for entry in (builtin.folder() / "programs").iterdir()]
+        alike = [other for other in names if Path(other).suffix.lower() == path.suffix.lower()]
+        near = nearest(path.name, alike)
+        return None if near is None else shorten(near)
+
+
+def _encoding(raw: bytes, position: int) -> str:
+    """How bytes that are no UTF-8 are told of: where the first one is, and what to do."""
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "which is UTF-16 text; save it as UTF-8"
+    before = raw[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    line = before.count(b"\n") + 1
+    return (
+        f"which is no UTF-8 text (line {line} has the byte 0x{raw[position]:02X}); save it as UTF-8, "
+        "it may be in GBK, Big5, Shift-JIS or Latin-1"
+    )

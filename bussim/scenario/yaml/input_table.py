@@ -1,0 +1,140 @@
+"""Tables of times that drive an input: CSV, with a comma, a semicolon or a tab between the columns.
+
+Seconds in the first column, rising. Alone, each one is a change of the level, which is off before the
+first. With a second column, 0 or 1, each row sets the level; one that sets what is there changes nothing.
+Empty lines and lines that begin with # are left out; the first other line may be a heading.
+"""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+from bussim.errors import Problem
+from bussim.scenario.schema.programs import MAX_TIMES
+from bussim.scenario.yaml.source_map import Report
+from bussim.scenario.yaml.wording import show
+from bussim.units import TICKS_PER_SECOND, round_half_up
+
+_SECONDS = re.compile(r"[+]?([0-9]{1,9}(\.[0-9]{0,12})?|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?", re.ASCII)
+#: Mistakes of one table that are told.
+_MOST_PROBLEMS = 20
+
+
+def read_times(text: str, file: str, report: Report) -> tuple[int, ...] | None:
+    """The ticks at which the level changes; None where the table has mistakes, which are reported."""
+    table = _Table()
+    for number, line in enumerate(text.splitlines(), 1):
+        cells = [cell.strip().strip('"').strip() for cell in _cells(line)]
+        if not any(cells) or cells[0].startswith("#"):
+            continue
+        if table.columns or not _is_heading(cells):
+            table.row(number, cells)
+        else:
+            table.heading(number, cells)
+        if len(table.problems) >= _MOST_PROBLEMS or table.full:
+            break
+    for line_number, message in table.problems or table.lacking():
+        report.foreign(Problem(file, line_number, 1, message), fatal=True)
+    return None if table.problems or not table.changes else tuple(table.changes)
+
+
+def _cells(line: str) -> list[str]:
+    # A table with semicolons may have decimal commas, which are told of.
+    mark = next((mark for mark in ";\t," if mark in line), ",")
+    return line.split(mark)
+
+
+def _is_heading(cells: list[str]) -> bool:
+    """Every cell begins with a letter and is no number: nan and inf are (wrong) numbers."""
+    return all(cell[:1].isalpha() and not _is_number(cell) for cell in cells) and not re.search(
+        r"\d", cells[0]
+    )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+class _Table:
+    def __init__(self) -> None:
+        self.columns = 0  # 0: no row yet
+        self.changes: list[int] = []
+        self.problems: list[tuple[int, str]] = []
+        self.full = False
+        self._first = 0  # the line of the heading, then of the first row
+        self._last: int | None = None
+        self._level = 0
+
+    def heading(self, number: int, cells: list[str]) -> None:
+        self.columns, self._first = len(cells), number
+        if len(cells) > 2:
+            self._wrong(number, f"has {len(cells)} columns, allowed are a time and a level (0 or 1)")
+
+    def row(self, number: int, cells: list[str]) -> None:
+        if not self.columns:
+            self.columns, self._first = len(cells), number
+        if self._misshapen(number, cells):
+            return
+        tick = self._tick(number, cells[0])
+        if len(cells) == 2 and cells[1] not in ("0", "1"):
+            self._wrong(number, f"the level is {_found(cells[1])}, allowed 0, 1")
+            return
+        if tick is None:
+            return
+        self._last = tick
+        level = int(cells[1]) if len(cells) == 2 else 1 - self._level
+        if level == self._level:
+            return
+        self._level = level
+        self.full = len(self.changes) == MAX_TIMES
+        if self.full:
+            self._wrong(number, f"more than {MAX_TIMES} changes")
+        else:
+            self.changes.append(tick)
+
+    def lacking(self) -> list[tuple[int, str]]:
+        """What is wrong with a table that was read without a mistake and has no changes."""
+        if self.changes:
+            return []
+        if not self.columns:
+            return [(1, "has no times: nothing but empty lines and comments")]
+        if self._last is None:
+            return [(self._first, "has no times: nothing follows the heading")]
+        return [(self._first, "has no changes: the level is 0 in every row, as it is before the first")]
+
+    def _wrong(self, number: int, message: str) -> None:
+        self.problems.append((number, message))
+
+    def _misshapen(self, number: int, cells: list[str]) -> bool:
+        """A wrong number of columns."""
+        if len(cells) > 2:
+            self._wrong(number, f"has {len(cells)} columns, allowed are a time and a level (0 or 1)")
+        elif len(cells) != self.columns and self.columns <= 2:
+            one, other = ("a level", "without") if len(cells) == 2 else ("no level", "with")
+            self._wrong(number, f"has {one}, but line {self._first} is {other} one")
+        else:
+            return False
+        return True
+
+    def _tick(self, number: int, cell: str) -> int | None:
+        if not cell:
+            self._wrong(number, "the time is empty, expected seconds such as 1.25")
+        elif _SECONDS.fullmatch(cell) is None:
+            point = cell.replace(",", ".")
+            hint = f"; write {point}" if point != cell and _SECONDS.fullmatch(point) else ""
+            self._wrong(number, f"is {show(cell)}, expected a time in seconds such as 1.25{hint}")
+        else:
+            tick = round_half_up(Fraction(cell) * TICKS_PER_SECOND)
+            if self._last is None or tick > self._last:
+                return tick
+            self._wrong(number, f"{cell} s is not later than the time before; times must rise")
+        return None
+
+
+def _found(cell: str) -> str:
+    return show(cell) if cell else "empty"

@@ -1,0 +1,128 @@
+"""``key.path=value``: single values of a scenario set from outside of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from bussim.errors import UsageError
+from bussim.scenario.yaml.parser import MAX_DEPTH, read
+from bussim.scenario.yaml.source_map import Path, Places
+from bussim.scenario.yaml.wording import shorten, show, suggest
+
+#: Keys whose plain value stands for a mapping, and the key that it stands for.
+_SHORTHANDS = {
+    "profile": "base",
+    "scan": "mean",
+    "turnaround": "mean",
+    "reply_to": "text",
+    "square": "period",
+}
+_STATION_FAULTS = frozenset({"power_off", "stop", "drop_reply", "jabber", "lose_char", "insert_char"})
+
+
+@dataclass(frozen=True, slots=True)
+class Override:
+    """One value to set. ``label`` is what messages call it, as the user wrote it."""
+
+    key: str
+    value: str
+    label: str
+
+    @classmethod
+    def parse(cls, text: str) -> Override:
+        """``plcs.press1.nn.retries=2``. Raises UsageError for a text without a key and an =."""
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise UsageError(
+                f"--set {shorten(text)}: expected key.path=value, such as plcs.press1.nn.retries=2"
+            )
+        return cls(key.strip(), value, f"--set {shorten(text)}")
+
+
+def apply_overrides(data: object, places: Places, overrides: Iterable[str | Override]) -> object:
+    """``data`` with the values set, in order; ``places`` learns where they come from.
+
+    A list element is named by its ``name``, else by its position. Missing mappings on the way are
+    made. Raises UsageError for a path that leads nowhere.
+    """
+    for given in overrides:
+        override = Override.parse(given) if isinstance(given, str) else given
+        data = _apply(data, places, override)
+        places.data = data
+    return data
+
+
+def _apply(data: object, places: Places, override: Override) -> object:
+    value = _value(override)
+    parts = override.key.split(".")
+    if not isinstance(data, dict):
+        return data  # not a scenario anyway, which the schema will say
+    if len(parts) > MAX_DEPTH:
+        raise UsageError(f"{override.label}: {len(parts)} keys deep, allowed {MAX_DEPTH}")
+    node: Any = data
+    path: Path = ()
+    made: Path | None = None  # the first key on the way that was not there
+    for number, part in enumerate(parts):
+        last = number == len(parts) - 1
+        if isinstance(node, list):
+            step: str | int = _position(node, part, path, places, override)
+        else:
+            step = part
+        path = (*path, step)
+        if made is None and isinstance(node, dict) and step not in node:
+            made = path
+        if last:
+            node[step] = value
+            break
+        node = _entered(node, step, part, path, places, override)
+    _forget(places, path)
+    places.labels[made or path] = override.label
+    return data
+
+
+def _value(override: Override) -> object:
+    value, _, problems = read(override.value, override.label)
+    if problems:
+        raise UsageError(f"{override.label}: {problems[0].message}")
+    return value
+
+
+def _position(node: list[object], part: str, path: Path, places: Places, override: Override) -> int:
+    known = [item["name"] for item in node if isinstance(item, dict) and isinstance(item.get("name"), str)]
+    for index, item in enumerate(node):
+        if isinstance(item, dict) and item.get("name") == part:
+            return index
+    if part.isdecimal() and int(part[:9]) < len(node):
+        return int(part[:9])
+    where = places.full_name(path)
+    if known:
+        raise UsageError(f"{override.label}: {where} has no {shorten(part)}; {suggest(part, known)}")
+    count = f"allowed 0..{len(node) - 1}" if node else "it is empty"
+    raise UsageError(f"{override.label}: {where} has no entry {shorten(part)}; {count}")
+
+
+def _entered(node: Any, step: str | int, part: str, path: Path, places: Places, override: Override) -> Any:
+    """The mapping or list at ``step``, made if it is missing or only its shorthand is there."""
+    inner = node[step] if isinstance(step, int) else node.get(step)
+    if isinstance(inner, dict | list):
+        return inner
+    shorthand = "station" if part in _STATION_FAULTS else _SHORTHANDS.get(part)
+    if inner is None:
+        node[step] = {}
+    elif shorthand is not None:
+        node[step] = {shorthand: inner}
+    else:
+        raise UsageError(
+            f"{override.label}: {places.full_name(path)} is {show(inner)}, which has no keys of its own"
+        )
+    return node[step]
+
+
+def _forget(places: Places, path: Path) -> None:
+    """What stood in the file at and below ``path`` has no place any more."""
+    marks: dict[Path, Any]
+    for marks in (places.keys, places.values, places.labels, places.blocks):
+        for known in [known for known in marks if known[: len(path)] == path]:
+            del marks[known]

@@ -1,0 +1,229 @@
+"""The way from a line of the simulation to a wire, and back.
+
+What a node sends goes out when it begins (paced: each byte when its last stop bit has left). What a
+fault or noise does to it is done before: the other side gets the characters that a receiver on the
+line would have read, without those that it would have known to be wrong. What comes in is heard by
+every node of the line that is not sending.
+
+Silences: a system hands bytes over in lumps, so that a pause inside a frame proves nothing. What is
+half heard and not a whole RTU frame ends only after the protocol's silence and the tolerance of the
+wire's options; a lump that comes before goes on where the one before it ended. Two lumps with a frame
+of a node of this line between them are two frames, however short the pauses.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+from bussim.engines.contract import RxChar
+from bussim.engines.modbus.adu import RTU_MAX, Adu, decode_rtu
+from bussim.line.characters import LineTiming
+from bussim.line.uart import Sampled, Uart
+from bussim.line.wave import Wave
+from bussim.live.arrival import Arrivals, Timed
+from bussim.live.wire import Wire
+from bussim.serve.external_node import Stranger
+from bussim.serve.journal import Journal
+from bussim.sim.kernel import SENDING, Kernel
+from bussim.sim.wire.node import Node
+from bussim.sim.wire.transmission import Transmission
+
+if TYPE_CHECKING:
+    from bussim.serve.partly_external_line import OpenLine
+
+
+class Way:
+    """One wire and its line. Ticks are those of the kernel, whose clock the wire's clock drives."""
+
+    def __init__(self, wire: Wire, kernel: Kernel) -> None:
+        self.wire = wire
+        self.line: OpenLine
+        self.stranger: Stranger
+        self._kernel = kernel
+        self._arrivals = Arrivals(wire.timing)
+        self._mask = (1 << wire.timing.format.data_bits) - 1
+        self._timer = kernel.timer(self._pace, SENDING)
+        self._queue: deque[tuple[int, int]] = deque()  # (end, value) of characters that wait for their time
+        self._echo = 0  # characters of our own that are still to be heard
+        self._open = bytearray()  # what came since the line was quiet, at most a little more than a frame
+        self._last = 0  # when the last lump was over
+        self._spoke = False  # a node of this line has sent since
+        self.journal: Journal | None = None
+
+    def attach(self, line: OpenLine, kernel: Kernel) -> None:
+        """This is the way out of a line whose nodes are not seated yet."""
+        self.line = line
+        self.stranger = Stranger(line, kernel)
+        if line.sink.traced:
+            self.journal = Journal(line, self.wire.timing, self.wire.options.tolerance)
+
+    # -- out ---------------------------------------------------------------------------------------
+
+    def leave(self, tx: Transmission) -> None:
+        """A node begins to send."""
+        if tx.silent:
+            return
+        if self.journal is not None:
+            self.journal.cut()
+        if tx.damaged or not tx.sender.nominal:
+            read = sampled(tx, self.stranger.seat, self.line.timing)
+            sound = [char for char in read if char.parity_ok and char.stop_ok]
+            chars, ends = bytes(char.value for char in sound), [char.end for char in sound]
+        else:
+            chars, ends = tx.chars, None
+        if self._mask < 0xFF:
+            chars = bytes(value & self._mask for value in chars)
+        if not self.wire.connected:
+            self._echo = 0  # nothing of what was sent will come back
+        elif self.wire.options.echo:
+            self._echo += len(chars)
+        if not self.wire.options.paced:
+            if chars:
+                self.wire.write(chars)
+            return
+        if ends is None:
+            ends = [tx.start + tx.timing.characters(number) for number in range(1, len(chars) + 1)]
+        self._queue.extend(zip(ends, chars, strict=True))
+        if self._queue and self._timer.at < 0:
+            self._timer.set(max(self._queue[0][0], self._kernel.now))
+
+    def _pace(self, now: int) -> None:
+        queue, due = self._queue, bytearray()
+        now = max(now, self.wire.clock.now())
+        while queue and queue[0][0] <= now:
+            due.append(queue.popleft()[1])
+        if due:
+            self.wire.write(bytes(due))
+        if queue:
+            self._timer.set(max(queue[0][0], self._kernel.now))
+
+    def left(self, now: int) -> None:
+        """A node's transmission is over."""
+        self._spoke = True
+        self._arrivals.busy_until = max(self._arrivals.busy_until, now)
+
+    def cut(self) -> None:
+        """A node's transmission is cut off: what has not left yet stays here."""
+        if self.wire.options.echo:
+            self._echo = max(0, self._echo - len(self._queue))
+        self._queue.clear()
+        self._timer.cancel()
+
+    # -- in ----------------------------------------------------------------------------------------
+
+    def take(self, data: bytes, now: int, late: int) -> None:
+        """Bytes have come by ``now``; ``late`` ticks later they were read."""
+        data = self._foreign(data)
+        if not data:
+            return
+        line, tolerance = self.line, self.wire.options.tolerance
+        if not self._queue:
+            self._end_what_is_sent(now)
+        character = line.character
+        chars = self._arrivals.lump(data, now)
+        begun = late + (now - character if self.wire.instant else chars[0][1])
+        self._separate(begun, now)
+        self._open += data[: RTU_MAX + 1 - len(self._open)]
+        if not line.drivers:
+            line.busy += len(data) * character
+        if self.journal is not None:
+            self.journal.heard(chars)
+        damaged = self._disturbed(chars, data)
+        extra = 0 if self._whole() else tolerance
+        for port in line.ports:
+            if port.engine is None or port.driving:
+                continue
+            heard = chars if damaged is None and port.nominal else self._as_heard(port, damaged, chars, data)
+            quiet_at = port.ear.quiet_at
+            if 0 <= quiet_at <= begun:
+                port.ear.hush(now)
+            elif quiet_at >= 0 and heard:
+                char, _, end = heard[0]
+                heard = [(char, min(self._last, end), end), *heard[1:]]
+            port.ear.overhear(heard, now, port.quiet(port.timing) + extra + late)
+        self._last = now + late
+
+    def _end_what_is_sent(self, now: int) -> None:
+        """What nodes send has left already, since it was answered: all who hear it have heard it all."""
+        ports = self.line.ports
+        for port in ports:
+            tx = port.sending
+            if tx is None:
+                continue
+            for other in ports:
+                if other is not port and other.ear.is_open:
+                    other.ear.replan(tx.end)
+            port.finish_early(now)
+
+    def _foreign(self, data: bytes) -> bytes:
+        if not self._echo:
+            return data
+        own = min(self._echo, len(data))
+        self._echo -= own
+        return data[own:]
+
+    def _separate(self, begun: int, now: int) -> None:
+        """What was open is over if somebody has sent since, or the line was quiet for long enough."""
+        line = self.line
+        line.listen_to_all()
+        if self._spoke:
+            self._spoke = False
+            self._open.clear()
+            for port in line.ports:
+                if port.engine is not None and not port.driving:
+                    port.ear.hush(now)
+        elif self._open:
+            quiet = max(
+                (port.quiet(port.timing) for port in line.ports if port.engine is not None), default=0
+            )
+            if begun - self._last >= quiet + (0 if self._whole() else self.wire.options.tolerance):
+                self._open.clear()
+
+    def _whole(self) -> bool:
+        """Whether what is open is a whole RTU frame, which its silence ends at once."""
+        rtu = any(self.line.protocol_of(port) == "modbus-rtu" for port in self.line.ports)
+        return rtu and isinstance(decode_rtu(bytes(self._open)), Adu)
+
+    # -- noise and faults on what comes in -----------------------------------------------------------
+
+    def _disturbed(self, chars: list[Timed], data: bytes) -> Transmission | None:
+        """The lump as a transmission with its damage; None where nothing damages it."""
+        if not self.line.disturber.active:
+            return None
+        tx = self._transmission(chars, data)
+        self.line.disturber.disturb(tx)
+        return tx if tx.damaged else None
+
+    def _transmission(self, chars: list[Timed], data: bytes) -> Transmission:
+        start, timing = chars[0][1], self.line.timing
+        end = start + timing.characters(len(data))
+        return Transmission(
+            self.stranger, None, bytes(value & self._mask for value in data), start, end, timing
+        )
+
+    def _as_heard(
+        self, port: Node, damaged: Transmission | None, chars: list[Timed], data: bytes
+    ) -> list[Timed]:
+        """The characters of a lump as a port's receiver makes them of the line's level."""
+        tx = damaged or self._transmission(chars, data)
+        read = [
+            RxChar(char.value, char.parity_ok, char.stop_ok) for char in sampled(tx, port.seat, port.timing)
+        ]
+        fault = (tx.rx_chars or {}).get(port.seat)
+        if fault is not None:
+            place, value = fault
+            read[place : place + 1] = [] if value is None else [RxChar(value), *read[place : place + 1]]
+        last = len(chars) - 1
+        return [(char, *chars[min(place, last)][1:]) for place, char in enumerate(read)]
+
+
+def sampled(tx: Transmission, seat: int, timing: LineTiming) -> list[Sampled]:
+    """What the receiver at a seat reads of a transmission alone on its line."""
+    uart, wave = Uart(timing), Wave([tx.lows(seat)])
+    read: list[Sampled] = []
+    char = uart.next_character(wave, tx.start)
+    while char is not None:
+        read.append(char)
+        char = uart.next_character(wave, char.ready)
+    return read

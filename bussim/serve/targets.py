@@ -1,0 +1,169 @@
+"""What of a scenario can be served, and where: nodes, ports to serve them on, lines that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from bussim.errors import UsageError
+from bussim.line.characters import LineTiming
+from bussim.plc.link_registers import D_STATION
+from bussim.plc.memory import Memory, parse_device
+from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
+from bussim.scenario import model
+from bussim.scenario.yaml.wording import suggest
+
+#: The URL of a node for which none is given: a new pseudo-terminal.
+DEFAULT_URL = "pty"
+_WORDS = {
+    "modbus-rtu-slave": "Modbus RTU slave",
+    "modbus-ascii-slave": "Modbus ASCII slave",
+    "modbus-rtu-master": "Modbus RTU master",
+    "modbus-ascii-master": "Modbus ASCII master",
+    "free": "free protocol",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Servable:
+    """A node of a scenario. ``what`` it does on its bus in words; ``why_not`` it cannot be served, or ""."""
+
+    node: str
+    bus: str
+    nn: bool
+    what: str
+    timing: LineTiming
+    station: int | None = None
+    why_not: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A line that leads outside: its name, the URL of its wire, and its nodes in cable order."""
+
+    name: str
+    bus: str
+    nn: bool
+    url: str
+    timing: LineTiming
+    nodes: tuple[Servable, ...]
+
+
+def servables(scenario: model.Scenario) -> tuple[Servable, ...]:
+    """All nodes of a scenario, bus by bus in cable order."""
+    found: list[Servable] = []
+    for bus in scenario.buses:
+        for plc in scenario.plcs:
+            if plc.seat is not None and plc.seat.bus == bus.name:
+                station = plc.registers.get(f"D{D_STATION}", 0)
+                what = f"N:N slave {station}" if station else "N:N master"
+                found.append(Servable(plc.name, bus.name, bus.nn, what, bus.timing, station))
+            found += [_port(plc, spec.name, bus) for spec in plc.ports if spec.bus == bus.name]
+        found += [_device(device, bus) for device in scenario.devices if device.bus == bus.name]
+    return tuple(found)
+
+
+def _port(plc: model.Plc, port: str, bus: model.Bus) -> Servable:
+    memory = Memory()
+    memory.set(COM2_STATION, plc.profile.com2_station)
+    for name, value in plc.registers.items():
+        memory.set(parse_device(name), value)
+    spec = next(spec for spec in plc.ports if spec.name == port)
+    node = f"{plc.name}.{port}"
+    settings = read_settings(port, memory, spec.words)
+    if isinstance(settings, BadSettings):
+        return Servable(node, bus.name, bus.nn, "silent", bus.timing, None, settings.text)
+    what = _WORDS.get(settings.protocol or "")
+    if what is None:
+        why = f"{port} speaks nothing"
+        if settings.protocol is not None:
+            why = f"what {port} speaks ({settings.protocol}) is not simulated"
+        return Servable(node, bus.name, bus.nn, "silent", bus.timing, None, why)
+    return Servable(node, bus.name, bus.nn, what, settings.timing, _station(settings))
+
+
+def _station(settings: PortSettings) -> int | None:
+    return settings.station if (settings.protocol or "").endswith("slave") else None
+
+
+def _device(device: model.BusDevice, bus: model.Bus) -> Servable:
+    if isinstance(device.settings, model.FreeSettings):
+        what = "free protocol"
+    else:
+        role = "master" if isinstance(device.settings, model.HmiSettings) else "slave"
+        what = f"Modbus {device.mode.value.upper()} {role}"
+    return Servable(device.name, bus.name, bus.nn, what, device.timing, device.station)
+
+
+def places(scenario: model.Scenario, nodes: Iterable[str], ports: Iterable[str]) -> tuple[Place, ...]:
+    """The lines that serve these nodes. ``ports`` are texts ``NODE=URL``; a node without one gets a pty.
+
+    Nodes of one bus with the same URL share a wire, as they share the bus; ``pty`` is a pseudo-terminal
+    of each bus's own. Raises UsageError, also where nothing is to be served: it says what can be.
+    """
+    known = {servable.node: servable for servable in servables(scenario)}
+    urls: dict[str, str] = {}
+    for text in ports:
+        node, equals, url = text.partition("=")
+        if not equals or not node.strip() or not url.strip():
+            raise UsageError(f"--port {text}: write NODE=URL, such as press1.COM3=COM7")
+        found = _node(scenario, known, node.strip())
+        if found.node in urls:
+            raise UsageError(f"--port {text}: {found.node} has a port already, {urls[found.node]}")
+        urls[found.node] = url.strip()
+    for name in nodes:
+        urls.setdefault(_node(scenario, known, name).node, DEFAULT_URL)
+    if not urls:
+        raise UsageError(f"nothing is to be served: name a NODE, or --port NODE=URL\n{listing(scenario)}")
+    return _lines([servable for servable in known.values() if servable.node in urls], urls, known.values())
+
+
+def _node(scenario: model.Scenario, known: dict[str, Servable], name: str) -> Servable:
+    found = known.get(name)
+    if found is None:  # a link's port by its own name: press1.COM4
+        owner, _, port = name.partition(".")
+        plc = next((plc for plc in scenario.plcs if plc.name == owner), None)
+        found = known.get(plc.port_node(port)) if plc is not None and port else None
+    if found is None:
+        own = [node for node in known if node.partition(".")[0] == name]
+        hint = f"it has {', '.join(own)}" if own else suggest(name, list(known))
+        raise UsageError(f"{name} is no node of a bus of {scenario.name}; {hint}\n{listing(scenario)}")
+    if found.why_not:
+        raise UsageError(f"{found.node} cannot be served: {found.why_not}")
+    return found
+
+
+def _lines(
+    served: Sequence[Servable], urls: dict[str, str], everybody: Iterable[Servable]
+) -> tuple[Place, ...]:
+    groups: dict[tuple[str, str], list[Servable]] = {}
+    for servable in served:
+        groups.setdefault((servable.bus, urls[servable.node]), []).append(servable)
+    whole = {bus: sum(one.bus == bus for one in everybody) for bus in {one.bus for one in served}}
+    taken: dict[str, str] = {}
+    found: list[Place] = []
+    for (bus, url), nodes in groups.items():
+        if url != DEFAULT_URL and url in taken:
+            raise UsageError(f"{url} cannot be the wire of {taken[url]} and of {bus} at once")
+        taken[url] = bus
+        same = [place for place in found if place.bus == bus]
+        first = nodes[0]
+        alone = first.nn and sum(one == bus for one, _ in groups) == 1
+        number = f" {len(same) + 1}" if same else ""
+        name = bus if alone or whole[bus] == len(nodes) else f"{bus} outside{number}"
+        found.append(Place(name, bus, first.nn, url, first.timing, tuple(nodes)))
+    return tuple(found)
+
+
+def listing(scenario: model.Scenario) -> str:
+    """What can be served, a line each."""
+    rows = [one for one in servables(scenario) if not one.why_not]
+    if not rows:
+        return f"{scenario.name} has nothing on its buses that can be served"
+    wide = max(len(one.node) for one in rows)
+    lines = [f"what {scenario.name} can serve:"]
+    for one in rows:
+        number = f", station {one.station}" if one.station is not None and not one.nn else ""
+        baud = f"{one.timing.baud} {one.timing.format}"
+        lines.append(f"  {one.node:{wide}}  {one.what}{number}, {baud}, on {one.bus}")
+    return "\n".join(lines)

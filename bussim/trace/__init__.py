@@ -1,0 +1,1 @@
+"""What a run tells: records, their lines in ``trace.jsonl``, and the file."""

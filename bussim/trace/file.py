@@ -1,0 +1,283 @@
+"""Traces: ``trace.jsonl``, written line by line, and read back as the records of :mod:`bussim.trace.records`.
+
+::
+
+    trace = read_trace("runs/press_line")
+    for frame in trace.of(FrameRecord, bus="link", start=0, stop=72_000_000):
+        ...
+    for record in trace.records(AttemptRecord, ScanRecord):
+        ...
+
+Reading streams: memory does not depend on the length of the trace. Records come in the order in
+which they were told: what lasts when it is over, ENDs in blocks after they happened.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator
+from pathlib import Path
+from typing import TextIO, TypeVar
+
+from bussim.errors import UsageError
+from bussim.trace.codec import Line, Record, from_line, header_line, header_of, to_line, type_of
+from bussim.trace.records import (
+    AttemptRecord,
+    CycleRecord,
+    DeviceValueRecord,
+    EndsRecord,
+    FrameRecord,
+    FreeRecord,
+    InputRecord,
+    NoteRecord,
+    PollRecord,
+    ScanRecord,
+    TraceBus,
+    TraceHeader,
+    TransactionRecord,
+)
+
+__all__ = ["TRACE", "Record", "Trace", "TraceWriter", "interval", "read_trace", "trace_of"]
+
+#: The file of every frame and event of a traced run, one JSON object a line.
+TRACE = "trace.jsonl"
+#: A longer line (characters) is none of ours.
+_LONGEST_LINE = 16 * 1024 * 1024
+
+R = TypeVar(
+    "R",
+    FrameRecord,
+    ScanRecord,
+    AttemptRecord,
+    TransactionRecord,
+    PollRecord,
+    CycleRecord,
+    FreeRecord,
+    DeviceValueRecord,
+    InputRecord,
+    EndsRecord,
+    NoteRecord,
+)
+#: Gives the records of some types (None: of all) from the beginning.
+Source = Callable[[Collection[type[Record]] | None], Iterator[Record]]
+
+
+class TraceWriter:
+    """Writes a trace to a text file that is open: the header at once, then record by record."""
+
+    def __init__(self, file: TextIO, header: TraceHeader) -> None:
+        self._file = file
+        self._buses = {bus.name: bus for bus in header.buses}
+        self._line(header_line(header))
+
+    def write(self, record: Record) -> None:
+        """Write a record."""
+        self._line(to_line(record, self._buses))
+
+    def flush(self) -> None:
+        """Hand what was written to the system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._file.close()
+
+    def _line(self, line: Line) -> None:
+        text = json.dumps(line, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        self._file.write(text + "\n")
+
+
+class Trace:
+    """A trace's header and its records, which may be read any number of times."""
+
+    def __init__(self, header: TraceHeader, source: Source) -> None:
+        self.header = header
+        self._source = source
+
+    def __iter__(self) -> Iterator[Record]:
+        """Every record."""
+        return self._source(None)
+
+    def of(
+        self, kind: type[R], *, bus: str | None = None, start: int | None = None, stop: int | None = None
+    ) -> Iterator[R]:
+        """The records of one type; else as :meth:`records`."""
+        records = self.records(kind, bus=bus, start=start, stop=stop)
+        return (record for record in records if isinstance(record, kind))
+
+    def records(
+        self, *kinds: type[Record], bus: str | None = None, start: int | None = None, stop: int | None = None
+    ) -> Iterator[Record]:
+        """The records of these types (none given: of all) that concern a bus and touch a window.
+
+        The window is ``start <= tick < stop``; what lasts is in it if any of it is. A block of ENDs
+        comes with only those in the window. To a bus belong its own records, ENDs and values of its
+        PLCs, and notes of itself and of its nodes. Raises UsageError for an unknown bus, and where
+        the trace is damaged.
+        """
+        where = None if bus is None else self.bus(bus)
+        return self._picked(kinds or None, where, start, stop)
+
+    def bus(self, name: str) -> TraceBus:
+        """A bus of the header. Raises UsageError if there is none of that name."""
+        bus = self.header.bus(name)
+        if bus is None:
+            known = ", ".join(bus.name for bus in self.header.buses) or "none"
+            raise UsageError(f"the trace has no bus {name!r}; it has {known}")
+        return bus
+
+    def _picked(
+        self,
+        kinds: Collection[type[Record]] | None,
+        bus: TraceBus | None,
+        start: int | None,
+        stop: int | None,
+    ) -> Iterator[Record]:
+        for record in self._source(kinds):
+            if bus is None or _concerns(record, bus):
+                seen = _clipped(record, start, stop)
+                if seen is not None:
+                    yield seen
+
+
+def interval(record: Record) -> tuple[int, int]:
+    """When a record began and when it was over, in ticks; equal for what happens at an instant.
+
+    A transaction begins with its request (or, never sent, where it ended) and is over when it was
+    taken. ENDs last from the first to the last of them.
+    """
+    match record:
+        case FrameRecord() | AttemptRecord() | PollRecord():
+            return record.start, record.end
+        case ScanRecord() | CycleRecord():
+            return record.start, record.start + record.duration
+        case TransactionRecord():
+            return record.end if record.sent is None else record.sent, record.taken
+        case FreeRecord():
+            return record.end if record.start is None else record.start, record.end
+        case DeviceValueRecord() | InputRecord() | NoteRecord():
+            return record.tick, record.tick
+        case EndsRecord():
+            return (record.ticks[0], record.ticks[-1]) if record.ticks else (0, 0)
+
+
+def read_trace(path: str | os.PathLike[str]) -> Trace:
+    """The trace in a file, or in the folder of a traced run.
+
+    Raises UsageError if there is none or it is damaged; a damaged line is told when it is reached. A
+    last line that was cut off, as of a recording that was killed, is left out.
+    """
+    place = Path(path)
+    if place.is_dir():
+        if not (place / TRACE).is_file():
+            raise UsageError(f"{place} has no {TRACE}: it was run without a trace (--trace)")
+        place /= TRACE
+    file = _File(place)
+    return Trace(file.header, file.records)
+
+
+def trace_of(header: TraceHeader, records: Iterable[Record]) -> Trace:
+    """A trace that is held in memory; ``records`` can be gone through more than once."""
+
+    def source(kinds: Collection[type[Record]] | None) -> Iterator[Record]:
+        return iter(records) if kinds is None else (each for each in records if type(each) in kinds)
+
+    return Trace(header, source)
+
+
+class _File:
+    """A file of lines, opened anew for every reading."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with self._open() as file:
+            try:
+                line = _parsed(_next(file))
+                self.header = header_of(line)
+            except ValueError as error:
+                raise UsageError(
+                    f"{path} is not a trace of this bussim: its first line {error}; run it again"
+                ) from error
+        self._buses = {bus.name: bus for bus in self.header.buses}
+
+    def records(self, kinds: Collection[type[Record]] | None) -> Iterator[Record]:
+        # A line says its type first; others need not be parsed.
+        starts = None if kinds is None else tuple(f'{{"type":"{type_of(kind)}"' for kind in kinds)
+        number = 1
+        with self._open() as file:
+            try:
+                _next(file)
+                while text := _next(file):
+                    number += 1
+                    if starts is not None and not text.startswith(starts):
+                        continue
+                    if not text.endswith("\n") and not _is_whole(text):
+                        return
+                    record = from_line(_parsed(text), self._buses)
+                    if record is not None:
+                        yield record
+            except ValueError as error:
+                raise UsageError(f"{self._path}:{number}: is not a line of a trace: {error}") from error
+            except OSError as error:
+                raise UsageError(f"{self._path} cannot be read: {error.strerror or error}") from error
+
+    def _open(self) -> TextIO:
+        try:
+            return self._path.open(encoding="utf-8")
+        except FileNotFoundError:
+            raise UsageError(f"{self._path} does not exist") from None
+        except OSError as error:
+            raise UsageError(f"{self._path} cannot be read: {error.strerror or error}") from error
+
+
+def _next(file: TextIO) -> str:
+    text = file.readline(_LONGEST_LINE + 1)
+    if len(text) > _LONGEST_LINE:
+        raise ValueError(f"is longer than {_LONGEST_LINE:,} characters")
+    return text
+
+
+def _parsed(text: str) -> Line:
+    try:
+        line = json.loads(text)
+    except RecursionError:
+        line = None
+    except ValueError as error:
+        raise ValueError(f"is not JSON: {error}") from None
+    if isinstance(line, dict):
+        return line
+    raise ValueError("is not a JSON object")
+
+
+def _is_whole(text: str) -> bool:
+    try:
+        _parsed(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _concerns(record: Record, bus: TraceBus) -> bool:
+    if isinstance(record, EndsRecord | DeviceValueRecord | InputRecord):
+        return record.plc in bus.plcs
+    if isinstance(record, NoteRecord):
+        places = {record.where, record.detail.get("bus"), record.detail.get("node")}
+        return not places.isdisjoint({bus.name, *bus.nodes, *bus.plcs})
+    return record.bus == bus.name
+
+
+def _clipped(record: Record, start: int | None, stop: int | None) -> Record | None:
+    """The record, or what of it is in the window; None for nothing."""
+    if start is None and stop is None:
+        return record
+    if isinstance(record, EndsRecord):
+        ticks = tuple(
+            tick
+            for tick in record.ticks
+            if (start is None or tick >= start) and (stop is None or tick < stop)
+        )
+        return EndsRecord(record.plc, ticks) if ticks else None
+    begin, end = interval(record)
+    inside = (start is None or end >= start) and (stop is None or begin < stop)
+    return record if inside else None
