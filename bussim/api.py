@@ -113,7 +113,7 @@ def _simulate(
 ) -> tuple[RunTotals, RunRecord]:
     from bussim.sim.runner import simulate
 
-    bus_of = {plc.name: plc.seat.bus for plc in scenario.plcs if plc.seat is not None}
+    bus_of = {plc.name: plc.link.bus for plc in scenario.plcs if plc.link is not None}
     latency, bounds = _latency(scenario)
     collector = Collector(traced=trace, rows=rows, bus_of=bus_of, latency=latency)
     totals = simulate(scenario, collector, progress=progress)

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bussim.exact.metrics import Figures
-    from bussim.exact.scan.mixture import Law
+    from bussim.exact.scan.mixture import Distribution
     from bussim.report.scene import Scene
-    from bussim.report.source import ExactLaw, Source, StationTimes
+    from bussim.report.source import ExactDistribution, Source, StationTimes
     from bussim.results.meters.run_record import RunRecord
 
 #: A scenario is no larger (bytes).
 _LARGEST = 4 * 1024 * 1024
-#: The heaviest lobes of a law, and how many points each gets.
-_FINE_LOBES, _FINE_POINTS = 40, 65
+#: The heaviest components of a distribution, and how many points each gets.
+_FINE_COMPONENTS, _FINE_POINTS = 40, 65
 #: Most runs that are told apart on one axis and in one table.
 _MOST_RUNS = 7
 
@@ -42,7 +42,7 @@ _MOST_RUNS = 7
 def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bool, allow_code: bool) -> None:
     """Report one run, or compare several, as one HTML page that needs no network.
 
-    What was simulated, a verdict in words, histogram and exact law, the longest link scan as a
+    What was simulated, a verdict in words, histogram and exact distribution, the longest link scan as a
     timeline (of a run with --trace), figures of every station, settings, scenario, and how to repeat
     it. Prints the path of the page.
     """
@@ -90,14 +90,16 @@ def _source(
     from bussim.trace.file import TRACE
 
     scenario = _scenario(folder)
-    laws: dict[str, ExactLaw] = {}
-    no_law = ""
+    distributions: dict[str, ExactDistribution] = {}
+    no_distribution = ""
     if exact:
         try:
-            laws = _laws(folder, allow_code=allow_code)
+            distributions = _distributions(folder, allow_code=allow_code)
         except (ScenarioError, UsageError) as error:
             first = str(error).splitlines()[0]
-            no_law = f"There is no exact law, since the scenario in the folder cannot be read: {first}"
+            no_distribution = (
+                f"There is no exact law, since the scenario in the folder cannot be read: {first}"
+            )
     stations: dict[str, dict[int, StationTimes]] = {}
     scenes: dict[str, Scene] = {}
     no_trace = ""
@@ -109,7 +111,9 @@ def _source(
         no_trace = (
             f"This run was not traced, so there is no timeline of it. To get one: {traced_again(folder)}"
         )
-    return Source(label, str(folder), record, scenario, laws, no_law, stations, scenes, no_trace)
+    return Source(
+        label, str(folder), record, scenario, distributions, no_distribution, stations, scenes, no_trace
+    )
 
 
 def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
@@ -118,7 +122,7 @@ def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
     What has more than ``most`` shapes is left to ``bussim timeline``.
     """
     from bussim.report.scene import scene_of
-    from bussim.report.window_reader import read_stretch, worst_window
+    from bussim.report.window_reader import read_window, worst_window
     from bussim.trace.file import read_trace
 
     trace = read_trace(folder)
@@ -127,7 +131,7 @@ def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
         window = worst_window(trace, record, bus.name)
         if window is None:
             continue
-        scene = scene_of(read_stretch(trace, record, bus.name, *window))
+        scene = scene_of(read_window(trace, record, bus.name, *window))
         if len(scene.boxes) + len(scene.marks) <= most:
             scenes[bus.name] = scene
     return scenes
@@ -147,8 +151,8 @@ def _scenario(folder: Path) -> str:
         raise UsageError(f"{path} cannot be read: {error}") from error
 
 
-def _laws(folder: Path, *, allow_code: bool) -> dict[str, ExactLaw]:
-    """The law of every N:N link; of one that faults disturb, the law between them."""
+def _distributions(folder: Path, *, allow_code: bool) -> dict[str, ExactDistribution]:
+    """The distribution of every N:N link; of one that faults disturb, the distribution between them."""
     from bussim import api
     from bussim.exact.from_scenario import from_scenario
     from bussim.exact.metrics import Request, figures_of
@@ -156,40 +160,40 @@ def _laws(folder: Path, *, allow_code: bool) -> dict[str, ExactLaw]:
 
     scenario = api.load(folder / SCENARIO, allow_code=allow_code)
     undisturbed = from_scenario(scenario, ignore_faults=True)
-    laws = {}
+    distributions = {}
     for bus, model in from_scenario(scenario).items():
         # Refreshes take by far the longest, and the run has measured them.
         figures = figures_of(model if model.valid else undisturbed[bus], Request(refresh=False))
-        laws[bus] = _law(figures)
-    return laws
+        distributions[bus] = _distribution(figures)
+    return distributions
 
 
-def _law(figures: Figures) -> ExactLaw:
-    from bussim.report.source import ExactLaw
+def _distribution(figures: Figures) -> ExactDistribution:
+    from bussim.report.source import ExactDistribution
 
-    if figures.law is None:
-        return ExactLaw(figures.to_json())
-    x, tail = _curve(figures.law)
+    if figures.distribution is None:
+        return ExactDistribution(figures.to_json())
+    x, tail = _curve(figures.distribution)
     said = figures.in_words()
-    return ExactLaw(
+    return ExactDistribution(
         figures.to_json(), said[-1] if said else "", figures.model.notes, x.tolist(), tail.tolist()
     )
 
 
-def _curve(law: Law) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _curve(distribution: Distribution) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (ms) of P(scan > x), close together where most scans are: bars of 10 µs are cut from it."""
     import numpy as np
 
     from bussim.exact.metrics import tail_curve
     from bussim.units import TICKS_PER_MS
 
-    heaviest = np.argsort(law.weight)[-_FINE_LOBES:]
-    fine = np.linspace(law.shift[heaviest], law.upper[heaviest], _FINE_POINTS)
-    rough, _ = tail_curve(law)
-    # A lobe without a width is a jump: a point just before it keeps the line upright.
-    ticks = np.concatenate((rough * TICKS_PER_MS, fine.ravel(), law.shift[heaviest] - 1))
+    heaviest = np.argsort(distribution.weight)[-_FINE_COMPONENTS:]
+    fine = np.linspace(distribution.shift[heaviest], distribution.upper[heaviest], _FINE_POINTS)
+    rough, _ = tail_curve(distribution)
+    # A component without a width is a jump: a point just before it keeps the line upright.
+    ticks = np.concatenate((rough * TICKS_PER_MS, fine.ravel(), distribution.shift[heaviest] - 1))
     x = np.unique(ticks)
-    return x / TICKS_PER_MS, law.tail(x)
+    return x / TICKS_PER_MS, distribution.tail(x)
 
 
 @contextmanager

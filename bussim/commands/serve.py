@@ -68,12 +68,12 @@ def command(
     from bussim.live.stopping import Stopping
     from bussim.scenario import loader
     from bussim.serve.session import FOREVER, Session
-    from bussim.serve.targets import places
+    from bussim.serve.targets import targets
 
     values = values_of(overrides, seed=seed)
     loaded = loader.load(scenario, values, allow_code=allow_code)
     duration = FOREVER if limit is None else time_of("--for", limit)
-    lines = places(loaded, nodes, ports)
+    lines = targets(loaded, nodes, ports)
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485, paced=paced)
     with ExitStack() as stack:
         stop = stack.enter_context(Stopping())
@@ -132,7 +132,7 @@ def _serve(session: Session, stop: Any, folder: Path, *, allow_code: bool) -> No
     answers = Answers(session, allow_code=allow_code, folder=folder)
     control = ControlServer(session.scenario.name, answers)
     interval = sys.getswitchinterval()
-    # What is injected is judged in another thread, which must not keep this one waiting.
+    # What is injected is checked in another thread, which must not keep this one waiting.
     sys.setswitchinterval(0.0005)
     try:
         session.run(stop)

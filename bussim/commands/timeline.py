@@ -11,7 +11,7 @@ import click
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.report.trace_window import Stretch
+    from bussim.report.trace_window import TraceWindow
     from bussim.results.meters.run_record import RunRecord
     from bussim.trace.file import Trace
     from bussim.trace.records import TraceBus
@@ -42,7 +42,7 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Draw a stretch of a traced run: who sent what when, attempts, damage, ENDs, what changed.
+    """Draw a window of a traced run: who sent what when, attempts, damage, ENDs, what changed.
 
     Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
     run with --trace. Prints the path of the picture.
@@ -50,7 +50,7 @@ def command(
     from bussim.commands.common.output import busy, checked_target, traced_again
     from bussim.report.picture import timeline_picture
     from bussim.report.scene import scene_of
-    from bussim.report.window_reader import read_stretch
+    from bussim.report.window_reader import read_window
     from bussim.results.plots.scan_times import caption
     from bussim.results.store.load import load_run
     from bussim.results.store.names import file_names
@@ -70,16 +70,16 @@ def command(
     place = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
     target = checked_target(place, (".png", ".svg"), force=force)
     with busy(f"reading {folder / TRACE}"):
-        stretch = read_stretch(trace, record, name, begin, end)
-    if len(stretch.frames) > _MOST_FRAMES:
+        window = read_window(trace, record, name, begin, end)
+    if len(window.frames) > _MOST_FRAMES:
         raise UsageError(
-            f"the window holds {len(stretch.frames):,} frames, which cannot be told apart; at most "
+            f"the window holds {len(window.frames):,} frames, which cannot be told apart; at most "
             f"{_MOST_FRAMES:,}: choose a shorter --span"
         )
-    scene = scene_of(stretch)
+    scene = scene_of(window)
     timeline_picture(scene, caption(record)).save(target)
     if as_json:
-        click.echo(json.dumps(_as_json(stretch, target), indent=2, ensure_ascii=False))
+        click.echo(json.dumps(_as_json(window, target), indent=2, ensure_ascii=False))
         return
     for sentence in scene.why:
         click.echo(sentence)
@@ -144,14 +144,14 @@ def _time(option: str, text: str) -> int:
         raise UsageError(f"{option} {error}") from None
 
 
-def _as_json(stretch: Stretch, target: Path) -> dict[str, object]:
+def _as_json(window: TraceWindow, target: Path) -> dict[str, object]:
     """What every link scan that lies whole in the window was made of. Times in ms, instants in s."""
     from bussim.report.trace_window import parts_of_scan
     from bussim.units import milliseconds, seconds
 
     scans = []
-    for scan in stretch.scans:
-        if stretch.begin <= scan.start and scan.start + scan.duration <= stretch.end:
+    for scan in window.scans:
+        if window.begin <= scan.start and scan.start + scan.duration <= window.end:
             parts = [
                 {
                     "start_s": round(seconds(part.start), 9),
@@ -160,7 +160,7 @@ def _as_json(stretch: Stretch, target: Path) -> dict[str, object]:
                     "attempt": part.attempt or None,
                     "lost": part.lost,
                 }
-                for part in parts_of_scan(stretch, scan)
+                for part in parts_of_scan(window, scan)
             ]
             scans.append(
                 {
@@ -174,8 +174,8 @@ def _as_json(stretch: Stretch, target: Path) -> dict[str, object]:
     return {
         "schema": 1,
         "picture": str(target),
-        "bus": stretch.bus,
-        "from_s": round(seconds(stretch.begin), 9),
-        "to_s": round(seconds(stretch.end), 9),
+        "bus": window.bus,
+        "from_s": round(seconds(window.begin), 9),
+        "to_s": round(seconds(window.end), 9),
         "scans": scans,
     }

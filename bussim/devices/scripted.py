@@ -18,7 +18,7 @@ MOST_WAITING: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Saying:
+class Message:
     """What a free-protocol device sends.
 
     On its own: first at ``at``, then every ``every`` ticks (None: once), ``times`` times (None: for
@@ -35,7 +35,7 @@ class Saying:
     delay: int = 0
 
 
-class Talker:
+class ScriptedDevice:
     """The device's one port. See :mod:`bussim.engines.contract` for the methods.
 
     ``draws`` are the streams of the sayings' jitter, in order. What falls due while something else is
@@ -44,9 +44,9 @@ class Talker:
     """
 
     def __init__(
-        self, sayings: Sequence[Saying], timing: LineTiming, draws: Sequence[Iterator[float]]
+        self, messages: Sequence[Message], timing: LineTiming, draws: Sequence[Iterator[float]]
     ) -> None:
-        self._sayings = tuple(sayings)
+        self._messages = tuple(messages)
         self._timing = timing
         self._draws = draws
         self.due = -1
@@ -56,10 +56,10 @@ class Talker:
         self.heard: FreeFrame | None = None
         self.heard_start = 0
         self._events: deque[FreeEvent] = deque()
-        self._longest = max((len(saying.reply_to) for saying in self._sayings), default=0)
+        self._longest = max((len(message.reply_to) for message in self._messages), default=0)
         self._tail = b""
-        self._clock: list[int | None] = [None] * len(self._sayings)  # when each speaks next on its own
-        self._turns = [0] * len(self._sayings)
+        self._clock: list[int | None] = [None] * len(self._messages)  # when each speaks next on its own
+        self._turns = [0] * len(self._messages)
         self._queue: deque[tuple[int, bytes]] = deque()  # (not before, data) behind what is due
         self._begun = 0
         self._out: bytes | None = None  # due or being sent
@@ -70,12 +70,12 @@ class Talker:
     def start(self, now: int) -> int:
         """Power-on: what was to be said at a tick that is over begins with the next turn."""
         self._on = True
-        for number, saying in enumerate(self._sayings):
+        for number, message in enumerate(self._messages):
             self._turns[number] = 0
-            if not saying.reply_to:
-                if saying.every and saying.at < now:
-                    self._turns[number] = -((saying.at - now) // saying.every)
-                self._clock[number] = self._next(number) if saying.every or saying.at >= now else None
+            if not message.reply_to:
+                if message.every and message.at < now:
+                    self._turns[number] = -((message.at - now) // message.every)
+                self._clock[number] = self._next(number) if message.every or message.at >= now else None
         return DEADLINE
 
     def stop(self, now: int) -> int:
@@ -86,17 +86,17 @@ class Talker:
         self._queue.clear()
         self._out = None
         self.due = -1
-        self._clock = [None] * len(self._sayings)
+        self._clock = [None] * len(self._messages)
         return DEADLINE
 
     def _next(self, number: int) -> int | None:
-        saying, turn = self._sayings[number], self._turns[number]
-        if saying.times is not None and turn >= saying.times:
+        message, turn = self._messages[number], self._turns[number]
+        if message.times is not None and turn >= message.times:
             return None
-        if turn and saying.every is None:
+        if turn and message.every is None:
             return None
-        late = int(next(self._draws[number]) * (saying.jitter + 1)) if saying.jitter else 0
-        return saying.at + turn * (saying.every or 0) + late
+        late = int(next(self._draws[number]) * (message.jitter + 1)) if message.jitter else 0
+        return message.at + turn * (message.every or 0) + late
 
     # -- listening -----------------------------------------------------------------------------
 
@@ -106,10 +106,10 @@ class Talker:
         if not self._longest or not self._on:
             return 0
         self._tail = (self._tail + bytes((char.value,)))[-self._longest :]
-        for saying in self._sayings:
-            if saying.reply_to and self._tail.endswith(saying.reply_to):
+        for message in self._messages:
+            if message.reply_to and self._tail.endswith(message.reply_to):
                 self._tail = b""
-                return self._say(saying.data, end + saying.delay)
+                return self._say(message.data, end + message.delay)
         return 0
 
     def receive_frame(self, frame: FreeFrame, start: int, end: int) -> int:
@@ -137,7 +137,7 @@ class Talker:
             if at is not None and at <= now:
                 self._turns[number] += 1
                 self._clock[number] = self._next(number)
-                hints |= self._say(self._sayings[number].data, now)
+                hints |= self._say(self._messages[number].data, now)
         return hints
 
     # -- sending -------------------------------------------------------------------------------

@@ -2,8 +2,8 @@
 
 What lasts for the whole run becomes part of the link: a station that is switched off throughout is
 a dead station, a slow one has a longer turnaround. What begins or ends during the run, and what the
-closed form cannot describe, becomes a reason why the law does not hold. On request the former is
-left out instead, since the law between such events is well defined; then a note says so.
+closed form cannot describe, becomes a reason why the distribution does not hold. On request the former is
+left out instead, since the distribution between such events is well defined; then a note says so.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ def from_scenario(
     """The N:N links of a scenario by the names of their buses.
 
     With ``ignore_faults``, faults and noise that act only for a part of the run are left out (and
-    named in :attr:`~bussim.exact.link.LinkModel.notes`), so that the law is that of the undisturbed
-    stretches; without it they make the link's law invalid. With ``bound_end``, a reply that waits for
+    named in :attr:`~bussim.exact.link.LinkModel.notes`), so that the distribution is that of the undisturbed
+    stretches; without it they make the link's distribution invalid. With ``bound_end``, a reply that waits for
     END waits for the longest PLC scan each time: times are then upper bounds, which is what a sizing
-    needs; without it such a link has no law.
+    needs; without it such a link has no distribution.
     """
     return {
         bus.name: _LinkReader(scenario, bus.name, ignore_faults=ignore_faults, bound_end=bound_end).read()
@@ -115,7 +115,7 @@ class _LinkReader:
     def read(self) -> LinkModel:
         """The link as it is for the whole run."""
         for plc in self.scenario.plcs:
-            if plc.seat is not None and plc.seat.bus == self.bus:
+            if plc.link is not None and plc.link.bus == self.bus:
                 settings = setting_values(plc.profile, plc.registers)
                 refused = bool(bad_parameters(plc.profile, settings))
                 self.members.append(_Member(plc, settings, refused, silent=refused, deaf=refused))
@@ -222,8 +222,8 @@ class _LinkReader:
         if member.number != MASTER:
             return min(masters, default=0)
         replies = [
-            min(law.values) if law.values else law.mean - law.jitter
-            for law in (m.plc.profile.turnaround for m in self._working() if m.number != MASTER)
+            min(distribution.values) if distribution.values else distribution.mean - distribution.jitter
+            for distribution in (m.plc.profile.turnaround for m in self._working() if m.number != MASTER)
         ]
         return min((*masters, *replies), default=0)
 

@@ -99,8 +99,10 @@ class Station:
     @property
     def quickest(self) -> int:
         """The shortest turnaround, in ticks."""
-        law = self.turnaround
-        return (min(law.values) if law.values else law.mean - law.jitter) + self.extra
+        distribution = self.turnaround
+        return (
+            min(distribution.values) if distribution.values else distribution.mean - distribution.jitter
+        ) + self.extra
 
     @property
     def slowest(self) -> int:

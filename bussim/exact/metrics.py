@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bussim.exact.link import LinkModel
-from bussim.exact.refresh import GapLaw, gap_laws
-from bussim.exact.scan.mixture import Law
+from bussim.exact.refresh import GapDistribution, gap_distributions
+from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.outages import clean_scan, dead_means, detection, longest_scan, ride_through
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
@@ -19,7 +19,7 @@ from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, UNIT_TICKS
 
 YEAR = int(UNIT_TICKS["y"])
 
-#: A quantile is given only where the weight of dropped lobes is less than this part of its level.
+#: A quantile is given only where the weight of dropped components is less than this part of its level.
 _RESOLVED = 1e-3
 
 
@@ -45,7 +45,7 @@ class Refresh:
 
     The preset is for a word that changes in every PLC scan of the source: the gap that is exceeded
     ``missed_per_year`` times a year, plus the longest PLC scans of both, up to the next 10 ms. None
-    where the law does not reach so far.
+    where the distribution does not reach so far.
     """
 
     mean: float
@@ -68,7 +68,7 @@ class Figures:
     model: LinkModel
     valid: bool
     reasons: tuple[str, ...]
-    law: Law | None = None
+    distribution: Distribution | None = None
     mean: float | None = None
     sd: float | None = None
     shortest: int | None = None
@@ -145,28 +145,32 @@ class Figures:
         return said
 
 
-def tail_curve(law: Law, least: float = 1e-12, points: int = 2_000) -> tuple[Floats, Floats]:
+def tail_curve(
+    distribution: Distribution, least: float = 1e-12, points: int = 2_000
+) -> tuple[Floats, Floats]:
     """Points of P(scan > x) for a plot with a logarithmic axis: x in ms, and the probabilities.
 
-    From the least scan to the one exceeded with probability ``least``; both ends of every lobe that
+    From the least scan to the one exceeded with probability ``least``; both ends of every component that
     matters are among the points, so that steps stay steep.
     """
-    low, high = law.support[0], law.quantile(least)
-    heavy = law.weight >= least
-    ends = np.concatenate((law.shift[heavy], law.upper[heavy], np.linspace(low, high, points)))
+    low, high = distribution.support[0], distribution.quantile(least)
+    heavy = distribution.weight >= least
+    ends = np.concatenate(
+        (distribution.shift[heavy], distribution.upper[heavy], np.linspace(low, high, points))
+    )
     x = np.unique(ends[(ends >= low) & (ends <= high)])
-    return x / TICKS_PER_MS, law.tail(x)
+    return x / TICKS_PER_MS, distribution.tail(x)
 
 
 def _ms(ticks: float | None) -> float | None:
     return None if ticks is None else round(ticks / TICKS_PER_MS, 6)
 
 
-def over_mission(law: Law, mission: int, level: float) -> float:
+def over_mission(distribution: Distribution, mission: int, level: float) -> float:
     """What the longest scan of a mission exceeds with a probability, in ticks (D8202 before rounding)."""
-    scans = max(1.0, mission / law.mean)
+    scans = max(1.0, mission / distribution.mean)
     # P(maximum > x) = 1 - (1 - p)^scans = level
-    return law.quantile(-math.expm1(math.log1p(-level) / scans))
+    return distribution.quantile(-math.expm1(math.log1p(-level) / scans))
 
 
 def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
@@ -175,33 +179,35 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
     if not model.valid:
         return Figures(model, valid=False, reasons=model.reasons)
     solved = Solved(model)
-    law = solved.law
-    scans = YEAR / law.mean
+    distribution = solved.distribution
+    scans = YEAR / distribution.mean
     chances = {s.number: f for s, f in zip(model.stations, solved.fails, strict=True) if s.alive}
     lost = ride_through(model)
-    found = [detection(model, law, station) for station in model.alive]
+    found = [detection(model, distribution, station) for station in model.alive]
     slowest = None
     if found:
         number = max(found, key=lambda d: d.mean).station
-        slowest = detection(model, law, model.station(number), tuple(request.levels.values()))
+        slowest = detection(model, distribution, model.station(number), tuple(request.levels.values()))
     return Figures(
         model,
         valid=True,
         reasons=(),
-        law=law,
-        mean=law.mean,
-        sd=math.sqrt(law.variance),
+        distribution=distribution,
+        mean=distribution.mean,
+        sd=math.sqrt(distribution.variance),
         shortest=clean_scan(model, slowest=False),
         longest_clean=clean_scan(model, slowest=True),
         worst_case=longest_scan(model),
-        quantiles={key: law.quantile(level) for key, level in request.levels.items()},
-        over={x: float(law.tail(float(x))) for x in request.deadlines},
+        quantiles={key: distribution.quantile(level) for key, level in request.levels.items()},
+        over={x: float(distribution.tail(float(x))) for x in request.deadlines},
         error_per_scan={k: f.error for k, f in chances.items()},
         error_per_year={k: _once(f.error, scans) for k, f in chances.items()},
         errors_per_year=scans * sum(f.error for f in chances.values()),
         onsets_per_year=scans * sum(f.onset for f in chances.values()),
         mission=request.mission,
-        maximum={key: over_mission(law, request.mission, p) for key, p in (("p50", 0.5), ("p99", 0.01))},
+        maximum={
+            key: over_mission(distribution, request.mission, p) for key, p in (("p50", 0.5), ("p99", 0.01))
+        },
         silence=lost.silence if chances else None,
         corruption=lost.corruption if chances else None,
         one_dead=dead_means(solved, 1),
@@ -222,28 +228,30 @@ def _refreshes(solved: Solved, request: Request) -> dict[str, Refresh]:
     model = solved.model
     known: dict[int, tuple[dict[str, float | None], float | None]] = {}
     found = {}
-    for (source, receiver), gap in gap_laws(solved).items():
+    for (source, receiver), gap in gap_distributions(solved).items():
         # Laws of pairs that do not differ are one object; only the PLCs' scans may.
-        if id(gap.law) not in known:
-            quantiles = {key: _resolved(gap.law, level) for key, level in request.levels.items()}
-            known[id(gap.law)] = quantiles, _rare_gap(solved, gap, request.missed_per_year)
-        quantiles, rare = known[id(gap.law)]
+        if id(gap.distribution) not in known:
+            quantiles = {key: _resolved(gap.distribution, level) for key, level in request.levels.items()}
+            known[id(gap.distribution)] = quantiles, _rare_gap(solved, gap, request.missed_per_year)
+        quantiles, rare = known[id(gap.distribution)]
         preset = None if rare is None else _preset(model, gap, rare)
-        found[f"{model.name(source)}->{model.name(receiver)}"] = Refresh(gap.law.mean, quantiles, preset)
+        found[f"{model.name(source)}->{model.name(receiver)}"] = Refresh(
+            gap.distribution.mean, quantiles, preset
+        )
     return found
 
 
-def _resolved(law: Law, level: float) -> float | None:
-    return law.quantile(level) if 0 < level < 1 and law.lost <= _RESOLVED * level else None
+def _resolved(distribution: Distribution, level: float) -> float | None:
+    return distribution.quantile(level) if 0 < level < 1 and distribution.lost <= _RESOLVED * level else None
 
 
-def _rare_gap(solved: Solved, gap: GapLaw, per_year: float) -> float | None:
-    """The gap in ticks that is exceeded so often a year, None where the law does not reach so far."""
-    gaps = YEAR / solved.law.mean * gap.per_scan
-    return _resolved(gap.law, min(0.5, per_year / gaps))
+def _rare_gap(solved: Solved, gap: GapDistribution, per_year: float) -> float | None:
+    """The gap in ticks that is exceeded so often a year, None where the distribution does not reach so far."""
+    gaps = YEAR / solved.distribution.mean * gap.per_scan
+    return _resolved(gap.distribution, min(0.5, per_year / gaps))
 
 
-def _preset(model: LinkModel, gap: GapLaw, x: float) -> int:
+def _preset(model: LinkModel, gap: GapDistribution, x: float) -> int:
     """A heartbeat's preset in ticks, a multiple of 10 ms; see :class:`Refresh`."""
     unit = 10 * TICKS_PER_MS
     return math.ceil((x + model.scans_between(gap.source, gap.receiver)) / unit) * unit

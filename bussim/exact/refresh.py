@@ -2,7 +2,7 @@
 
 A gap runs from reception to reception. In a scan in which the receiver has not heard the source's
 block its copy grows one scan older; the master may have heard the same frame, so no flag tells. The
-law of a gap is a chain: the rest of the exchange after a reception, the other stations' exchanges,
+distribution of a gap is a chain: the rest of the exchange after a reception, the other stations' exchanges,
 whole scans without a reception, and the exchange up to the next one. Flags and the line's state go
 with it.
 
@@ -21,30 +21,30 @@ import numpy as np
 
 from bussim.exact.bursts.channel import Matrix
 from bussim.exact.bursts.exchange import poll_path
-from bussim.exact.bursts.state_mixture import Terms, Vectors, failures
+from bussim.exact.bursts.state_mixture import StateMixture, StateTerms, failures
 from bussim.exact.link import MASTER, LinkModel, Station
-from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import spread_of
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import AbsentStation
 
-#: Lobes lighter than this are dropped. A chain ends when so little of it is left, or after so many scans.
+#: Components lighter than this are dropped. A chain ends when so little of it is left, or after so many scans.
 FLOOR = 1e-17
 ENOUGH = 1e-15
 LONGEST_CHAIN = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GapLaw:
-    """The law of the time between refreshes of one (source, receiver) pair.
+class GapDistribution:
+    """The distribution of the time between refreshes of one (source, receiver) pair.
 
-    ``law`` in ticks; its ``lost`` weight is the chance of a gap longer than the chain that was worked
+    ``distribution`` in ticks; its ``lost`` weight is the chance of a gap longer than the chain that was worked
     out. ``per_scan`` is the expected number of receptions a link scan.
     """
 
     source: int
     receiver: int
-    law: Law
+    distribution: Distribution
     per_scan: float
 
 
@@ -55,12 +55,12 @@ class _Heard(NamedTuple):
     more ticks and then the next attempt. ``missed``: not heard and answered. The rest fails unheard.
     """
 
-    clean: Terms
-    torn: Terms
-    headless: Terms
-    after_torn: Terms
-    after_headless: Terms
-    missed: Terms
+    clean: StateTerms
+    torn: StateTerms
+    headless: StateTerms
+    after_torn: StateTerms
+    after_headless: StateTerms
+    missed: StateTerms
     fails: tuple[tuple[float, int, Matrix], tuple[float, int, Matrix]]
 
 
@@ -71,20 +71,22 @@ def pairs(model: LinkModel) -> list[tuple[int, int]]:
     return [(s, r) for s in sources for r in (MASTER, *hearing) if s != r]
 
 
-def gap_laws(solved: Solved, floor: float = FLOOR, *, by_place: bool = True) -> dict[tuple[int, int], GapLaw]:
-    """The laws of all pairs; lobes lighter than ``floor`` are dropped.
+def gap_distributions(
+    solved: Solved, floor: float = FLOOR, *, by_place: bool = True
+) -> dict[tuple[int, int], GapDistribution]:
+    """The distributions of all pairs; components lighter than ``floor`` are dropped.
 
-    Pairs that do not differ share one law. Equal stations at different places in the scan differ only
+    Pairs that do not differ share one distribution. Equal stations at different places in the scan differ only
     by where a parameter frame falls (4 ms at the chance of an error); without ``by_place`` and bursts
-    they share the first one's law as well.
+    they share the first one's distribution as well.
     """
     model = solved.model
-    known: dict[tuple[object, ...], GapLaw] = {}
+    known: dict[tuple[object, ...], GapDistribution] = {}
     found = {}
     for source, receiver in pairs(model):
         key = _alike(model, source, receiver, by_place=by_place)
         if key not in known:
-            known[key] = gap_law(solved, source, receiver, floor)
+            known[key] = gap_distribution(solved, source, receiver, floor)
         found[source, receiver] = replace(known[key], source=source, receiver=receiver)
     return found
 
@@ -110,8 +112,8 @@ def _needs_poll(model: LinkModel, source: int) -> bool:
     return source > 1 and not model.station(source - 1).alive
 
 
-def gap_law(solved: Solved, source: int, receiver: int, floor: float = FLOOR) -> GapLaw:
-    """The law of the time between refreshes of a source's block in a receiver (station numbers)."""
+def gap_distribution(solved: Solved, source: int, receiver: int, floor: float = FLOOR) -> GapDistribution:
+    """The distribution of the time between refreshes of a source's block in a receiver (station numbers)."""
     chain = _Chain(solved, floor)
     if source == MASTER:
         return chain.of_master(receiver)
@@ -128,32 +130,35 @@ class _Chain:
 
     # -- the master's data frame -------------------------------------------------------------------
 
-    def of_master(self, receiver: int) -> GapLaw:
+    def of_master(self, receiver: int) -> GapDistribution:
         model = self.model
-        fate = self.line.fate(poll_path(model, receiver), model.data_bits)
-        missed, taken = Terms.single(model.data, fate.hit), Terms.single(model.data, fate.clean)
-        heard = self.chain.begun().times(fate.clean)
+        outcome = self.line.outcome(poll_path(model, receiver), model.data_bits)
+        missed, taken = (
+            StateTerms.single(model.data, outcome.hit),
+            StateTerms.single(model.data, outcome.clean),
+        )
+        heard = self.chain.begun().times(outcome.clean)
         scale = heard.total
-        found: list[Vectors] = []
-        lobes = self._rest(heard, None)
+        found: list[StateMixture] = []
+        components = self._rest(heard, None)
         for _ in range(LONGEST_CHAIN):
-            found.append(lobes.then(taken, self.floor))
-            lobes = self._rest(lobes.then(missed, self.floor), None)
-            if lobes.total <= ENOUGH:
+            found.append(components.then(taken, self.floor))
+            components = self._rest(components.then(missed, self.floor), None)
+            if components.total <= ENOUGH:
                 break
-        law = found[0].mixed(*found[1:]).law(self.sums, scale)
-        return GapLaw(MASTER, receiver, law, scale)
+        distribution = found[0].mixed(*found[1:]).distribution(self.sums, scale)
+        return GapDistribution(MASTER, receiver, distribution, scale)
 
     # -- a slave's reply ---------------------------------------------------------------------------
 
-    def of_slave(self, station: Station, receiver: int) -> GapLaw:
+    def of_slave(self, station: Station, receiver: int) -> GapDistribution:
         heard = self._heard(station, receiver)
         mark = self.chain.mark(station)
-        found: list[Vectors] = []
-        after: list[Vectors] = []  # at the end of an exchange that the gap began in
+        found: list[StateMixture] = []
+        after: list[StateMixture] = []  # at the end of an exchange that the gap began in
         scale = 0.0
-        for lobes, attempts in self._by_attempts(self.chain.begun_exchange(station), station):
-            before = lobes
+        for components, attempts in self._by_attempts(self.chain.begun_exchange(station), station):
+            before = components
             for left in range(attempts - 1, -1, -1):
                 over = before.times(heard.clean.matrix[0])
                 scale += over.total
@@ -168,38 +173,38 @@ class _Chain:
                         found.append(again.then(self._taken(heard, left), self.floor))
                     after.append(again.then(self._unheard(heard, left, mark), self.floor))
                 before = before.times(self._failed(heard))
-        lobes = self._rest(after[0].mixed(*after[1:]), station)
+        components = self._rest(after[0].mixed(*after[1:]), station)
         for _ in range(LONGEST_CHAIN):
             unheard = []
-            for part, attempts in self._by_attempts(lobes, station):
+            for part, attempts in self._by_attempts(components, station):
                 found.append(part.then(self._taken(heard, attempts), self.floor))
                 unheard.append(part.then(self._unheard(heard, attempts, mark), self.floor))
-            lobes = self._rest(unheard[0].mixed(*unheard[1:]), station)
-            if lobes.total <= ENOUGH:
+            components = self._rest(unheard[0].mixed(*unheard[1:]), station)
+            if components.total <= ENOUGH:
                 break
-        law = found[0].mixed(*found[1:]).law(self.sums, scale)
-        return GapLaw(station.number, receiver, law, scale)
+        distribution = found[0].mixed(*found[1:]).distribution(self.sums, scale)
+        return GapDistribution(station.number, receiver, distribution, scale)
 
-    def _by_attempts(self, lobes: Vectors, station: Station) -> list[tuple[Vectors, int]]:
-        """Lobes by the number of attempts that the station's flag allows (the flag then taken off)."""
+    def _by_attempts(self, components: StateMixture, station: Station) -> list[tuple[StateMixture, int]]:
+        """Components by the number of attempts that the station's flag allows (the flag then taken off)."""
         model = self.model
         if model.absent is AbsentStation.FULL:
-            return [(lobes, model.attempts)]
-        off, on = lobes.parted(self.chain.mark(station))
+            return [(components, model.attempts)]
+        off, on = components.parted(self.chain.mark(station))
         return [(off, model.attempts)] + ([(on, 1)] if on.shift.size else [])
 
-    def _rest(self, lobes: Vectors, source: Station | None) -> Vectors:
+    def _rest(self, components: StateMixture, source: Station | None) -> StateMixture:
         """From the end of the source's exchange (None: the master's data frame) to its next one's start."""
         model, chain = self.model, self.chain
         place = -1 if source is None else model.stations.index(source)
         for station in model.stations[place + 1 :]:
-            lobes = chain.followed(lobes, station, self.floor).thinned(self.sums)
-        lobes = chain.turned(lobes)
+            components = chain.followed(components, station, self.floor).thinned(self.sums)
+        components = chain.turned(components)
         if source is not None:
-            lobes = lobes.times(self.line.after(model.data), model.data)
+            components = components.times(self.line.after(model.data), model.data)
         for station in model.stations[: max(place, 0)]:
-            lobes = chain.followed(lobes, station, self.floor).thinned(self.sums)
-        return lobes
+            components = chain.followed(components, station, self.floor).thinned(self.sums)
+        return components
 
     # -- one attempt at the source -----------------------------------------------------------------
 
@@ -208,24 +213,24 @@ class _Chain:
         model, line = self.model, self.line
         noise = model.noise
         gap = line.after(model.gap)
-        poll = line.fate(poll_path(model, station.number), model.poll_bits)
+        poll = line.outcome(poll_path(model, station.number), model.poll_bits)
         polled = gap @ poll.clean
         replied = (1 - station.loss) * (polled @ line.turnaround(station))
         ear = () if receiver == MASTER else noise.in_receiver(receiver)
-        fate = line.reply(noise.on_wire(station.number), noise.in_receiver(MASTER), ear, model.data_bits)
+        outcome = line.reply(noise.on_wire(station.number), noise.in_receiver(MASTER), ear, model.data_bits)
         nothing = np.zeros_like(gap)
         if receiver == MASTER:
-            clean = (fate.clean[0] + fate.clean[1], nothing)
-            torn, headless = (nothing, sum(fate.torn)), (nothing, sum(fate.headless))
+            clean = (outcome.clean[0] + outcome.clean[1], nothing)
+            torn, headless = (nothing, sum(outcome.torn)), (nothing, sum(outcome.headless))
         else:
             # A listener whose open poll was not closed takes the reply only if it heard this poll.
             p = 1.0
             if _needs_poll(model, station.number):
-                clean_bits = line.fate(ear, model.poll_bits).clean.sum(axis=1)
+                clean_bits = line.outcome(ear, model.poll_bits).clean.sum(axis=1)
                 p = float(line.stationary @ clean_bits)
             clean, torn, headless = (
                 (p * heard, missed + (1 - p) * heard)
-                for heard, missed in (fate.clean, fate.torn, fate.headless)
+                for heard, missed in (outcome.clean, outcome.torn, outcome.headless)
             )
         unit = self.sums.unit(station.turnaround)
         least, width = spread_of(station.turnaround)
@@ -238,12 +243,14 @@ class _Chain:
         rest = float(model.silent_cost) - whole
         mirrored = not station.turnaround.values and unit != 0
         return _Heard(
-            clean=Terms.single(whole, replied @ clean[0], unit),
-            torn=Terms.single(whole, replied @ torn[0], unit),
-            headless=Terms.single(whole, replied @ headless[0], unit),
-            after_torn=Terms.single(model.quiet, line.after(model.quiet)),
-            after_headless=Terms.single(rest - width if mirrored else rest, wait, unit if mirrored else 0),
-            missed=Terms.single(whole, replied @ clean[1], unit),
+            clean=StateTerms.single(whole, replied @ clean[0], unit),
+            torn=StateTerms.single(whole, replied @ torn[0], unit),
+            headless=StateTerms.single(whole, replied @ headless[0], unit),
+            after_torn=StateTerms.single(model.quiet, line.after(model.quiet)),
+            after_headless=StateTerms.single(
+                rest - width if mirrored else rest, wait, unit if mirrored else 0
+            ),
+            missed=StateTerms.single(whole, replied @ clean[1], unit),
             fails=((float(model.silent_cost), 0, silent), (whole + model.quiet, unit, torn_missed)),
         )
 
@@ -253,16 +260,16 @@ class _Chain:
         ended = ended + heard.headless.matrix[0] @ heard.after_headless.matrix[0]
         return np.asarray(ended + heard.fails[0][2] + heard.fails[1][2], dtype=np.float64)
 
-    def _unheard(self, heard: _Heard, attempts: int, mark: int) -> Terms:
+    def _unheard(self, heard: _Heard, attempts: int, mark: int) -> StateTerms:
         """An exchange of which the receiver hears nothing: answered, or in error, which sets ``mark``."""
         levels = failures(*heard.fails, attempts)
         shift, code, matrix = float(heard.missed.shift[0]), int(heard.missed.code[0]), heard.missed.matrix[0]
         parts = [(s + shift, c + code, m @ matrix) for level in levels[:-1] for s, c, m in level]
-        return Terms.of(parts + [(s, c | mark, m) for s, c, m in levels[-1]])
+        return StateTerms.of(parts + [(s, c | mark, m) for s, c, m in levels[-1]])
 
-    def _taken(self, heard: _Heard, attempts: int) -> Terms:
+    def _taken(self, heard: _Heard, attempts: int) -> StateTerms:
         """An exchange up to the first reception."""
         levels = failures(*heard.fails, max(attempts - 1, 0))
         takes = heard.clean.matrix[0] + heard.torn.matrix[0] + heard.headless.matrix[0]
         shift, code = float(heard.clean.shift[0]), int(heard.clean.code[0])
-        return Terms.of([(s + shift, c + code, m @ takes) for level in levels for s, c, m in level])
+        return StateTerms.of([(s + shift, c + code, m @ takes) for level in levels for s, c, m in level])

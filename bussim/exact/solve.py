@@ -1,11 +1,11 @@
-"""The law of a link scan and the stations' chances of error, for any noise that can be worked out."""
+"""The distribution of a link scan and the stations' chances of error, for any noise that can be worked out."""
 
 from __future__ import annotations
 
 from bussim.exact.bursts.scan_chain import ScanChain
 from bussim.exact.link import LinkModel
-from bussim.exact.scan.memoryless import Fails, fails_of, odds_of, scan_law
-from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.memoryless import Fails, fails_of, probabilities_of, scan_distribution
+from bussim.exact.scan.mixture import Distribution
 
 
 class Solved:
@@ -20,7 +20,7 @@ class Solved:
             raise ValueError("; ".join(model.reasons))
         self.model = model
         self._chain: ScanChain | None = None
-        self._law: Law | None = None
+        self._distribution: Distribution | None = None
         self._fails: tuple[Fails, ...] | None = None
 
     @property
@@ -31,11 +31,13 @@ class Solved:
         return self._chain
 
     @property
-    def law(self) -> Law:
-        """The law of the link scan time, in ticks."""
-        if self._law is None:
-            self._law = scan_law(self.model) if self.model.noise.memoryless else self.chain.law()
-        return self._law
+    def distribution(self) -> Distribution:
+        """The distribution of the link scan time, in ticks."""
+        if self._distribution is None:
+            self._distribution = (
+                scan_distribution(self.model) if self.model.noise.memoryless else self.chain.distribution()
+            )
+        return self._distribution
 
     @property
     def fails(self) -> tuple[Fails, ...]:
@@ -43,7 +45,10 @@ class Solved:
         if self._fails is None:
             model = self.model
             if model.noise.memoryless:
-                self._fails = tuple(fails_of(odds, model.attempts, model.absent) for odds in odds_of(model))
+                self._fails = tuple(
+                    fails_of(probabilities, model.attempts, model.absent)
+                    for probabilities in probabilities_of(model)
+                )
             else:
                 self._fails = self.chain.fails()
         return self._fails

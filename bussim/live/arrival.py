@@ -1,9 +1,9 @@
-"""Characters out of lumps: when each was on the wire, as far as the system lets one know.
+"""Characters out of chunks: when each was on the wire, as far as the system lets one know.
 
-A system hands bytes over some time after they came, several at once. What is known is when a lump
-was read and how long a character takes at least; what is assumed is that the characters of a lump
+A system hands bytes over some time after they came, several at once. What is known is when a chunk
+was read and how long a character takes at least; what is assumed is that the characters of a chunk
 came back to back and that the last one had just ended. No character is placed before the end of
-what was heard or sent before it: where the lump does not fit in between (a pseudo-terminal, on which
+what was heard or sent before it: where the chunk does not fit in between (a pseudo-terminal, on which
 bytes take no time), its characters share the time that there is.
 """
 
@@ -29,8 +29,8 @@ class Arrivals:
         #: End of what was heard or sent last.
         self.busy_until = 0
 
-    def lump(self, data: bytes, arrived: int) -> list[Timed]:
-        """The characters of a lump that was read at ``arrived``, in order."""
+    def chunk(self, data: bytes, arrived: int) -> list[Timed]:
+        """The characters of a chunk that was read at ``arrived``, in order."""
         count = len(data)
         timing, mask = self._timing, self._mask
         begun = max(arrived - timing.characters(count), self.busy_until)

@@ -30,7 +30,7 @@ from serial.rs485 import RS485Settings
 
 from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
-from bussim.live.options import LUMP, Direction, PortOptions
+from bussim.live.options import CHUNK, Direction, PortOptions
 
 if sys.platform == "win32":
     _SETTING_ERRORS: tuple[type[Exception], ...] = ()
@@ -145,7 +145,7 @@ class SerialEndpoint:
         ready, _, _ = select.select((self.handle,), (), (), timeout)
         if not ready:
             return b""
-        data = os.read(self.handle, LUMP)
+        data = os.read(self.handle, CHUNK)
         if not data:
             raise OSError("the other side has closed the connection")
         return data
@@ -154,7 +154,7 @@ class SerialEndpoint:
         """For Windows and for ports that are no file: look again and again."""
         until = time.perf_counter() + timeout
         while True:
-            data = self._port.read(LUMP)
+            data = self._port.read(CHUNK)
             left = until - time.perf_counter()
             if data or left <= 0:
                 return bytes(data)

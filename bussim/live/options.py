@@ -8,7 +8,7 @@ from enum import StrEnum
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 #: Bytes that a port reads at once. More stay with the system: memory is bounded whatever comes.
-LUMP = 4096
+CHUNK = 4096
 
 
 class Direction(StrEnum):
@@ -24,7 +24,7 @@ class PortOptions:
     """Settings of one port. Times in ticks.
 
     ``tolerance`` is added to every silence that damages a frame or ends an unfinished one, because
-    bytes come from the system in lumps (an FTDI adapter holds them back for up to 16 ms). A frame
+    bytes come from the system in chunks (an FTDI adapter holds them back for up to 16 ms). A frame
     that is whole and sound ends after the protocol's own silence all the same.
 
     ``paced`` sends a byte only when it could leave at the line's rate. ``echo``: the adapter hears

@@ -12,7 +12,7 @@ from bussim.live.wire import Wire
 class LivePort:
     """Drives one :class:`~bussim.live.wire.Wire`; a single thread calls :meth:`step` again and again.
 
-    ``on_chars`` is told what was heard, lump by lump. ``on_sent(first_edge, end)`` is told when a
+    ``on_chars`` is told what was heard, chunk by chunk. ``on_sent(first_edge, end)`` is told when a
     transmission has left; on a wire that takes its time that is worked out from rate and format. If
     somebody else is heard before, all of it had left already. ``on_lost`` and ``on_back`` are told
     of the port itself, with the tick; what was to be sent is forgotten then.
@@ -139,4 +139,4 @@ class LivePort:
                 return
         if self._end is not None and self._written == len(self._out):
             self._sent(min(self._end, arrived))
-        self._on_chars(self._arrivals.lump(data, arrived))
+        self._on_chars(self._arrivals.chunk(data, arrived))

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from bussim.errors import UsageError
-from bussim.live.options import LUMP
+from bussim.live.options import CHUNK
 
 assert sys.platform != "win32"  # noqa: S101 - tells the type checker; nothing imports this there
 
@@ -52,7 +52,7 @@ class PseudoTerminal:
     def read(self, timeout: float) -> bytes:
         """See the protocol."""
         ready, _, _ = select.select((self._inner,), (), (), timeout)
-        return os.read(self._inner, LUMP) if ready else b""
+        return os.read(self._inner, CHUNK) if ready else b""
 
     def write(self, data: bytes) -> int:
         """See the protocol."""

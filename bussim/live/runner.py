@@ -134,8 +134,8 @@ class EngineRunner:
         """Do what is due, and wait for something to happen, at the longest until a tick."""
         self._begin()
         heard = self.port.step(min(until, self._next()))
-        # What was heard up to now comes before a deadline that is over: it may be more than one lump.
-        for _ in range(_MORE_LUMPS):
+        # What was heard up to now comes before a deadline that is over: it may be more than one chunk.
+        for _ in range(_MORE_CHUNKS):
             if not heard:
                 break
             heard = self.port.step(self.clock.now())
@@ -261,4 +261,4 @@ class EngineRunner:
 
 _NEVER = 1 << 62
 #: Lumps that are taken before a deadline that is over has its turn: four times the longest frame.
-_MORE_LUMPS = 4
+_MORE_CHUNKS = 4

@@ -20,7 +20,7 @@ class WireCounts:
     received: int = 0  # bytes
     sent: int = 0  # bytes that the system took
     dropped: int = 0  # bytes that it did not take, or that were sent while the port was lost
-    lumps: int = 0  # reads that gave something
+    chunks: int = 0  # reads that gave something
     losses: int = 0  # times that the port was lost
     retries: int = 0  # attempts to open it again
     returns: int = 0  # times that it came back
@@ -116,7 +116,7 @@ class Wire:
             return b""
         if data:
             self.counts.received += len(data)
-            self.counts.lumps += 1
+            self.counts.chunks += 1
         return data
 
     def write(self, data: bytes) -> None:

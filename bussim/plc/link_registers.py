@@ -125,7 +125,7 @@ def worst_turnaround(profile: Profile, longest_scan: int) -> int:
     return profile.turnaround.longest + waiting
 
 
-class LinkBoard:
+class LinkRegisters:
     """The link's board of one PLC. ``engine`` is None in STOP and after bad parameters.
 
     ``errors`` is what the PLC's ports share of M8063 and D8063.

@@ -11,11 +11,11 @@ from bussim.engines.nn.master import Master
 from bussim.line.random_streams import Streams
 from bussim.plc.errors import SerialErrors
 from bussim.plc.inputs import Change, Stimulus
-from bussim.plc.link_registers import LinkBoard, LinkEngine, setting_defaults
+from bussim.plc.link_registers import LinkEngine, LinkRegisters, setting_defaults
 from bussim.plc.logic import Logic
 from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports.cpavl import COM2_STATION
-from bussim.plc.ports.port_registers import Maps, PortBoard
+from bussim.plc.ports.port_registers import Maps, PortRegisters
 from bussim.plc.ports.rs2 import Drive, Rs2, port_of
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
@@ -77,13 +77,13 @@ class Plc:
         self.cycle = ScanCycle(streams.generator("scan", name))
         self.memory = Memory()
         self.errors = SerialErrors(self.memory)
-        self.board = LinkBoard(profile, self.memory, self.errors)
+        self.link_registers = LinkRegisters(profile, self.memory, self.errors)
         #: Its ports beside the link, by name.
-        self.boards = {
-            spec.name: PortBoard(spec, [poll for poll in polls if poll.port == spec.name], profile, maps)
+        self.port_registers = {
+            spec.name: PortRegisters(spec, [poll for poll in polls if poll.port == spec.name], profile, maps)
             for spec in ports
         }
-        self._board_list = tuple(self.boards.values())
+        self._port_list = tuple(self.port_registers.values())
         #: Set by whoever connects the PLC to a link.
         self.received: Received | None = None
         #: Called before the link's status is published: others may have listened for its engine.
@@ -126,7 +126,7 @@ class Plc:
 
     def longest_scan(self) -> int:
         """The longest scan while N:N runs, in ticks, a transaction on every other port included."""
-        return sum(self.scan_under_link()) + len(self.boards) * self.profile.transaction_time
+        return sum(self.scan_under_link()) + len(self.port_registers) * self.profile.transaction_time
 
     # -- supply and mode switch --------------------------------------------------------------------
 
@@ -139,7 +139,7 @@ class Plc:
         for device, value in self._registers.items():
             self.memory.set(device, value)
         self.errors = SerialErrors(self.memory)
-        self.board = LinkBoard(self.profile, self.memory, self.errors)
+        self.link_registers = LinkRegisters(self.profile, self.memory, self.errors)
         for port, code in self._board_errors:
             self.errors.report((port, code), port, code)
         if self._program is not None or self._inputs:
@@ -167,14 +167,14 @@ class Plc:
         spent = self.logic.run(now) if self.logic is not None else 0
         self._look_for_halt(now)
         mean, jitter = self.scan_under_link()
-        engine = self.board.take_over(self.longest_scan(), traced=traced) if self._linked else None
+        engine = self.link_registers.take_over(self.longest_scan(), traced=traced) if self._linked else None
         if engine is None:
             mean, jitter = self._scan
         self.state = PlcState.RUN
         self._driven = self._taken = -1
         self._done = now - 1
-        for board in self.boards.values():
-            board.take_over(self.memory, self.errors, now)
+        for port in self.port_registers.values():
+            port.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
         first_end = self.cycle.run(now, mean, jitter, self._phase)
         if spent and (self._phase is None or self._halted):
@@ -188,11 +188,11 @@ class Plc:
         """RUN→STOP: what had arrived by the last END stays in memory. An END at ``now`` does not happen."""
         self.sync(now - 1)
         self.cycle.stop(now - 1)
-        self.board.release()
-        for board in self.boards.values():
-            board.release(now)
+        self.link_registers.release()
+        for port in self.port_registers.values():
+            port.release(now)
         if self.logic is not None:
-            self.tell_faults(now)
+            self.record_faults(now)
             self.logic.stop()
         self.state = PlcState.STOP
 
@@ -216,14 +216,14 @@ class Plc:
     def parameters(self, settings: LinkSettings, now: int) -> None:
         """A slave has learnt the master's settings: its block may lie elsewhere now."""
         self.sync(now - 1)  # what came in another mode
-        self.board.parameters(settings)
+        self.link_registers.parameters(settings)
         self._taken = -1
         self._image, self._image_until = None, -1
 
     def refuse(self, now: int) -> None:
         """The master asks for a mode that this family does not have: no link."""
         self.sync(now - 1)
-        self.board.refuse()
+        self.link_registers.refuse()
 
     # -- END ---------------------------------------------------------------------------------------
 
@@ -242,7 +242,7 @@ class Plc:
             return image
         if end is not None:
             self._drive(end)
-        place = self.board.place
+        place = self.link_registers.place
         fresh = self.memory.block_image(place) if place is not None else b""
         self._image_until = self._next_change(end)
         if image is None or fresh != image:
@@ -253,7 +253,7 @@ class Plc:
     def _frozen_image(self) -> bytes:
         """The block as the latest END left it, which the scan under way does not change."""
         assert self.logic is not None  # noqa: S101 - narrows the type; asked for only then
-        place = self.board.place
+        place = self.link_registers.place
         fresh = self.logic.image(place) if place is not None else b""
         if self._image is None or fresh != self._image:
             self._image = fresh
@@ -288,7 +288,7 @@ class Plc:
         """The link's status shows in the special devices."""
         if self.before_status is not None:
             self.before_status()
-        self.board.publish()
+        self.link_registers.publish()
 
     def _arrive(self, end: int) -> None:
         """An END: sources and received blocks show in memory, once."""
@@ -309,8 +309,8 @@ class Plc:
         if self.every_end:
             return self.cycle.next_end(self._done + 1 if self._done >= now else now, now)
         wanted: int | None = None
-        for board in self._board_list:
-            tick = board.wanted_end(now)
+        for port in self._port_list:
+            tick = port.wanted_end(now)
             if tick is not None and (wanted is None or tick < wanted):
                 wanted = tick
         return None if wanted is None else self.cycle.next_end(max(wanted, self._done + 1, now), now)
@@ -318,7 +318,7 @@ class Plc:
     @property
     def has_ends(self) -> bool:
         """Whether any END may have to be carried out: it has ports, a program, inputs or observed devices."""
-        return bool(self.boards or self._program or self._inputs or self._observed)
+        return bool(self.port_registers or self._program or self._inputs or self._observed)
 
     def end(self, now: int) -> dict[str, int]:
         """Carry out the END at ``now``; returns hints for each port's engine.
@@ -328,17 +328,19 @@ class Plc:
         ``transaction_time`` for each port with a transaction under way, and by its instructions' time.
         """
         self._done = now
-        logic, boards = self.logic, self.boards
+        logic, port_registers = self.logic, self.port_registers
         if self._errors or self._halt is not None:
-            self.tell_faults(now)
+            self.record_faults(now)
         self._arrive(now)
-        if self.every_end or (self._linked and any(board.shows_memory for board in boards.values())):
+        if self.every_end or (
+            self._linked and any(port.shows_memory for port in port_registers.values())
+        ):
             self._publish()
         hints: dict[str, int] = {}
         active = 0
-        for name, board in boards.items():
-            hints[name] = board.at_end(now)
-            active += board.active
+        for name, each in port_registers.items():
+            hints[name] = each.at_end(now)
+            active += each.active
         extra = active * self.profile.transaction_time
         self._image_until = -1
         if self._observed:
@@ -368,7 +370,7 @@ class Plc:
             self._halted = True
             self._halt = self.logic.halt(begun)
 
-    def tell_faults(self, now: int) -> None:
+    def record_faults(self, now: int) -> None:
         """Tell what was met since the latest END, without waiting for the next one."""
         errors, self._errors = self._errors, {}
         halt, self._halt = self._halt, None
@@ -402,12 +404,12 @@ class Plc:
         the protocol for it.
         """
         port = port_of(operands, self.memory)
-        board = self.boards.get(port) if port is not None else None
-        if board is None:
+        registers = self.port_registers.get(port) if port is not None else None
+        if registers is None:
             return Drive.REFUSED
         if driven:
-            return board.drive(instruction, operands, now)
-        board.undrive(instruction, now)
+            return registers.drive(instruction, operands, now)
+        registers.undrive(instruction, now)
         return Drive.OFF
 
     def cpavl(self, port: int, words: Device, bits: Device) -> bool:
@@ -415,23 +417,23 @@ class Plc:
 
         False if there is no such port, or they do not lie in memory.
         """
-        board = self.boards.get(f"COM{port}")
-        if board is None:
+        registers = self.port_registers.get(f"COM{port}")
+        if registers is None:
             return False
         try:
-            board.move(words, bits)
+            registers.move(words, bits)
         except ValueError:
             return False
         return True
 
     def _take(self, blocks: Iterable[tuple[int, bytes]]) -> None:
-        board = self.board
-        mode = board.mode
+        link_registers = self.link_registers
+        mode = link_registers.mode
         if mode is None:
             return
         for station, image in blocks:
-            if station != board.station and len(image) == MODES[mode].size:
-                self.memory.store_block(board.place_of(station, mode), image)
+            if station != link_registers.station and len(image) == MODES[mode].size:
+                self.memory.store_block(link_registers.place_of(station, mode), image)
 
     def read(self, name: str) -> int:
         """The value of a device by name, as the memory holds it (see :meth:`sync`)."""
@@ -440,5 +442,5 @@ class Plc:
     @property
     def master(self) -> Master | None:
         """The link's engine if this PLC is a working master."""
-        engine = self.board.engine
+        engine = self.link_registers.engine
         return engine if isinstance(engine, Master) else None

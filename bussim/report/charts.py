@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from bussim.report.picture import LOOKS, MARKS, look_of
 from bussim.report.scene import END, Scene
-from bussim.report.source import ExactLaw
+from bussim.report.source import ExactDistribution
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
 from bussim.results.meters.run_record import LinkRecord
@@ -37,13 +37,13 @@ AGES = Quantity("age of the word", "readings")
 
 def histogram_chart(
     histograms: Mapping[str, Histogram],
-    law: ExactLaw | None,
+    distribution: ExactDistribution | None,
     title: str,
     quantity: Quantity = SCANS,
     bounds: Mapping[str, float] | None = None,
     shown: tuple[float, float] | None = None,
 ) -> dict[str, Any]:
-    """Histograms by label, as (bin number, count); the law as (x in ms, P(scan > x)).
+    """Histograms by label, as (bin number, count); the distribution as (x in ms, P(scan > x)).
 
     Bins are 10 µs wide, or so many times wider that :data:`MOST_BINS` of them do. ``bounds`` (ms, by case)
     are marked; ``shown`` (ms) is what the axis shows at first (default: where the bins are).
@@ -67,8 +67,8 @@ def histogram_chart(
             }
             for label, histogram in histograms.items()
         ],
-        "law": _law_points(law),
-        "without": _without(law),
+        "law": _distribution_points(distribution),
+        "without": _without(distribution),
     }
 
 
@@ -125,8 +125,8 @@ def parts_chart(
     }
 
 
-def tail_chart(histogram: Histogram, law: ExactLaw | None, title: str) -> dict[str, Any]:
-    """How often a link scan takes longer than x: counted, and by the law."""
+def tail_chart(histogram: Histogram, distribution: ExactDistribution | None, title: str) -> dict[str, Any]:
+    """How often a link scan takes longer than x: counted, and by the distribution."""
     beyond, points = histogram.count, []
     for place in sorted(histogram.bins):
         beyond -= histogram.bins[place]
@@ -139,8 +139,8 @@ def tail_chart(histogram: Histogram, law: ExactLaw | None, title: str) -> dict[s
         "kind": "tail",
         "title": title,
         "counted": _thinned(points),
-        "law": _law_points(law),
-        "without": _without(law),
+        "law": _distribution_points(distribution),
+        "without": _without(distribution),
     }
 
 
@@ -150,14 +150,17 @@ def _thinned(points: list[list[float]]) -> list[list[float]]:
     return points[::-step][::-1]
 
 
-def _without(law: ExactLaw | None) -> str:
-    return " of the undisturbed line" if law is not None and law.notes else ""
+def _without(distribution: ExactDistribution | None) -> str:
+    return " of the undisturbed line" if distribution is not None and distribution.notes else ""
 
 
-def _law_points(law: ExactLaw | None) -> list[list[float]]:
-    if law is None:
+def _distribution_points(distribution: ExactDistribution | None) -> list[list[float]]:
+    if distribution is None:
         return []
-    points = [[round(x, 6), float(f"{p:.{_DIGITS}g}")] for x, p in zip(law.x, law.tail, strict=True)]
+    points = [
+        [round(x, 6), float(f"{p:.{_DIGITS}g}")]
+        for x, p in zip(distribution.x, distribution.tail, strict=True)
+    ]
     return _thinned(points)
 
 

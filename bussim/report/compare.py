@@ -161,5 +161,5 @@ def _errors(source: Source, bus: str) -> int | None:
 
 
 def _exact(source: Source, bus: str, get: Callable[[Mapping[str, Any]], Any]) -> Any:
-    law = source.laws.get(bus)
-    return get(law.figures) if law is not None and law.valid else None
+    distribution = source.distributions.get(bus)
+    return get(distribution.figures) if distribution is not None and distribution.valid else None

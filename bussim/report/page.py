@@ -154,15 +154,15 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
 def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
     link = source.summary["links"][bus]
     record = source.record.links[bus]
-    law = source.laws.get(bus)
+    distribution = source.distributions.get(bus)
     names = source.station_names(bus)
     some = [tables.link_figures(source, bus)]
     if link["scans"]:
         some.insert(0, tables.scan_times(source, bus))
     if link["station_errors"]:
         some.append(tables.stations(source, bus))
-    if law is not None and law.valid:
-        some.append(tables.exact_figures(bus, law))
+    if distribution is not None and distribution.valid:
+        some.append(tables.exact_figures(bus, distribution))
     if link["refresh_gap_ms"]:
         some.append(tables.refresh_gaps(source, bus))
     scene = source.scenes.get(bus)
@@ -172,8 +172,8 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         [
             *seen(link),
             *health(link, record.in_error, names, source.record.duration),
-            *expected(link, law),
-            *([source.no_law] if source.no_law else []),
+            *expected(link, distribution),
+            *([source.no_distribution] if source.no_distribution else []),
         ],
         _link_charts(source, bus, drawn) if link["scans"] else [],
         None if scene is None else _timeline(scene, drawn),
@@ -183,7 +183,7 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         tables.settings(source, bus),
         [
             (seat, mov_lines(source.summary["plcs"][seat]["registers"]))
-            for seat in record.seats
+            for seat in record.plc_names
             if seat in source.summary["plcs"]
         ],
     )
@@ -199,9 +199,9 @@ def _keys(source: Source, bus: str) -> list[Key]:
         Key("typical link scan", f"{usual:,.1f} ms"),
         Key("longest seen", f"{times['max']:,.1f} ms", f"at {times['max_at_s']:.2f} s"),
     ]
-    law = source.laws.get(bus)
-    if law is not None and law.valid:
-        figures = law.figures
+    distribution = source.distributions.get(bus)
+    if distribution is not None and distribution.valid:
+        figures = distribution.figures
         keys.append(Key("longest possible", f"{figures['worst_case_ms']:,.1f} ms"))
         onsets = figures["false_error_onsets_per_year"]
         if onsets is not None:
@@ -215,27 +215,31 @@ def _keys(source: Source, bus: str) -> list[Key]:
 
 def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
     record = source.record.links[bus]
-    histogram, law = record.scan_times.histogram, source.laws.get(bus)
-    law = law if law is not None and law.valid else None
+    histogram, distribution = record.scan_times.histogram, source.distributions.get(bus)
+    distribution = distribution if distribution is not None and distribution.valid else None
     times = source.summary["links"][bus]["scan_time_ms"]
-    beside = ", with the exact law over it" if law is not None else ""
+    beside = ", with the exact law over it" if distribution is not None else ""
     where = f"from {times['min']:.1f} to {times['max']:.1f} ms, mean {times['mean']:.1f} ms"
     one = drawn.add(
         charts.histogram_chart(
-            {source.label: histogram}, law, f"Histogram of the link scan time on bus {bus}"
+            {source.label: histogram}, distribution, f"Histogram of the link scan time on bus {bus}"
         ),
         f"Histogram of {histogram.count:,} link scan times, {where}{beside}.",
         tables.histogram_data(histogram, f"the link scan time on bus {bus}", charts.SCANS),
         "Bars: link scans counted."
-        + (" Line: how many the exact law expects in each bar of this width." if law is not None else ""),
+        + (
+            " Line: how many the exact law expects in each bar of this width."
+            if distribution is not None
+            else ""
+        ),
     )
     two = drawn.add(
-        charts.tail_chart(histogram, law, f"How often a link scan on bus {bus} takes longer"),
+        charts.tail_chart(histogram, distribution, f"How often a link scan on bus {bus} takes longer"),
         f"Share of link scans that take longer than x, on a logarithmic axis, {where}{beside}.",
         None,
         "Read: how large a share of all link scans takes longer than the time below.",
     )
-    faults = fault_spans(source.record.notes, {bus, *record.seats})
+    faults = fault_spans(source.record.notes, {bus, *record.plc_names})
     three = drawn.add(
         charts.over_run_chart(
             record, faults, source.record.duration, f"Link scan time on bus {bus} over the run"

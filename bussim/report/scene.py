@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from bussim.report.trace_window import Stretch, parts_of_scan, told
+from bussim.report.trace_window import TraceWindow, parts_of_scan, told
 from bussim.results.meters.timeline import Span
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import milliseconds, seconds
@@ -86,7 +86,7 @@ class Scene:
 
 @dataclass(slots=True)
 class _Painter:
-    stretch: Stretch
+    window: TraceWindow
     lanes: list[str] = field(default_factory=list)
     boxes: list[Box] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
@@ -96,11 +96,11 @@ class _Painter:
         return len(self.lanes) - 1
 
     def box(self, lane: int, start: int, end: int, kind: str, label: str, text: str) -> None:
-        if end > self.stretch.begin and start < self.stretch.end:
+        if end > self.window.begin and start < self.window.end:
             self.boxes.append(Box(lane, start, end, kind, label, text))
 
     def mark(self, lane: int, tick: int, kind: str, text: str) -> None:
-        if self.stretch.begin <= tick < self.stretch.end:
+        if self.window.begin <= tick < self.window.end:
             self.marks.append(Mark(lane, tick, kind, text))
 
     def scans(self, scans: Sequence[ScanRecord]) -> None:
@@ -118,7 +118,7 @@ class _Painter:
         lane = self.lane("attempts")
         for a in attempts:
             took = ms(a.end - a.start)
-            where = f"attempt {a.number} at {self.stretch.station(a.station)}"
+            where = f"attempt {a.number} at {self.window.station(a.station)}"
             if a.code:
                 text = f"{where}: {a.outcome}, code {a.code:02X}, given up after {took}"
                 self.box(lane, a.start, a.end, WAIT, f"try {a.number}: {a.outcome} ({a.code:02X})", text)
@@ -142,20 +142,20 @@ class _Painter:
                     self.box(lane, t.sent, t.end, WAIT, f"try {t.attempt}: {t.outcome}", text)
 
     def nodes(self) -> None:
-        stretch = self.stretch
-        numbers = {name: number for number, name in stretch.stations.items()}
-        senders = [f.sender for f in stretch.frames]
+        window = self.window
+        numbers = {name: number for number, name in window.stations.items()}
+        senders = [f.sender for f in window.frames]
         places: dict[str, int] = {}
-        for name in dict.fromkeys([*stretch.nodes, *senders]):
+        for name in dict.fromkeys([*window.nodes, *senders]):
             places[name] = self.lane(f"{numbers[name]} {name}" if name in numbers else name)
-        for frame in stretch.frames:
+        for frame in window.frames:
             self._frame(places[frame.sender], frame)
             for receiver, bits in frame.damaged_at.items():
                 if receiver in places:
                     for start, end, text in _damage(frame, bits):
                         heard = f"{receiver} hears {text} of {frame.sender} damaged"
                         self.box(places[receiver], start, end, HEARD_DAMAGE, "", heard)
-        for plc, ticks in stretch.ends.items():
+        for plc, ticks in window.ends.items():
             for name in (plc, *(n for n in places if n.startswith(f"{plc}."))):
                 if name in places:
                     for tick in ticks:
@@ -181,18 +181,18 @@ class _Painter:
             self.box(lane, frame.start, frame.end, LOST, "", text)
 
     def spans(self) -> None:
-        stretch = self.stretch
+        window = self.window
         faults: dict[str, list[Span]] = {}
-        for text, span in stretch.faults:
+        for text, span in window.faults:
             faults.setdefault(text, []).append(span)
         for text, spans in faults.items():
             self._spans("fault", spans, ACTING, text, text)
-        for station, flags in stretch.flags.items():
-            text = f"M{_FLAG + station} is on: {stretch.station(station)} is in error"
+        for station, flags in window.flags.items():
+            text = f"M{_FLAG + station} is on: {window.station(station)} is in error"
             self._spans(f"M{_FLAG + station}", flags, FLAG, "ON", text)
 
     def _spans(self, name: str, spans: Sequence[Span], kind: str, label: str, text: str) -> None:
-        begin, end = self.stretch.begin, self.stretch.end
+        begin, end = self.window.begin, self.window.end
         # What hits a number of frames has a beginning only, which is among the events.
         shown = [(s.start, end if s.end is None else s.end) for s in spans if s.end != s.start]
         shown = [(start, until) for start, until in shown if start < end and until > begin]
@@ -202,7 +202,7 @@ class _Painter:
                 self.box(lane, start, until, kind, label, text)
 
     def notes(self) -> None:
-        shown = [n for n in self.stretch.notes if self.stretch.begin <= n.tick < self.stretch.end]
+        shown = [n for n in self.window.notes if self.window.begin <= n.tick < self.window.end]
         if not shown:
             return
         lane = self.lane("events")
@@ -212,20 +212,20 @@ class _Painter:
             over = " is over" if note.kind == "fault_over" else ""
             kind = TROUBLE if note.kind in _TROUBLE_KINDS else EVENT
             who = said.setdefault((note.tick, kind, note.text + over), [])
-            if note.where not in (self.stretch.bus, "") and not note.kind.startswith("fault"):
+            if note.where not in (self.window.bus, "") and not note.kind.startswith("fault"):
                 who.append(note.where)
         for (tick, kind, text), who in said.items():
             self.mark(lane, tick, kind, f"{', '.join(who)}: {text}" if who else text)
 
     def values(self) -> int:
-        stretch = self.stretch
-        changes = _courses(stretch)
+        window = self.window
+        changes = _courses(window)
         inside = {
-            key: sum(stretch.begin <= tick < stretch.end for tick, _ in past) for key, past in changes.items()
+            key: sum(window.begin <= tick < window.end for tick, _ in past) for key, past in changes.items()
         }
         busiest = sorted((key for key in changes if inside[key]), key=lambda key: -inside[key])
         kept = set(busiest[:MOST_DEVICES])
-        wires = {(record.plc, record.device) for record in stretch.inputs}
+        wires = {(record.plc, record.device) for record in window.inputs}
         for key, past in changes.items():
             if key not in kept:
                 continue
@@ -233,21 +233,21 @@ class _Painter:
             where = " (wire)" if key in wires else ""
             lane = self.lane(f"{plc} {device}{where}")
             steps = sorted(past)
-            for (tick, number), (until, _) in pairwise([*steps, (stretch.end, 0)]):
+            for (tick, number), (until, _) in pairwise([*steps, (window.end, 0)]):
                 self.box(lane, tick, until, LEVEL, f"{number}", f"{plc}: {device} = {number}{where}")
         return len(busiest) - len(kept)
 
 
-def _courses(stretch: Stretch) -> dict[tuple[str, str], list[tuple[int, int]]]:
+def _courses(window: TraceWindow) -> dict[tuple[str, str], list[tuple[int, int]]]:
     """The changes of each device: of a driven input those of its wire, of others those at ENDs.
 
     Memory's image of an input tells its level until the first change of its wire.
     """
     wires: dict[tuple[str, str], list[tuple[int, int]]] = {}
-    for record in stretch.inputs:
+    for record in window.inputs:
         wires.setdefault((record.plc, record.device), []).append((record.tick, record.level))
     courses: dict[tuple[str, str], list[tuple[int, int]]] = {}
-    for value in stretch.values:
+    for value in window.values:
         key = (value.plc, value.device)
         if key not in wires or value.tick < wires[key][0][0]:
             courses.setdefault(key, []).append((value.tick, value.value))
@@ -256,24 +256,24 @@ def _courses(stretch: Stretch) -> dict[tuple[str, str], list[tuple[int, int]]]:
     return courses
 
 
-def scene_of(stretch: Stretch) -> Scene:
-    """The timeline of a stretch."""
-    painter = _Painter(stretch)
-    painter.scans(stretch.scans)
-    painter.attempts(stretch.attempts)
-    painter.transactions(stretch.transactions)
+def scene_of(window: TraceWindow) -> Scene:
+    """The timeline of a window."""
+    painter = _Painter(window)
+    painter.scans(window.scans)
+    painter.attempts(window.attempts)
+    painter.transactions(window.transactions)
     painter.nodes()
     painter.spans()
     painter.notes()
     left_out = painter.values()
     return Scene(
-        stretch.bus,
-        stretch.begin,
-        stretch.end,
+        window.bus,
+        window.begin,
+        window.end,
         painter.lanes,
         painter.boxes,
         painter.marks,
-        list(_why(stretch)),
+        list(_why(window)),
         left_out,
     )
 
@@ -300,13 +300,13 @@ def _bits_per_char(form: str) -> int:
     return 1 + int(form[0]) + (form[1] != "N") + int(form[2])
 
 
-def _why(stretch: Stretch) -> Iterable[str]:
+def _why(window: TraceWindow) -> Iterable[str]:
     """What the time of each link scan with failed attempts went to, one sentence a scan."""
-    for scan in stretch.scans:
-        whole = stretch.begin <= scan.start and scan.start + scan.duration <= stretch.end
+    for scan in window.scans:
+        whole = window.begin <= scan.start and scan.start + scan.duration <= window.end
         if not whole or not (scan.failed or scan.cause):
             continue
-        parts = parts_of_scan(stretch, scan)
+        parts = parts_of_scan(window, scan)
         lost = sum(part.ticks for part in parts if part.lost)
         beyond = f", {ms(lost)} of it for what a plain one has not" if lost else ""
         # A late answer is no part of its own; the run has said who was late.

@@ -1,4 +1,4 @@
-"""What a report is made from: finished runs, and what the exact law says of them, as plain data."""
+"""What a report is made from: finished runs, and what the exact distribution says of them, as plain data."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from bussim.results.meters.run_record import RunRecord
 
 
 @dataclass(frozen=True, slots=True)
-class ExactLaw:
-    """The exact law of one link's scan time.
+class ExactDistribution:
+    """The exact distribution of one link's scan time.
 
     ``figures`` are one link of ``bussim exact --json``. ``said`` tells in words how often a living
-    station is reported as failed. ``notes`` name what was left out of the law, such as faults that act
+    station is reported as failed. ``notes`` name what was left out of the distribution, such as faults that act
     for a part of the run. ``x`` (ms, ascending) and ``tail`` are points of P(link scan > x); empty
-    where there is no law.
+    where there is no distribution.
     """
 
     figures: Mapping[str, Any]
@@ -47,17 +47,17 @@ class StationTimes:
 class Source:
     """One run to report.
 
-    ``label`` tells it from the others; ``folder`` is its folder as the user named it. ``laws``,
+    ``label`` tells it from the others; ``folder`` is its folder as the user named it. ``distributions``,
     ``stations`` and ``scenes`` are by bus; ``stations`` by station number below. ``no_trace`` says why
-    there is none where one is missing, ``no_law`` why no exact law could be asked for.
+    there is none where one is missing, ``no_distribution`` why no exact distribution could be asked for.
     """
 
     label: str
     folder: str
     record: RunRecord
     scenario: str
-    laws: Mapping[str, ExactLaw] = field(default_factory=dict)
-    no_law: str = ""
+    distributions: Mapping[str, ExactDistribution] = field(default_factory=dict)
+    no_distribution: str = ""
     stations: Mapping[str, Mapping[int, StationTimes]] = field(default_factory=dict)
     scenes: Mapping[str, Scene] = field(default_factory=dict)
     no_trace: str = ""
@@ -70,7 +70,7 @@ class Source:
     def station_names(self, bus: str) -> dict[int, str]:
         """The names of a link's stations by number: of several with one number the first."""
         names: dict[int, str] = {}
-        for seat in self.record.links[bus].seats:
+        for seat in self.record.links[bus].plc_names:
             registers = self.summary["plcs"].get(seat, {}).get("registers", {})
             if "D8176" in registers:
                 names.setdefault(int(registers["D8176"]), seat)

@@ -9,7 +9,7 @@ from typing import Any
 from bussim.report.charts import Quantity
 from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
-from bussim.report.source import ExactLaw, Source
+from bussim.report.source import ExactDistribution, Source
 from bussim.report.stations import StationRow, station_rows
 from bussim.report.text import CODES
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
@@ -119,9 +119,9 @@ def link_figures(source: Source, bus: str) -> Table:
     return Table(f"The link on bus {bus}", ["", "value"], rows)
 
 
-def exact_figures(bus: str, law: ExactLaw) -> Table:
-    """What the exact law says of a link."""
-    f = law.figures
+def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
+    """What the exact distribution says of a link."""
+    f = distribution.figures
     rows: list[tuple[str, str]] = [
         ("mean link scan (ms)", number(f["mean_ms"], 3)),
         (
@@ -231,11 +231,11 @@ def refresh_gaps(source: Source, bus: str) -> Table:
 
 def settings(source: Source, bus: str) -> Table:
     """The special registers with which each station was set."""
-    seats = source.record.links[bus].seats
+    plc_names = source.record.links[bus].plc_names
     rows = []
     for name, meaning in MEANINGS.items():
         cells = []
-        for seat in seats:
+        for seat in plc_names:
             registers = source.summary["plcs"].get(seat, {}).get("registers", {})
             here = name in used(registers)
             cells.append(
@@ -244,7 +244,7 @@ def settings(source: Source, bus: str) -> Table:
         rows.append((f"{name}: {meaning}", cells))
     return Table(
         f"Settings of the stations on bus {bus}",
-        ["register", *seats],
+        ["register", *plc_names],
         rows,
         "A slave needs only its number and its port; it learns the rest from the master.",
     )

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from bussim.report.source import ExactLaw
+from bussim.report.source import ExactDistribution
 from bussim.units import seconds
 
 #: Error codes of the N:N link (FX communication manual JY992D69901, chapter 4), as a reader may take them.
@@ -60,24 +60,24 @@ def seen(link: Mapping[str, Any]) -> list[str]:
     return [_usual(times), _longest(times)]
 
 
-def expected(link: Mapping[str, Any], law: ExactLaw | None) -> list[str]:
-    """What the exact law says beyond the run, in sentences, the most asked first."""
-    if law is None or not link["scans"]:
+def expected(link: Mapping[str, Any], distribution: ExactDistribution | None) -> list[str]:
+    """What the exact distribution says beyond the run, in sentences, the most asked first."""
+    if distribution is None or not link["scans"]:
         return []
-    figures = law.figures
-    if not law.valid:
+    figures = distribution.figures
+    if not distribution.valid:
         reasons = "; ".join(figures["reasons"])
         return [f"How long a link scan can become at worst is not told, for no exact law holds: {reasons}."]
     worst = ms(figures["worst_case_ms"])
     said = [f"With these settings no link scan can take longer than {worst}: every attempt at every station."]
-    if law.said:
-        said.append(f"Expect {law.said}.")
+    if distribution.said:
+        said.append(f"Expect {distribution.said}.")
     said += _dead(figures)
     silence = figures["ride_through_ms"]["silence"]
     if silence is not None:
         said.append(f"The line may fall silent for up to {ms(silence)} without any station being reported.")
-    if law.notes:
-        notes = "; ".join(law.notes)
+    if distribution.notes:
+        notes = "; ".join(distribution.notes)
         said.append(f"What is said beyond this run holds for its undisturbed stretches: {notes}.")
     return said
 

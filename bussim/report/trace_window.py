@@ -1,4 +1,4 @@
-"""A stretch of a traced run on one bus: the records that a timeline is drawn from.
+"""A window of a traced run on one bus: the records that a timeline is drawn from.
 
 Times are ticks of 1/72 MHz from the start of the run.
 """
@@ -25,7 +25,7 @@ ANSWERED = "answered"
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class TraceWindow:
     """What happened on ``bus`` from ``begin`` to ``end`` (ticks), records that reach in included.
 
     ``nodes`` are the names of what sits on the bus in cable order; ``stations`` the names of an N:N
@@ -82,7 +82,7 @@ class Part:
         return self.what.endswith(ANSWERED)
 
 
-def parts_of_scan(stretch: Stretch, scan: ScanRecord) -> list[Part]:
+def parts_of_scan(window: TraceWindow, scan: ScanRecord) -> list[Part]:
     """A link scan cut into what its time went to; the parts' lengths add up to its duration.
 
     The master's data frame, then each attempt with the gap before its poll, then what is left until
@@ -91,16 +91,16 @@ def parts_of_scan(stretch: Stretch, scan: ScanRecord) -> list[Part]:
     end = scan.start + scan.duration
     parts: list[Part] = []
     at = scan.start
-    opening = next((f for f in stretch.frames if f.start == scan.start and f.kind == "data"), None)
+    opening = next((f for f in window.frames if f.start == scan.start and f.kind == "data"), None)
     if opening is not None and opening.end <= end:
         parts.append(Part(at, opening.end, f"data frame of {opening.sender}"))
         at = opening.end
-    inside = (a for a in stretch.attempts if scan.start <= a.start and a.end <= end)
+    inside = (a for a in window.attempts if scan.start <= a.start and a.end <= end)
     for attempt in sorted(inside, key=lambda record: record.start):
-        what = _outcome(stretch, attempt)
+        what = _outcome(window, attempt)
         parts.append(Part(at, attempt.end, what, attempt.number, lost=attempt.code != 0))
         at = attempt.end
-    frame = next((f for f in stretch.frames if f.kind == "parameters" and at <= f.start < end), None)
+    frame = next((f for f in window.frames if f.kind == "parameters" and at <= f.start < end), None)
     if frame is not None:
         parts.append(Part(at, frame.start, "overhead of the scan"))
         parts.append(Part(frame.start, end, "parameter frame", lost=True))
@@ -113,11 +113,11 @@ def parts_of_scan(stretch: Stretch, scan: ScanRecord) -> list[Part]:
 _LATE = 4
 
 
-def _outcome(stretch: Stretch, attempt: AttemptRecord) -> str:
-    where = f"at {stretch.station(attempt.station)}: "
+def _outcome(window: TraceWindow, attempt: AttemptRecord) -> str:
+    where = f"at {window.station(attempt.station)}: "
     if attempt.code:
         return f"{where}{attempt.outcome}, code {attempt.code:02X}"
-    prompt = min((a.turnaround for a in stretch.attempts if a.turnaround is not None), default=0)
+    prompt = min((a.turnaround for a in window.attempts if a.turnaround is not None), default=0)
     if attempt.turnaround is not None and attempt.turnaround > _LATE * prompt:
         return f"{where}answer {format_ms(attempt.turnaround)} after the poll"
     return f"{where}{ANSWERED}"

@@ -1,11 +1,11 @@
-"""A stretch of a run, read from its trace."""
+"""A window of a run, read from its trace."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TypeVar
 
-from bussim.report.trace_window import Stretch
+from bussim.report.trace_window import TraceWindow
 from bussim.results.meters.run_record import RunRecord
 from bussim.results.meters.timeline import fault_spans
 from bussim.trace.file import Trace
@@ -29,10 +29,10 @@ _KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, NoteRecord,
 
 
 def worst_window(trace: Trace, run: RunRecord, bus: str) -> tuple[int, int] | None:
-    """The stretch of a bus that one looks at first, in ticks, with a margin.
+    """The window of a bus that one looks at first, in ticks, with a margin.
 
     The longest link scan; on another bus the longest attempt of a Modbus master, or what was sent
-    first. None where there was nothing. Raises UsageError as :func:`read_stretch`.
+    first. None where there was nothing. Raises UsageError as :func:`read_window`.
     """
     link = run.links.get(bus)
     if link is not None:
@@ -54,7 +54,7 @@ def _around(run: RunRecord, start: int, end: int, least: int = 0) -> tuple[int, 
     return max(0, start - margin), min(run.duration, end + margin)
 
 
-def read_stretch(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -> Stretch:
+def read_window(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -> TraceWindow:
     """What a trace tells of a bus from ``begin`` to ``end`` (ticks).
 
     Raises UsageError for a bus that the trace does not have, and where it is damaged.
@@ -69,7 +69,7 @@ def read_stretch(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -
         if isinstance(block, EndsRecord):
             ends.setdefault(block.plc, []).extend(block.ticks)
     link = run.links.get(bus)
-    return Stretch(
+    return TraceWindow(
         bus,
         begin,
         end,

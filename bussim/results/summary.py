@@ -64,7 +64,7 @@ def _latencies(latency: Mapping[str, LatencyRecord], bounds: Mapping[str, Latenc
 
 def _link(totals: LinkTotals, record: LinkRecord, duration: int) -> dict[str, Any]:
     return {
-        "stations": len(totals.seats),
+        "stations": len(totals.plc_names),
         "mode": totals.mode,
         "retries": totals.retries,
         "attempts": totals.attempts,

@@ -14,7 +14,7 @@ from bussim.scenario.yaml import parser as yaml
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.overrides import Override, apply_overrides
 from bussim.scenario.yaml.plain import copied
-from bussim.scenario.yaml.source_map import Places, Report
+from bussim.scenario.yaml.source_map import Report, SourceMap
 from bussim.scenario.yaml.user_code import Code
 from bussim.scenario.yaml.wording import nearest
 
@@ -52,7 +52,7 @@ def loads(
     text: str, name: str = "<string>", overrides: Overrides = (), *, allow_code: bool = False
 ) -> Scenario:
     """The scenario in a text; ``name`` stands for the file in messages. Raises as :func:`load`."""
-    return _judge(*yaml.read(text, name), overrides, Code(allowed=allow_code)).get()
+    return _check(*yaml.read(text, name), overrides, Code(allowed=allow_code)).get()
 
 
 def from_data(
@@ -68,8 +68,8 @@ def from_data(
     ``folder`` is where the user's functions are looked for first.
     """
     plain = copied(data, name)
-    return _judge(
-        plain, Places(name, data=plain), [], overrides, Code(allowed=allow_code, folder=folder)
+    return _check(
+        plain, SourceMap(name, data=plain), [], overrides, Code(allowed=allow_code, folder=folder)
     ).get()
 
 
@@ -87,7 +87,7 @@ def examine(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_co
     except ScenarioError as error:
         return Examined(None, error.problems, ())
     code = Code(allowed=allow_code, folder=place.parent)
-    return _judge(*yaml.read(raw, shown), overrides, code, Files(place.parent))
+    return _check(*yaml.read(raw, shown), overrides, code, Files(place.parent))
 
 
 def _bytes(path: Path, shown: str) -> bytes:
@@ -114,27 +114,27 @@ def _missing(path: Path, shown: str) -> str:
     return f"no such file, and no built-in scenario of that name; {hint}"
 
 
-def _judge(
+def _check(
     data: object,
-    places: Places,
+    source_map: SourceMap,
     problems: list[Problem],
     overrides: Overrides,
     code: Code | None = None,
     files: Files | None = None,
 ) -> Examined:
-    report = Report(places, problems)
+    report = Report(source_map, problems)
     if data is None:
-        empty = Problem(places.file, 0, 0, "is empty; a scenario begins with schema: 1")
+        empty = Problem(source_map.file, 0, 0, "is empty; a scenario begins with schema: 1")
         return Examined(None, tuple(sorted(problems)) or (empty,), ())
     # Here, because pydantic costs a tenth of a second that only a readable file should pay.
     from bussim.scenario.build.scenario import build
     from bussim.scenario.rules.check import check_rules
     from bussim.scenario.schema.draft import read_draft
 
-    data = apply_overrides(data, places, overrides)
+    data = apply_overrides(data, source_map, overrides)
     draft = read_draft(data, report)
-    judged = check_rules(draft, report, code or Code(), files or Files(None))
-    labels = set(places.labels.values())
+    checked = check_rules(draft, report, code or Code(), files or Files(None))
+    labels = set(source_map.labels.values())
     for problem in report.unknown:
         if problem.file in labels:  # the request is wrong, not the file
             raise UsageError(str(problem))
@@ -143,5 +143,5 @@ def _judge(
         return Examined(None, tuple(sorted(report.errors)), ())
     # Without their places, two may be the same.
     warnings = tuple(dict.fromkeys(report.plain.get(each, each.message) for each in report.warnings))
-    scenario = build(draft, judged, warnings)
+    scenario = build(draft, checked, warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bussim.errors import UsageError
-from bussim.serve.injecting import entry, judged
+from bussim.serve.injecting import checked, entry
 from bussim.serve.session import Session
 from bussim.sim.faults import describe
 from bussim.units import format_time, seconds
@@ -45,7 +45,7 @@ class Answers:
         texts = {str(key): str(value) for key, value in values.items()}
         scenario = self._session.scenario
         self._number += 1
-        fault, odd = judged(
+        fault, odd = checked(
             scenario,
             entry(scenario, node, kind, texts),
             self._number,

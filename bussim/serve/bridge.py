@@ -5,9 +5,9 @@ fault or noise does to it is done before: the other side gets the characters tha
 line would have read, without those that it would have known to be wrong. What comes in is heard by
 every node of the line that is not sending.
 
-Silences: a system hands bytes over in lumps, so that a pause inside a frame proves nothing. What is
+Silences: a system hands bytes over in chunks, so that a pause inside a frame proves nothing. What is
 half heard and not a whole RTU frame ends only after the protocol's silence and the tolerance of the
-wire's options; a lump that comes before goes on where the one before it ended. Two lumps with a frame
+wire's options; a chunk that comes before goes on where the one before it ended. Two chunks with a frame
 of a node of this line between them are two frames, however short the pauses.
 """
 
@@ -23,23 +23,23 @@ from bussim.line.uart import Sampled, Uart
 from bussim.line.wave import Wave
 from bussim.live.arrival import Arrivals, Timed
 from bussim.live.wire import Wire
-from bussim.serve.external_node import Stranger
+from bussim.serve.external_node import ExternalNode
 from bussim.serve.journal import Journal
 from bussim.sim.kernel import SENDING, Kernel
 from bussim.sim.wire.node import Node
 from bussim.sim.wire.transmission import Transmission
 
 if TYPE_CHECKING:
-    from bussim.serve.partly_external_line import OpenLine
+    from bussim.serve.partly_external_line import PartlyExternalLine
 
 
-class Way:
+class Bridge:
     """One wire and its line. Ticks are those of the kernel, whose clock the wire's clock drives."""
 
     def __init__(self, wire: Wire, kernel: Kernel) -> None:
         self.wire = wire
-        self.line: OpenLine
-        self.stranger: Stranger
+        self.line: PartlyExternalLine
+        self.external_node: ExternalNode
         self._kernel = kernel
         self._arrivals = Arrivals(wire.timing)
         self._mask = (1 << wire.timing.format.data_bits) - 1
@@ -47,14 +47,14 @@ class Way:
         self._queue: deque[tuple[int, int]] = deque()  # (end, value) of characters that wait for their time
         self._echo = 0  # characters of our own that are still to be heard
         self._open = bytearray()  # what came since the line was quiet, at most a little more than a frame
-        self._last = 0  # when the last lump was over
+        self._last = 0  # when the last chunk was over
         self._spoke = False  # a node of this line has sent since
         self.journal: Journal | None = None
 
-    def attach(self, line: OpenLine, kernel: Kernel) -> None:
+    def attach(self, line: PartlyExternalLine, kernel: Kernel) -> None:
         """This is the way out of a line whose nodes are not seated yet."""
         self.line = line
-        self.stranger = Stranger(line, kernel)
+        self.external_node = ExternalNode(line, kernel)
         if line.sink.traced:
             self.journal = Journal(line, self.wire.timing, self.wire.options.tolerance)
 
@@ -67,7 +67,7 @@ class Way:
         if self.journal is not None:
             self.journal.cut()
         if tx.damaged or not tx.sender.nominal:
-            read = sampled(tx, self.stranger.seat, self.line.timing)
+            read = sampled(tx, self.external_node.position, self.line.timing)
             sound = [char for char in read if char.parity_ok and char.stop_ok]
             chars, ends = bytes(char.value for char in sound), [char.end for char in sound]
         else:
@@ -121,7 +121,7 @@ class Way:
         if not self._queue:
             self._end_what_is_sent(now)
         character = line.character
-        chars = self._arrivals.lump(data, now)
+        chars = self._arrivals.chunk(data, now)
         begun = late + (now - character if self.wire.instant else chars[0][1])
         self._separate(begun, now)
         self._open += data[: RTU_MAX + 1 - len(self._open)]
@@ -135,13 +135,13 @@ class Way:
             if port.engine is None or port.driving:
                 continue
             heard = chars if damaged is None and port.nominal else self._as_heard(port, damaged, chars, data)
-            quiet_at = port.ear.quiet_at
+            quiet_at = port.receiver.quiet_at
             if 0 <= quiet_at <= begun:
-                port.ear.hush(now)
+                port.receiver.line_quiet(now)
             elif quiet_at >= 0 and heard:
                 char, _, end = heard[0]
                 heard = [(char, min(self._last, end), end), *heard[1:]]
-            port.ear.overhear(heard, now, port.quiet(port.timing) + extra + late)
+            port.receiver.overhear(heard, now, port.quiet(port.timing) + extra + late)
         self._last = now + late
 
     def _end_what_is_sent(self, now: int) -> None:
@@ -152,8 +152,8 @@ class Way:
             if tx is None:
                 continue
             for other in ports:
-                if other is not port and other.ear.is_open:
-                    other.ear.replan(tx.end)
+                if other is not port and other.receiver.is_open:
+                    other.receiver.replan(tx.end)
             port.finish_early(now)
 
     def _foreign(self, data: bytes) -> bytes:
@@ -172,7 +172,7 @@ class Way:
             self._open.clear()
             for port in line.ports:
                 if port.engine is not None and not port.driving:
-                    port.ear.hush(now)
+                    port.receiver.line_quiet(now)
         elif self._open:
             quiet = max(
                 (port.quiet(port.timing) for port in line.ports if port.engine is not None), default=0
@@ -188,7 +188,7 @@ class Way:
     # -- noise and faults on what comes in -----------------------------------------------------------
 
     def _disturbed(self, chars: list[Timed], data: bytes) -> Transmission | None:
-        """The lump as a transmission with its damage; None where nothing damages it."""
+        """The chunk as a transmission with its damage; None where nothing damages it."""
         if not self.line.disturber.active:
             return None
         tx = self._transmission(chars, data)
@@ -199,18 +199,19 @@ class Way:
         start, timing = chars[0][1], self.line.timing
         end = start + timing.characters(len(data))
         return Transmission(
-            self.stranger, None, bytes(value & self._mask for value in data), start, end, timing
+            self.external_node, None, bytes(value & self._mask for value in data), start, end, timing
         )
 
     def _as_heard(
         self, port: Node, damaged: Transmission | None, chars: list[Timed], data: bytes
     ) -> list[Timed]:
-        """The characters of a lump as a port's receiver makes them of the line's level."""
+        """The characters of a chunk as a port's receiver makes them of the line's level."""
         tx = damaged or self._transmission(chars, data)
         read = [
-            RxChar(char.value, char.parity_ok, char.stop_ok) for char in sampled(tx, port.seat, port.timing)
+            RxChar(char.value, char.parity_ok, char.stop_ok)
+            for char in sampled(tx, port.position, port.timing)
         ]
-        fault = (tx.rx_chars or {}).get(port.seat)
+        fault = (tx.rx_chars or {}).get(port.position)
         if fault is not None:
             place, value = fault
             read[place : place + 1] = [] if value is None else [RxChar(value), *read[place : place + 1]]
@@ -218,9 +219,9 @@ class Way:
         return [(char, *chars[min(place, last)][1:]) for place, char in enumerate(read)]
 
 
-def sampled(tx: Transmission, seat: int, timing: LineTiming) -> list[Sampled]:
-    """What the receiver at a seat reads of a transmission alone on its line."""
-    uart, wave = Uart(timing), Wave([tx.lows(seat)])
+def sampled(tx: Transmission, position: int, timing: LineTiming) -> list[Sampled]:
+    """What the receiver at a position reads of a transmission alone on its line."""
+    uart, wave = Uart(timing), Wave([tx.lows(position)])
     read: list[Sampled] = []
     char = uart.next_character(wave, tx.start)
     while char is not None:

@@ -1,4 +1,4 @@
-"""Lines of the simulation that lead out of it: what their nodes send leaves by a :class:`Way`."""
+"""Lines of the simulation that lead out of it: what their nodes send leaves by a :class:`Bridge`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Hashable, Mapping, Sequence
 
 from bussim.engines.nn.frames import DATA, ENQ, KIND_NAMES, PARAMETERS, POLL, SOH, STX, Frame
 from bussim.line.characters import LineTiming
-from bussim.serve.bridge import Way
-from bussim.serve.partly_external_line import OpenLine
+from bussim.serve.bridge import Bridge
+from bussim.serve.partly_external_line import PartlyExternalLine
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
@@ -19,59 +19,59 @@ from bussim.sim.wire.transmission import Transmission, WireFrame
 from bussim.trace.records import Sink
 
 _LINK_KINDS = {ENQ: KIND_NAMES[POLL], STX: KIND_NAMES[DATA], SOH: KIND_NAMES[PARAMETERS]}
-_STRANGERS_LUCK = "outside"
+_EXTERNAL_STREAM = "outside"
 
 
-class LeadsOut(OpenLine):
+class BridgedLine(PartlyExternalLine):
     """What every line with a way out does otherwise.
 
     Nobody knows what was really sent outside: a frame from there is never taken for an undetected error.
     """
 
-    way: Way
+    bridge: Bridge
 
     # -- what its nodes send ------------------------------------------------------------------------
 
     def begin(self, port: Node, frame: WireFrame, now: int) -> Transmission:
         """See the line."""
         tx = super().begin(port, frame, now)
-        self.way.leave(tx)
+        self.bridge.leave(tx)
         return tx
 
     def begin_jabber(self, port: Node, chars: bytes, now: int, *, first: bool) -> Transmission:
         """See the line."""
         tx = super().begin_jabber(port, chars, now, first=first)
-        self.way.leave(tx)
+        self.bridge.leave(tx)
         return tx
 
     def finish(self, port: Node, tx: Transmission, now: int) -> None:
         """See the line."""
         super().finish(port, tx, now)
-        self.way.left(now)
+        self.bridge.left(now)
 
     def cut_transmission(self, tx: Transmission, now: int) -> None:
         """See the line."""
         super().cut_transmission(tx, now)
-        self.way.cut()
+        self.bridge.cut()
 
     # -- what comes from outside ---------------------------------------------------------------------
 
     def connected(self, one: Node, other: Node) -> bool:
         """See the line; the way out is never cut."""
-        outside = self.way.stranger
-        return one is outside or other is outside or super().connected(one, other)
+        external = self.bridge.external_node
+        return one is external or other is external or super().connected(one, other)
 
-    def luck_key(self, tx: Transmission) -> Hashable:
+    def stream_key(self, tx: Transmission) -> Hashable:
         """See the line."""
-        return _STRANGERS_LUCK if tx.sender is self.way.stranger else super().luck_key(tx)
+        return _EXTERNAL_STREAM if tx.sender is self.bridge.external_node else super().stream_key(tx)
 
-    def luck_name(self, tx: Transmission) -> str:
+    def stream_name(self, tx: Transmission) -> str:
         """See the line."""
-        return _STRANGERS_LUCK if tx.sender is self.way.stranger else super().luck_name(tx)
+        return _EXTERNAL_STREAM if tx.sender is self.bridge.external_node else super().stream_name(tx)
 
     def kind_name(self, tx: Transmission) -> str:
         """See the line."""
-        if tx.sender is self.way.stranger:
+        if tx.sender is self.bridge.external_node:
             return self.kind_of_strange(tx.chars)
         return super().kind_name(tx)
 
@@ -95,15 +95,15 @@ class LeadsOut(OpenLine):
         super().accepted(port, frame, start, now, sender, None, stored=stored)
 
 
-class OutsideSerialBus(LeadsOut, SerialBus):
+class ExternalSerialBus(BridgedLine, SerialBus):
     """A bus beside the link with a way out."""
 
     def __init__(
-        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness, way: Way
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness, bridge: Bridge
     ) -> None:
         super().__init__(name, timing, sink, witness)
-        self.way = way
-        way.attach(self, kernel)
+        self.bridge = bridge
+        bridge.attach(self, kernel)
 
     def kind_of_strange(self, chars: bytes) -> str:
         """Requests where somebody here answers."""
@@ -111,8 +111,8 @@ class OutsideSerialBus(LeadsOut, SerialBus):
         return "request" if any(node.kind == "response" for node in self.ports) else "response"
 
 
-class OutsideLinkBus(LeadsOut, LinkBus):
-    """An N:N line with a way out; ``strangers`` are the PLCs by station that are to be found there."""
+class ExternalLinkBus(BridgedLine, LinkBus):
+    """An N:N line with a way out; ``external_nodes`` are the PLCs by station that are to be found there."""
 
     def __init__(
         self,
@@ -121,16 +121,16 @@ class OutsideLinkBus(LeadsOut, LinkBus):
         kernel: Kernel,
         sink: Sink,
         reporter: Reporter,
-        way: Way,
-        strangers: Mapping[int, str],
+        bridge: Bridge,
+        external_nodes: Mapping[int, str],
     ) -> None:
         super().__init__(name, timing, kernel, sink, reporter)
         # The short ways for what nearly always happens do not lead outside.
-        self.together = False
-        self.way = way
-        self._strangers = dict(strangers)
-        self._outsiders = list(strangers.values())
-        way.attach(self, kernel)
+        self.shared = False
+        self.bridge = bridge
+        self._external_nodes = dict(external_nodes)
+        self._external_names = list(external_nodes.values())
+        bridge.attach(self, kernel)
 
     def connect(self, ports: Sequence[LinkPort], horizon: int) -> None:
         """See the bus."""
@@ -138,16 +138,16 @@ class OutsideLinkBus(LeadsOut, LinkBus):
         self._others = -1  # that all heard a block can never be told: there are others outside
 
     @property
-    def seats(self) -> tuple[str, ...]:
+    def plc_names(self) -> tuple[str, ...]:
         """See the bus; whoever was heard from outside follows."""
-        return (*super().seats, *self._outsiders)
+        return (*super().plc_names, *self._external_names)
 
-    def outsider(self, station: int) -> str:
+    def external_name(self, station: int) -> str:
         """See the base class; by a name that the class was given."""
-        name = self._strangers.get(station)
+        name = self._external_nodes.get(station)
         if name is None:
-            name = self._strangers[station] = f"station {station} outside"
-            self._outsiders.append(name)
+            name = self._external_nodes[station] = f"station {station} outside"
+            self._external_names.append(name)
         return name
 
     def kind_of_strange(self, chars: bytes) -> str:
@@ -168,5 +168,5 @@ class OutsideLinkBus(LeadsOut, LinkBus):
         """See the line; a block from outside is a refresh, too."""
         super().accepted(port, frame, start, now, sender, blamed, stored=stored)
         if stored and sender is None and isinstance(frame, Frame):
-            source = len(self.ports) + self._outsiders.index(self.outsider(frame.station))
-            self.sink.refreshed(self.name, source, now, [port.seat])
+            source = len(self.ports) + self._external_names.index(self.external_name(frame.station))
+            self.sink.refreshed(self.name, source, now, [port.position])

@@ -9,11 +9,11 @@ from bussim.sim.kernel import Kernel
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
 
-#: No seat of any line.
+#: No position of any line.
 NOWHERE = -1
 
 
-class Stranger(Node):
+class ExternalNode(Node):
     """The sender of what comes from outside. It has no engine: it hears nothing and does nothing."""
 
     def __init__(self, line: Line, kernel: Kernel) -> None:

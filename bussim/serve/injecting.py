@@ -1,4 +1,4 @@
-"""A fault as it is injected from the command line, judged as if it stood in the scenario."""
+"""A fault as it is injected from the command line, checked as if it stood in the scenario."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _value(key: str, text: str) -> object:
     return value
 
 
-def judged(
+def checked(
     scenario: model.Scenario,
     fault: Mapping[str, object],
     number: int,

@@ -14,13 +14,13 @@ from bussim.sim.serial.node import SerialNode
 from bussim.trace.records import FrameRecord
 
 if TYPE_CHECKING:
-    from bussim.serve.partly_external_line import OpenLine
+    from bussim.serve.partly_external_line import PartlyExternalLine
 
 
 class Journal:
     """Cuts what comes into frames and tells the line's sink. Memory is bounded whatever comes."""
 
-    def __init__(self, line: OpenLine, timing: LineTiming, tolerance: int) -> None:
+    def __init__(self, line: PartlyExternalLine, timing: LineTiming, tolerance: int) -> None:
         self._line = line
         self._timing = timing
         self._tolerance = tolerance
@@ -40,7 +40,7 @@ class Journal:
                 cutter = self._splitters[spoken] = splitter(Spoken(spoken), self._timing, self._tolerance)
             for char in chars:
                 for heard in cutter.character(char):
-                    self._tell(heard.start, heard.end, heard.chars, heard.frame)
+                    self._record(heard.start, heard.end, heard.chars, heard.frame)
             return
         # RTU, and free protocol: what comes between two silences, or two frames of this line.
         kept = self._chars
@@ -58,7 +58,7 @@ class Journal:
             return
         data = bytes(char.value for char, _, _ in chars)
         found = decode_rtu(data) if self._spoken == Spoken.RTU else None
-        self._tell(chars[0][1], chars[-1][2], data, found if isinstance(found, Adu) else None)
+        self._record(chars[0][1], chars[-1][2], data, found if isinstance(found, Adu) else None)
         chars.clear()
 
     def close(self) -> None:
@@ -66,17 +66,17 @@ class Journal:
         self.cut()
         for cutter in self._splitters.values():
             for heard in cutter.idle(1 << 62):
-                self._tell(heard.start, heard.end, heard.chars, heard.frame)
+                self._record(heard.start, heard.end, heard.chars, heard.frame)
 
     def _tongue(self) -> str:
         return next((self._line.protocol_of(port) for port in self._line.ports), self._line.protocol)
 
-    def _tell(self, start: int, end: int, chars: bytes, frame: Frame | Adu | None) -> None:
+    def _record(self, start: int, end: int, chars: bytes, frame: Frame | Adu | None) -> None:
         line, station, counter = self._line, None, None
         sender, kind = "outside", "damaged"
         if isinstance(frame, Frame):
             station, counter, kind = frame.station, frame.counter, frame.kind_name
-            sender = line.outsider(frame.station if frame.kind == DATA else 0)
+            sender = line.external_name(frame.station if frame.kind == DATA else 0)
         elif isinstance(frame, Adu):
             station = frame.station
             asked = any(isinstance(port, SerialNode) and port.kind == "response" for port in line.ports)

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from bussim.live.clock import Clock
 from bussim.live.runner import PATIENCE
 from bussim.live.waiting import wait
-from bussim.serve.bridge import Way
+from bussim.serve.bridge import Bridge
 from bussim.sim.kernel import Kernel
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_ms
 
 #: Simulated ticks that are done in one go before the wires are looked at again.
 _SLICE = 5 * TICKS_PER_MS
 #: Lumps of a wire that are taken before what is due has its turn.
-_MORE_LUMPS = 4
+_MORE_CHUNKS = 4
 #: Lateness from which on it is told, at most so often.
 _VERY_LATE = TICKS_PER_SECOND // 10
 _TOLD_EVERY = 10 * TICKS_PER_SECOND
@@ -55,15 +55,15 @@ class RealTime:
         self,
         kernel: Kernel,
         clock: Clock,
-        ways: Sequence[Way],
+        bridges: Sequence[Bridge],
         *,
         also: Callable[[], None] = lambda: None,
         report: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._kernel = kernel
         self._clock = clock
-        self._ways = tuple(ways)
-        self._wires = tuple(way.wire for way in ways)
+        self._bridges = tuple(bridges)
+        self._wires = tuple(bridge.wire for bridge in bridges)
         self._also = also
         self._report = report
         self._told_at = -_TOLD_EVERY
@@ -89,15 +89,15 @@ class RealTime:
     def _listen(self) -> None:
         """What has come by now was heard before whatever is due by now."""
         kernel, clock = self._kernel, self._clock
-        for _ in range(_MORE_LUMPS):
+        for _ in range(_MORE_CHUNKS):
             now = clock.now()
-            lumps = [(way, data) for way in self._ways if (data := way.wire.read(now))]
-            if not lumps:
+            chunks = [(bridge, data) for bridge in self._bridges if (data := bridge.wire.read(now))]
+            if not chunks:
                 return
             now = clock.now()
             kernel.run(min(now, kernel.next()))
-            for way, data in lumps:
-                way.take(data, kernel.now, max(0, now - kernel.now))
+            for bridge, data in chunks:
+                bridge.take(data, kernel.now, max(0, now - kernel.now))
 
     def _go_on(self, until: int) -> None:
         """Do what is due, a slice of it if there is much."""

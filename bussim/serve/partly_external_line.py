@@ -5,10 +5,10 @@ from __future__ import annotations
 from bussim.sim.wire.line import Line
 
 
-class OpenLine(Line):
+class PartlyExternalLine(Line):
     """A line that somebody is on who is not simulated."""
 
-    def outsider(self, station: int) -> str:
+    def external_name(self, station: int) -> str:
         """The name of a station that is not on this line."""
         return f"station {station}"
 

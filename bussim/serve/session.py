@@ -17,10 +17,10 @@ from bussim.results.meters.collector import Collector, Rows
 from bussim.results.meters.run_record import LinkRecord, RunRecord
 from bussim.scenario import model
 from bussim.scenario.build.trace_header import trace_header
-from bussim.serve.bridge import Way
-from bussim.serve.external_lines import OutsideLinkBus, OutsideSerialBus
+from bussim.serve.bridge import Bridge
+from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.loop import RealTime
-from bussim.serve.targets import Place
+from bussim.serve.targets import Target
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.reporter import Reporter
 from bussim.sim.runner import Simulation
@@ -34,31 +34,31 @@ FOREVER = 100 * 365 * 86_400 * 72_000_000
 _LATE = 10 * TICKS_PER_MS
 
 
-class _WaysOut:
-    """The lines of a simulation that lead outside; see :class:`bussim.sim.runner.Outside`."""
+class _Bridges:
+    """The lines of a simulation that lead outside; see :class:`bussim.sim.runner.ExternalLines`."""
 
-    def __init__(self, places: Sequence[Place], wires: Sequence[Wire]) -> None:
-        self._line_of = {node.node: place.name for place in places for node in place.nodes}
-        self._wires = {place.name: wire for place, wire in zip(places, wires, strict=True)}
+    def __init__(self, targets: Sequence[Target], wires: Sequence[Wire]) -> None:
+        self._line_of = {node.node: place.name for place in targets for node in place.nodes}
+        self._wires = {place.name: wire for place, wire in zip(targets, wires, strict=True)}
         self.lateness = max((wire.options.tolerance for wire in wires), default=0)
-        self.ways: list[Way] = []
+        self.bridges: list[Bridge] = []
 
     def place(self, node: str) -> str | None:
         """The line that a node sits on."""
         return self._line_of.get(node)
 
-    def _way(self, name: str, kernel: Kernel) -> Way:
-        way = Way(self._wires[name], kernel)
-        self.ways.append(way)
-        return way
+    def _way(self, name: str, kernel: Kernel) -> Bridge:
+        bridge = Bridge(self._wires[name], kernel)
+        self.bridges.append(bridge)
+        return bridge
 
     def serial_bus(
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness
-    ) -> OutsideSerialBus:
+    ) -> ExternalSerialBus:
         """A line beside the link, at the rate and format of its wire."""
         del timing
-        way = self._way(name, kernel)
-        return OutsideSerialBus(name, way.wire.timing, kernel, sink, witness, way)
+        bridge = self._way(name, kernel)
+        return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, witness, bridge)
 
     def link_bus(
         self,
@@ -67,11 +67,11 @@ class _WaysOut:
         kernel: Kernel,
         sink: Sink,
         reporter: Reporter,
-        strangers: dict[int, str],
-    ) -> OutsideLinkBus:
+        external_nodes: dict[int, str],
+    ) -> ExternalLinkBus:
         """A line of a link."""
-        way = self._way(name, kernel)
-        return OutsideLinkBus(name, timing, kernel, sink, reporter, way, strangers)
+        bridge = self._way(name, kernel)
+        return ExternalLinkBus(name, timing, kernel, sink, reporter, bridge, external_nodes)
 
 
 class _HereOnly(Collector):
@@ -115,7 +115,7 @@ class Session:
     def __init__(
         self,
         scenario: model.Scenario,
-        places: Sequence[Place],
+        targets: Sequence[Target],
         *,
         options: PortOptions | None = None,
         rows: Rows | None = None,
@@ -124,23 +124,23 @@ class Session:
         report: Callable[[str], None] = _unheard,
     ) -> None:
         self.scenario = replace(scenario, duration=duration)
-        self.places = tuple(places)
+        self.targets = tuple(targets)
         self.report = report
         self.clock = Clock()
         options = options or PortOptions()
         self.wires = tuple(
             Wire(place.url, _nominal(place.timing), options, clock=self.clock, report=report)
-            for place in places
+            for place in targets
         )
-        header = session_header(self.scenario, places)
+        header = session_header(self.scenario, targets)
         bus_of = {node: bus.name for bus in header.buses if bus.nn for node in bus.nodes}
         self.collector = _HereOnly(traced=traced, rows=rows, bus_of=bus_of)
-        outside = _WaysOut(places, self.wires)
-        self.simulation = Simulation(self.scenario, self.collector, outside)
+        external = _Bridges(targets, self.wires)
+        self.simulation = Simulation(self.scenario, self.collector, external)
         self.collector.here = frozenset(self.simulation.nodes)
-        self.ways = tuple(outside.ways)
+        self.bridges = tuple(external.bridges)
         self.loop = RealTime(
-            self.simulation.kernel, self.clock, self.ways, also=self._carry_out, report=report
+            self.simulation.kernel, self.clock, self.bridges, also=self._carry_out, report=report
         )
         self._wishes: deque[Callable[[], None]] = deque()  # of other threads
         self._stack = ExitStack()
@@ -160,12 +160,12 @@ class Session:
     @property
     def devices(self) -> dict[str, str]:
         """What the other side opens, by the names of lines; of a port its URL."""
-        return {place.name: wire.name for place, wire in zip(self.places, self.wires, strict=True)}
+        return {place.name: wire.name for place, wire in zip(self.targets, self.wires, strict=True)}
 
     def described(self) -> tuple[str, ...]:
         """What is served where, a line each node: ``drive: Modbus RTU slave … on /dev/pts/3``."""
         lines = []
-        for place, wire in zip(self.places, self.wires, strict=True):
+        for place, wire in zip(self.targets, self.wires, strict=True):
             for node in place.nodes:
                 number = f", station {node.station}" if node.station is not None and not node.nn else ""
                 line = f"{place.timing.baud} {place.timing.format}"
@@ -204,16 +204,16 @@ class Session:
     def totals(self) -> RunTotals:
         """Counts at the end, and warnings."""
         if self._totals is None:
-            for way in self.ways:
-                if way.journal is not None:
-                    way.journal.close()
+            for bridge in self.bridges:
+                if bridge.journal is not None:
+                    bridge.journal.close()
             totals = self.simulation.totals()
             self._totals = replace(totals, warnings=(*totals.warnings, *self._warnings()))
         return self._totals
 
     def _warnings(self) -> list[str]:
         warnings = []
-        for place, wire in zip(self.places, self.wires, strict=True):
+        for place, wire in zip(self.targets, self.wires, strict=True):
             warnings.append(f"{place.name} leads to {place.url}: its times are the operating system's")
             counts = wire.counts
             if counts.losses:
@@ -244,7 +244,7 @@ class Session:
                     "nodes": [node.node for node in place.nodes],
                     **asdict(wire.counts),
                 }
-                for place, wire in zip(self.places, self.wires, strict=True)
+                for place, wire in zip(self.targets, self.wires, strict=True)
             },
             "late_ms": {
                 "mean": round(milliseconds(late.mean), 6),
@@ -254,12 +254,12 @@ class Session:
         }
 
 
-def session_header(scenario: model.Scenario, places: Sequence[Place]) -> TraceHeader:
+def session_header(scenario: model.Scenario, targets: Sequence[Target]) -> TraceHeader:
     """The first line of a session's trace: its lines, and that their times are not exact."""
     header = trace_header(scenario)
     buses: list[TraceBus] = []
     for bus in header.buses:
-        own = [place for place in places if place.bus == bus.name]
+        own = [place for place in targets if place.bus == bus.name]
         away = {node.node for place in own for node in place.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
         for place in own:

@@ -25,7 +25,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Servable:
+class ServeTarget:
     """A node of a scenario. ``what`` it does on its bus in words; ``why_not`` it cannot be served, or ""."""
 
     node: str
@@ -38,7 +38,7 @@ class Servable:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Target:
     """A line that leads outside: its name, the URL of its wire, and its nodes in cable order."""
 
     name: str
@@ -46,24 +46,24 @@ class Place:
     nn: bool
     url: str
     timing: LineTiming
-    nodes: tuple[Servable, ...]
+    nodes: tuple[ServeTarget, ...]
 
 
-def servables(scenario: model.Scenario) -> tuple[Servable, ...]:
+def serve_targets(scenario: model.Scenario) -> tuple[ServeTarget, ...]:
     """All nodes of a scenario, bus by bus in cable order."""
-    found: list[Servable] = []
+    found: list[ServeTarget] = []
     for bus in scenario.buses:
         for plc in scenario.plcs:
-            if plc.seat is not None and plc.seat.bus == bus.name:
+            if plc.link is not None and plc.link.bus == bus.name:
                 station = plc.registers.get(f"D{D_STATION}", 0)
                 what = f"N:N slave {station}" if station else "N:N master"
-                found.append(Servable(plc.name, bus.name, bus.nn, what, bus.timing, station))
+                found.append(ServeTarget(plc.name, bus.name, bus.nn, what, bus.timing, station))
             found += [_port(plc, spec.name, bus) for spec in plc.ports if spec.bus == bus.name]
         found += [_device(device, bus) for device in scenario.devices if device.bus == bus.name]
     return tuple(found)
 
 
-def _port(plc: model.Plc, port: str, bus: model.Bus) -> Servable:
+def _port(plc: model.Plc, port: str, bus: model.Bus) -> ServeTarget:
     memory = Memory()
     memory.set(COM2_STATION, plc.profile.com2_station)
     for name, value in plc.registers.items():
@@ -72,36 +72,36 @@ def _port(plc: model.Plc, port: str, bus: model.Bus) -> Servable:
     node = f"{plc.name}.{port}"
     settings = read_settings(port, memory, spec.words)
     if isinstance(settings, BadSettings):
-        return Servable(node, bus.name, bus.nn, "silent", bus.timing, None, settings.text)
+        return ServeTarget(node, bus.name, bus.nn, "silent", bus.timing, None, settings.text)
     what = _WORDS.get(settings.protocol or "")
     if what is None:
         why = f"{port} speaks nothing"
         if settings.protocol is not None:
             why = f"what {port} speaks ({settings.protocol}) is not simulated"
-        return Servable(node, bus.name, bus.nn, "silent", bus.timing, None, why)
-    return Servable(node, bus.name, bus.nn, what, settings.timing, _station(settings))
+        return ServeTarget(node, bus.name, bus.nn, "silent", bus.timing, None, why)
+    return ServeTarget(node, bus.name, bus.nn, what, settings.timing, _station(settings))
 
 
 def _station(settings: PortSettings) -> int | None:
     return settings.station if (settings.protocol or "").endswith("slave") else None
 
 
-def _device(device: model.BusDevice, bus: model.Bus) -> Servable:
+def _device(device: model.BusDevice, bus: model.Bus) -> ServeTarget:
     if isinstance(device.settings, model.FreeSettings):
         what = "free protocol"
     else:
         role = "master" if isinstance(device.settings, model.HmiSettings) else "slave"
         what = f"Modbus {device.mode.value.upper()} {role}"
-    return Servable(device.name, bus.name, bus.nn, what, device.timing, device.station)
+    return ServeTarget(device.name, bus.name, bus.nn, what, device.timing, device.station)
 
 
-def places(scenario: model.Scenario, nodes: Iterable[str], ports: Iterable[str]) -> tuple[Place, ...]:
+def targets(scenario: model.Scenario, nodes: Iterable[str], ports: Iterable[str]) -> tuple[Target, ...]:
     """The lines that serve these nodes. ``ports`` are texts ``NODE=URL``; a node without one gets a pty.
 
     Nodes of one bus with the same URL share a wire, as they share the bus; ``pty`` is a pseudo-terminal
     of each bus's own. Raises UsageError, also where nothing is to be served: it says what can be.
     """
-    known = {servable.node: servable for servable in servables(scenario)}
+    known = {servable.node: servable for servable in serve_targets(scenario)}
     urls: dict[str, str] = {}
     for text in ports:
         node, equals, url = text.partition("=")
@@ -118,7 +118,7 @@ def places(scenario: model.Scenario, nodes: Iterable[str], ports: Iterable[str])
     return _lines([servable for servable in known.values() if servable.node in urls], urls, known.values())
 
 
-def _node(scenario: model.Scenario, known: dict[str, Servable], name: str) -> Servable:
+def _node(scenario: model.Scenario, known: dict[str, ServeTarget], name: str) -> ServeTarget:
     found = known.get(name)
     if found is None:  # a link's port by its own name: press1.COM4
         owner, _, port = name.partition(".")
@@ -134,14 +134,14 @@ def _node(scenario: model.Scenario, known: dict[str, Servable], name: str) -> Se
 
 
 def _lines(
-    served: Sequence[Servable], urls: dict[str, str], everybody: Iterable[Servable]
-) -> tuple[Place, ...]:
-    groups: dict[tuple[str, str], list[Servable]] = {}
+    served: Sequence[ServeTarget], urls: dict[str, str], everybody: Iterable[ServeTarget]
+) -> tuple[Target, ...]:
+    groups: dict[tuple[str, str], list[ServeTarget]] = {}
     for servable in served:
         groups.setdefault((servable.bus, urls[servable.node]), []).append(servable)
     whole = {bus: sum(one.bus == bus for one in everybody) for bus in {one.bus for one in served}}
     taken: dict[str, str] = {}
-    found: list[Place] = []
+    found: list[Target] = []
     for (bus, url), nodes in groups.items():
         if url != DEFAULT_URL and url in taken:
             raise UsageError(f"{url} cannot be the wire of {taken[url]} and of {bus} at once")
@@ -151,13 +151,13 @@ def _lines(
         alone = first.nn and sum(one == bus for one, _ in groups) == 1
         number = f" {len(same) + 1}" if same else ""
         name = bus if alone or whole[bus] == len(nodes) else f"{bus} outside{number}"
-        found.append(Place(name, bus, first.nn, url, first.timing, tuple(nodes)))
+        found.append(Target(name, bus, first.nn, url, first.timing, tuple(nodes)))
     return tuple(found)
 
 
 def listing(scenario: model.Scenario) -> str:
     """What can be served, a line each."""
-    rows = [one for one in servables(scenario) if not one.why_not]
+    rows = [one for one in serve_targets(scenario) if not one.why_not]
     if not rows:
         return f"{scenario.name} has nothing on its buses that can be served"
     wide = max(len(one.node) for one in rows)

@@ -13,7 +13,7 @@ from bussim.units import TICKS_PER_SECOND
 PERIOD = TICKS_PER_SECOND
 
 
-class EndsTeller:
+class EndRecorder:
     """Of those PLCs whose ENDs are not told one by one as they happen."""
 
     def __init__(self, plcs: Iterable[Plc], kernel: Kernel, sink: Sink) -> None:

@@ -170,11 +170,11 @@ class FaultPlan:
         disturber = node.line.disturber
         item: Drop | FrameFault
         if isinstance(kind, model.DropReply):
-            item = Drop(node.seat, kind.count)
+            item = Drop(node.position, kind.count)
         else:
             item = FrameFault(
                 action="flip",
-                seat=node.seat,
+                position=node.position,
                 receiver=kind.direction is model.Direction.RX,
                 left=kind.count,
                 draws=self._streams.uniforms("fault", name),
@@ -197,23 +197,23 @@ class FaultPlan:
         if isinstance(kind, model.Slow):
             extra = kind.extra
             node.extra_turnaround += extra
-            node.line.audience_changed()
+            node.line.listeners_changed()
 
             def fast(now: int) -> None:
                 del now
                 node.extra_turnaround -= extra
-                node.line.audience_changed()
+                node.line.listeners_changed()
 
             return fast
         if isinstance(kind, model.LateRelease):
             by = kind.by
             node.late_release += by
-            node.line.audience_changed()
+            node.line.listeners_changed()
 
             def prompt(now: int) -> None:
                 del now
                 node.late_release -= by
-                node.line.audience_changed()
+                node.line.listeners_changed()
 
             return prompt
         entry: tuple[LineTiming | None, Fraction] = (
@@ -235,23 +235,23 @@ class FaultPlan:
         node = self._nodes.get(kind.after)
         if bus is None or node is None:
             return None
-        seat = node.seat
+        position = node.position
         if node.line is not bus:  # it leads out of the simulation: the cut lies behind the one before it
             before = self._order[kind.bus]
-            seats = [
-                self._nodes[name].seat
+            positions = [
+                self._nodes[name].position
                 for name in before[: before.index(kind.after)]
                 if self._nodes[name].line is bus
             ]
-            if not seats:
+            if not positions:
                 return None
-            seat = max(seats)
+            position = max(positions)
         cuts = self._cuts[kind.bus]
-        cuts.append(seat)
+        cuts.append(position)
         bus.set_cuts(cuts, now)
 
         def mend(now: int) -> None:
-            cuts.remove(seat)
+            cuts.remove(position)
             bus.set_cuts(cuts, now)
 
         return mend

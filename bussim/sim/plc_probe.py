@@ -18,7 +18,7 @@ _STANDS_STILL = (
 )
 
 
-class Watcher:
+class PlcProbe:
     """Of one PLC. ``ends``: also every END of it, as it happens.
 
     Of what its program meets the first of a kind is told at once, how often it came afterwards
@@ -64,7 +64,7 @@ class Watcher:
 
     def warnings(self, now: int) -> list[str]:
         """What its program met, for the end of a run at ``now``: one sentence for each code."""
-        self._plc.tell_faults(now)
+        self._plc.record_faults(now)
         return [
             text if count == 1 else f"{text}; {count:,} times in all" for text, count in self._met.values()
         ]

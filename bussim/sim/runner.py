@@ -15,13 +15,13 @@ from bussim.plc.memory import parse_device
 from bussim.plc.plc import Plc
 from bussim.scenario import model
 from bussim.sim import totals
-from bussim.sim.end_recorder import EndsTeller
+from bussim.sim.end_recorder import EndRecorder
 from bussim.sim.faults import FaultPlan
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
 from bussim.sim.nn.reporter import Reporter
-from bussim.sim.plc_probe import Watcher
+from bussim.sim.plc_probe import PlcProbe
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.node import SerialNode
@@ -38,7 +38,7 @@ Progress = Callable[[int, int], None]
 _PROGRESS_STEPS = 400
 
 
-class Outside(Protocol):
+class ExternalLines(Protocol):
     """Lines that lead out of the simulation: who sits on them, and what they are."""
 
     lateness: int  # ticks by which what comes from there may be late
@@ -58,9 +58,9 @@ class Outside(Protocol):
         kernel: Kernel,
         sink: Sink,
         reporter: Reporter,
-        strangers: dict[int, str],
+        external_nodes: dict[int, str],
     ) -> LinkBus:
-        """Such a line of a link; ``strangers`` are the PLCs by station that are to be found outside."""
+        """Such a line of a link; ``external_nodes`` are the PLCs by station that are to be found outside."""
 
 
 class Simulation:
@@ -71,16 +71,16 @@ class Simulation:
     link is in or out as a whole: its stations that sit on no such line are taken to be found there.
     """
 
-    def __init__(self, scenario: model.Scenario, sink: Sink, outside: Outside | None = None) -> None:
+    def __init__(self, scenario: model.Scenario, sink: Sink, external: ExternalLines | None = None) -> None:
         self._scenario = scenario
         self._sink = sink
-        self._outside = outside
+        self._external = external
         self.kernel = Kernel()
         streams = Streams(scenario.seed)
         self._streams = streams
         absent = self._absent()
         self.plcs = {
-            spec.name: _plc(spec, streams, linked=spec.seat is not None and spec.name not in absent)
+            spec.name: _plc(spec, streams, linked=spec.link is not None and spec.name not in absent)
             for spec in scenario.plcs
         }
         self.links: dict[str, LinkBus] = {}
@@ -105,54 +105,56 @@ class Simulation:
 
     def _absent(self) -> set[str]:
         """PLCs that take no part in their link: others of it are outside, and so is the link."""
-        if self._outside is None:
+        if self._external is None:
             return set()
-        place = self._outside.place
-        seats = {spec.name: spec.seat.bus for spec in self._scenario.plcs if spec.seat is not None}
-        away = {bus for name, bus in seats.items() if place(name) is not None}
-        return {name for name, bus in seats.items() if bus in away and place(name) is None}
+        place = self._external.place
+        plc_names = {spec.name: spec.link.bus for spec in self._scenario.plcs if spec.link is not None}
+        away = {bus for name, bus in plc_names.items() if place(name) is not None}
+        return {name for name, bus in plc_names.items() if bus in away and place(name) is None}
 
     def _parts(self, names: Sequence[str]) -> dict[str | None, list[str]]:
         """Nodes of a bus by the line that they sit on, None the bus itself."""
-        place = self._outside.place if self._outside is not None else None
+        place = self._external.place if self._external is not None else None
         parts: dict[str | None, list[str]] = {}
         for name in names:
             parts.setdefault(place(name) if place is not None else None, []).append(name)
         return parts or {None: []}
 
     def _build_link(self, spec: model.Bus) -> None:
-        seated = [plc for plc in self._scenario.plcs if plc.seat and plc.seat.bus == spec.name]
-        parts = self._parts([plc.name for plc in seated])
+        linked = [plc for plc in self._scenario.plcs if plc.link and plc.link.bus == spec.name]
+        parts = self._parts([plc.name for plc in linked])
         if len(parts) > 1:
             parts.pop(None, None)  # whoever is not served on a link that leads outside is outside, too
         for name, members in parts.items():
-            self._build_link_line(spec, name, seated, [plc for plc in seated if plc.name in members])
+            self._build_link_line(spec, name, linked, [plc for plc in linked if plc.name in members])
 
     def _build_link_line(
-        self, spec: model.Bus, outer: str | None, all_seated: list[model.Plc], seated: list[model.Plc]
+        self, spec: model.Bus, outer: str | None, all_linked: list[model.Plc], linked: list[model.Plc]
     ) -> None:
         """A link's line with some of its PLCs; ``outer`` is its name if it leads outside."""
         line = outer or spec.name
         everybody: dict[int, str] = {}
-        for plc in all_seated:
+        for plc in all_linked:
             everybody.setdefault(plc.registers.get(f"D{D_STATION}", 0), plc.name)
-        stations = {plc.name: plc.registers.get(f"D{D_STATION}", 0) for plc in seated}
+        stations = {plc.name: plc.registers.get(f"D{D_STATION}", 0) for plc in linked}
         self._names[line] = everybody
-        primary = next((plc.name for plc in seated if stations[plc.name] == 0 and _accepted(plc)), None)
+        primary = next((plc.name for plc in linked if stations[plc.name] == 0 and _accepted(plc)), None)
         self._primaries[line] = primary
-        longest = max((plc.profile.turnaround.longest for plc in all_seated), default=0)
-        if outer is None or self._outside is None:
+        longest = max((plc.profile.turnaround.longest for plc in all_linked), default=0)
+        if outer is None or self._external is None:
             reporter = Reporter(line, self._sink, self._names[line], primary, longest)
             bus = LinkBus(line, spec.timing, self.kernel, self._sink, reporter)
         else:
-            strangers = {number: name for number, name in everybody.items() if name not in stations}
+            external_nodes = {number: name for number, name in everybody.items() if name not in stations}
             reporter = Reporter(
-                line, self._sink, self._names[line], primary, longest + self._outside.lateness
+                line, self._sink, self._names[line], primary, longest + self._external.lateness
             )
-            bus = self._outside.link_bus(line, spec.timing, self.kernel, self._sink, reporter, strangers)
+            bus = self._external.link_bus(
+                line, spec.timing, self.kernel, self._sink, reporter, external_nodes
+            )
         ports = [
-            LinkPort(self.plcs[plc.name], bus, seat, self.kernel, self._streams)
-            for seat, plc in enumerate(seated)
+            LinkPort(self.plcs[plc.name], bus, position, self.kernel, self._streams)
+            for position, plc in enumerate(linked)
         ]
         horizon = max((port.plc.longest_scan() for port in ports), default=0)
         bus.connect(ports, horizon)
@@ -160,8 +162,8 @@ class Simulation:
         self._lines[spec.name].append(bus)
         for port in ports:
             self.nodes[port.name] = port
-            port.plc.received = _visible(bus, port.seat)
-            port.plc.before_status = bus.gallery.sync
+            port.plc.received = _visible(bus, port.position)
+            port.plc.before_status = bus.shared_listener.sync
 
     def _build_serial_bus(self, spec: model.Bus) -> None:
         ports = {
@@ -174,10 +176,10 @@ class Simulation:
         kernel, reporter = self.kernel, self.serial_reporter
         for outer, members in self._parts([*ports, *devices]).items():
             line = outer or spec.name
-            if outer is None or self._outside is None:
+            if outer is None or self._external is None:
                 bus = SerialBus(line, spec.timing, self._sink, reporter)
             else:
-                bus = self._outside.serial_bus(line, spec.timing, kernel, self._sink, reporter)
+                bus = self._external.serial_bus(line, spec.timing, kernel, self._sink, reporter)
             nodes: list[SerialNode] = []
             for name in members:
                 if name in ports:
@@ -194,14 +196,14 @@ class Simulation:
         units: dict[str, Unit] = {}
         timed = {plc for entry in self._scenario.latency for plc in (entry.source_plc, entry.target_plc)}
         others = [plc for name, plc in self.plcs.items() if name not in timed] if self._sink.traced else []
-        self._ends = EndsTeller(others, self.kernel, self._sink)
+        self._ends = EndRecorder(others, self.kernel, self._sink)
         programs = {spec.name: spec.program for spec in self._scenario.plcs}
-        self._watchers: list[Watcher] = []
+        self._probes: list[PlcProbe] = []
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
             clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
-            self._watchers.append(Watcher(plc, programs[name], self._sink, ends=name in timed))
+            self._probes.append(PlcProbe(plc, programs[name], self._sink, ends=name in timed))
             units[name] = PlcUnit(
                 plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.tell
             )
@@ -221,18 +223,18 @@ class Simulation:
     def _place_on(self, line: Line, noise: model.Noise, node: Node | None, name: str) -> None:
         """A noise disturbs a line, or a node on it; ``name`` is that of its luck."""
         kind, window, streams = noise.kind, noise.window, self._streams
-        seat = node.seat if node is not None else None
+        position = node.position if node is not None else None
         if isinstance(kind, model.ReplyLoss):
             draws = {
-                port.seat: streams.uniforms("noise", name, port.name)
+                port.position: streams.uniforms("noise", name, port.name)
                 for port in line.ports
-                if seat in (None, port.seat)
+                if position in (None, port.position)
             }
-            line.disturber.add(Loss(seat, kind.probability, window.at, window.until, draws))
+            line.disturber.add(Loss(position, kind.probability, window.at, window.until, draws))
             return
         process = BitNoise(name, _rate(noise, name, streams), streams, window.at, window.until)
-        receiver = seat is not None and noise.target.direction is model.Direction.RX
-        line.disturber.add(PlacedNoise(process, seat, receiver))
+        receiver = position is not None and noise.target.direction is model.Direction.RX
+        line.disturber.add(PlacedNoise(process, position, receiver))
 
     @property
     def now(self) -> int:
@@ -259,7 +261,7 @@ class Simulation:
         )
         warnings = [w for bus in self.links.values() for w in bus.reporter.warnings]
         warnings += self.serial_reporter.warnings
-        warnings += [text for watcher in self._watchers for text in watcher.warnings(now)]
+        warnings += [text for probe in self._probes for text in probe.warnings(now)]
         return RunTotals(
             duration=now,
             links=tuple(self._link_totals(bus) for bus in self.links.values()),
@@ -295,7 +297,7 @@ class Simulation:
                     errors[station] = errors.get(station, 0) + count
         return LinkTotals(
             bus=bus.name,
-            seats=bus.seats,
+            plc_names=bus.plc_names,
             station_names=dict(self._names[bus.name]),
             master=primary_name,
             slaves=settings.slaves if settings else None,
@@ -319,9 +321,11 @@ def _accepted(spec: model.Plc) -> bool:
     return not bad_parameters(spec.profile, setting_values(spec.profile, spec.registers))
 
 
-def _visible(bus: LinkBus, seat: int) -> Callable[[int, int], Iterable[tuple[int, bytes]]]:
-    ledger = bus.ledger
-    return lambda since, end: ledger.visible(seat, end, since) if ledger.latest > since else ()
+def _visible(bus: LinkBus, position: int) -> Callable[[int, int], Iterable[tuple[int, bytes]]]:
+    block_history = bus.block_history
+    return lambda since, end: (
+        block_history.visible(position, end, since) if block_history.latest > since else ()
+    )
 
 
 def _plc(spec: model.Plc, streams: Streams, *, linked: bool) -> Plc:

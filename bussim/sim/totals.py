@@ -15,7 +15,7 @@ def plc_totals(plc: Plc) -> PlcTotals:
     cycle = plc.cycle
     return PlcTotals(
         name=plc.name,
-        registers=plc.board.registers(),
+        registers=plc.link_registers.registers(),
         scans=cycle.count,
         scan_mean=cycle.total / cycle.count if cycle.count else None,
         scan_max=cycle.longest if cycle.count else None,
@@ -38,12 +38,12 @@ def bus_totals(bus: SerialBus) -> BusTotals:
 
 def port_totals(port: PlcPort) -> PortTotals:
     """A PLC's port beside its link."""
-    counts, settings = port.reporter.counts(port.name), port.board.settings
+    counts, settings = port.reporter.counts(port.name), port.port_registers.settings
     slave = port.kind == "response"
     return PortTotals(
         node=port.name,
         plc=port.plc.name,
-        port=port.board.spec.name,
+        port=port.port_registers.spec.name,
         bus=port.bus.name,
         protocol=settings.protocol if settings is not None else None,
         station=settings.station if settings is not None and slave else None,

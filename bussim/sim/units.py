@@ -30,7 +30,7 @@ class Unit(Protocol):
 class PlcUnit:
     """A PLC with its port on the link, if it has one, and its other ports.
 
-    ``tell_ends`` is told that it goes to STOP: its ENDs up to a tick are all that there are.
+    ``record_ends`` is told that it goes to STOP: its ENDs up to a tick are all that there are.
     """
 
     def __init__(
@@ -39,9 +39,9 @@ class PlcUnit:
         link: LinkPort | None,
         ports: Sequence[PlcPort],
         clock: EndClock | None,
-        tell_ends: Callable[[Plc, int], None],
+        record_ends: Callable[[Plc, int], None],
     ) -> None:
-        self._tell_ends = tell_ends
+        self._record_ends = record_ends
         self.plc = plc
         self.link = link
         self.ports = tuple(ports)
@@ -61,14 +61,14 @@ class PlcUnit:
                 node.halt(now)
             if self._clock is not None:
                 self._clock.stop()
-            self._tell_ends(plc, now - 1)
+            self._record_ends(plc, now - 1)
             plc.stop(now)
             for port in self.ports:
                 port.tell()
         if plc.state is not PlcState.OFF and not powered:
             plc.power_off(now)
             if self.link is not None:
-                self.link.bus.ledger.forget(self.link.seat)
+                self.link.bus.block_history.forget(self.link.position)
         if plc.state is PlcState.OFF and powered:
             plc.power_on(now)
         if plc.state is PlcState.STOP and running and powered:

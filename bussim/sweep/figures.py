@@ -163,14 +163,14 @@ def _flatten(prefix: str, data: Any, found: dict[str, Number | None]) -> None:
 def in_order(names: Iterable[str], buses: Sequence[str]) -> list[str]:
     """Names of figures in the order of the columns, the links in the order of ``buses``."""
     ranks = {name: rank for rank, name in enumerate(LINK_FIGURES)}
-    places = {bus: place for place, bus in enumerate(buses)}
+    source_map = {bus: place for place, bus in enumerate(buses)}
 
     def rank(name: str) -> tuple[int, int, int, str]:
         bus, _, figure = name.partition(".")
         numbered = _NUMBERED.fullmatch(figure)
         stem, number = (numbered[1], int(numbered[2], 16)) if numbered else (figure, 0)
-        if bus not in places or stem not in ranks:
-            return (len(places), 0, 0, name)
-        return (places[bus], ranks[stem], number, "")
+        if bus not in source_map or stem not in ranks:
+            return (len(source_map), 0, 0, name)
+        return (source_map[bus], ranks[stem], number, "")
 
     return sorted(names, key=rank)

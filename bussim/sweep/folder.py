@@ -171,7 +171,7 @@ class SweepFolder:
     def _look(self, target: Path) -> State:
         part = _part(target)
         if target.exists():
-            same = self._judge(target, target)
+            same = self._check(target, target)
             if (target / MARKER).exists() and same:
                 # Killed when it was in its place but for the last steps.
                 _check_free(target)
@@ -180,12 +180,12 @@ class SweepFolder:
             if same and not self._force:
                 return "whole"
         if part.exists():
-            same = self._judge(part, target)
+            same = self._check(part, target)
             _check_free(part)
             return "begun" if same else "new"
         return "new"
 
-    def _judge(self, folder: Path, target: Path) -> bool:
+    def _check(self, folder: Path, target: Path) -> bool:
         """Whether a folder is this sweep's. Raises UsageError if it is not and may not be replaced."""
         if not folder.is_dir():
             raise UsageError(f"{folder} exists and is a file; choose another name")

@@ -12,7 +12,7 @@ from statistics import NormalDist
 CONFIDENCE = 0.95
 
 # The exact series has as many terms as half the degrees of freedom; beyond so many the expansion
-# around the normal law is as accurate as a double.
+# around the normal distribution is as accurate as a double.
 _EXPANDED_FROM = 200
 _HALVINGS = 60
 
@@ -30,7 +30,7 @@ def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
     """The mean of a figure over the repeats of a point, with its 95 % confidence interval.
 
     The interval is Student's, mean ± t · s / √n with n − 1 degrees of freedom: for a handful of
-    repeats the normal law's 1.96 would be far too small (n = 5: 2.78). It ends at 0 for figures that
+    repeats the normal distribution's 1.96 would be far too small (n = 5: 2.78). It ends at 0 for figures that
     are never less, which takes nothing from its coverage. The repeats are independent;
     each figure is itself a mean or a count over many link scans, so that it is roughly normal.
 
@@ -62,9 +62,9 @@ def _rounded(value: float) -> float:
 def student_t(degrees: int, confidence: float = CONFIDENCE) -> float:
     """The t that |T| exceeds with probability 1 − ``confidence``, for whole ``degrees`` >= 1.
 
-    Exact to about 1e-9 of its value: for whole degrees of freedom the law of |T| is a finite sum
+    Exact to about 1e-9 of its value: for whole degrees of freedom the distribution of |T| is a finite sum
     (Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.3 and 26.7.4), which is solved
-    by halving; for many degrees it is expanded around the normal law (the same, 26.7.5).
+    by halving; for many degrees it is expanded around the normal distribution (the same, 26.7.5).
     """
     if degrees < 1:
         raise ValueError(f"degrees (={degrees}) must be at least 1.")

@@ -64,8 +64,8 @@ def masters_of(scenario: Scenario) -> dict[str, str]:
     """By bus, the first PLC with station number 0."""
     found: dict[str, str] = {}
     for plc in scenario.plcs:
-        if plc.seat is not None and plc.registers.get("D8176", 0) == 0:
-            found.setdefault(plc.seat.bus, plc.name)
+        if plc.link is not None and plc.registers.get("D8176", 0) == 0:
+            found.setdefault(plc.link.bus, plc.name)
     return found
 
 
@@ -85,4 +85,6 @@ def _scenario(
 def _template(
     text: str, name: str, files: tuple[tuple[str, str], ...], code: tuple[str, ...] | None
 ) -> Template:
-    return Template(text, name, Files(None, dict(files)), Code(allowed=code is not None, places=code or ()))
+    return Template(
+        text, name, Files(None, dict(files)), Code(allowed=code is not None, source_map=code or ())
+    )

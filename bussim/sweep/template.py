@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from typing import Any
 
 from bussim.errors import UsageError
-from bussim.scenario.loader import Examined, _judge
+from bussim.scenario.loader import Examined, _check
 from bussim.scenario.yaml import parser as yaml
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.overrides import Override, apply_overrides
-from bussim.scenario.yaml.source_map import Places
+from bussim.scenario.yaml.source_map import SourceMap
 from bussim.scenario.yaml.user_code import Code
 
 
@@ -27,7 +27,7 @@ class Template:
 
     def data(self, overrides: Iterable[Override]) -> Any:
         """The plain data with values set, unchecked. Raises UsageError as :meth:`examine`."""
-        return apply_overrides(_copied(self._data), self._copy_of_places(), overrides)
+        return apply_overrides(_copied(self._data), self._copy_of_source_map(), overrides)
 
     def examine(self, overrides: Iterable[Override]) -> Examined:
         """The scenario with values set, or every mistake in it.
@@ -35,17 +35,19 @@ class Template:
         Raises UsageError for an override whose path leads nowhere, or that another one replaces.
         """
         given = list(overrides)
-        places = self._copy_of_places()
-        examined = _judge(_copied(self._data), places, list(self._problems), given, self._code, self._files)
-        left = set(places.labels.values())
+        source_map = self._copy_of_source_map()
+        examined = _check(
+            _copied(self._data), source_map, list(self._problems), given, self._code, self._files
+        )
+        left = set(source_map.labels.values())
         lost = [override for override in given if override.label not in left]
         if lost:
             raise UsageError(f"{lost[0].label}: another option sets the same value")
         return examined
 
-    def _copy_of_places(self) -> Places:
+    def _copy_of_source_map(self) -> SourceMap:
         known = self._places
-        return Places(
+        return SourceMap(
             known.file, dict(known.keys), dict(known.values), {}, dict(known.blocks), data=known.data
         )
 

@@ -252,7 +252,7 @@ class LinkTotals:
     """
 
     bus: str
-    seats: tuple[str, ...]  # names of the PLCs on the link, in cable order
+    plc_names: tuple[str, ...]  # names of the PLCs on the link, in cable order
     station_names: dict[int, str]  # first PLC with each station number
     master: str | None  # the PLC whose view this is: the first working master along the cable
     slaves: int | None  # D8177 of the master

@@ -93,7 +93,7 @@ def scenario(seconds: int, *, changing: bool = False) -> model.Scenario:
                 f"plc{station}",
                 profile,
                 model.Scan(8 * TICKS_PER_MS, TICKS_PER_MS),
-                model.Seat("link", "COM4"),
+                model.LinkAttachment("link", "COM4"),
                 registers,
                 {f"D{profile.word_spacing * station}": Counter(TICKS_PER_SECOND)} if changing else {},
             )

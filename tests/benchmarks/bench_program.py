@@ -179,7 +179,7 @@ def simulation(program: Program | None, *, observed: bool) -> Callable[[], float
             f"p{station}",
             PROFILES["pw10"],
             model.Scan(8 * TICKS_PER_MS, TICKS_PER_MS),
-            model.Seat("link", "COM4"),
+            model.LinkAttachment("link", "COM4"),
             registers={"D8176": station, "D8177": 1, "D8178": 2, "M8179": 1},
             program=program,
             inputs={f"X{n}": Square((300 + 70 * n) * TICKS_PER_MS) for n in range(4)} if program else {},

@@ -56,10 +56,10 @@ def test_estimates_make_a_scenario_that_behaves_like_the_recording(
     assert link["stations"]["1"]["turnaround_ms"]["value"] == pytest.approx(1.5, rel=0.02)
     assert link["stations"]["1"]["reply_loss"]["low"] < 0.03 < link["stations"]["1"]["reply_loss"]["high"]
     assert link["ber"]["low"] < 1e-5 < link["ber"]["high"]
-    law = link["stations"]["2"]["law"]
-    assert set(law["values_ms"]) == {1, 2, 7}  # not uniform: measured
-    assert law["uniform_p"] < 0.01
-    # The same law in two runs: a distance that happens once in a thousand times is refused.
+    distribution = link["stations"]["2"]["law"]
+    assert set(distribution["values_ms"]) == {1, 2, 7}  # not uniform: measured
+    assert distribution["uniform_p"] < 0.01
+    # The same distribution in two runs: a distance that happens once in a thousand times is refused.
     assert found["comparison"]["p"] > 0.001
     assert found["comparison"]["simulated_ms"]["mean"] == pytest.approx(
         found["comparison"]["measured_ms"]["mean"], rel=0.03

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.scripted import MOST_WAITING, Saying, Talker
+from bussim.devices.scripted import MOST_WAITING, Message, ScriptedDevice
 from bussim.engines.contract import TRANSMIT, RxChar, Transmit
 from bussim.engines.free.engine import FreeFrame
 from bussim.engines.free.events import Sent
@@ -20,12 +20,12 @@ MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 LINE = LineTiming(9600, CharFormat(8, "N", 1))
 
 
-def talker(*sayings: Saying, luck: float = 0.0) -> Talker:
-    draws: Sequence[Iterator[float]] = [itertools.repeat(luck) for _ in sayings]
-    return Talker(sayings, LINE, draws)
+def scripted(*messages: Message, luck: float = 0.0) -> ScriptedDevice:
+    draws: Sequence[Iterator[float]] = [itertools.repeat(luck) for _ in messages]
+    return ScriptedDevice(messages, LINE, draws)
 
 
-def said(device: Talker, until: int, now: int = 0) -> list[tuple[int, bytes]]:
+def said(device: ScriptedDevice, until: int, now: int = 0) -> list[tuple[int, bytes]]:
     """What it sends up to a tick, with the first edge of each, on a line of its own."""
     found: list[tuple[int, bytes]] = []
     busy: int | None = None  # when what is being sent will have left
@@ -54,7 +54,7 @@ def said(device: Talker, until: int, now: int = 0) -> list[tuple[int, bytes]]:
             device.on_deadline(now)
 
 
-def hear(device: Talker, data: bytes, at: int) -> tuple[int, int]:
+def hear(device: ScriptedDevice, data: bytes, at: int) -> tuple[int, int]:
     """It hears these bytes from a tick on; returns the hints and the end."""
     hints = 0
     for number, value in enumerate(data):
@@ -64,7 +64,7 @@ def hear(device: Talker, data: bytes, at: int) -> tuple[int, int]:
 
 
 def test_by_the_clock() -> None:
-    device = talker(Saying(b"once", at=5 * MS), Saying(b"often", at=20 * MS, every=100 * MS, times=3))
+    device = scripted(Message(b"once", at=5 * MS), Message(b"often", at=20 * MS, every=100 * MS, times=3))
     device.start(0)
     assert said(device, 10 * S) == [
         (5 * MS, b"once"),
@@ -75,14 +75,14 @@ def test_by_the_clock() -> None:
 
 
 def test_without_end_and_late_by_its_jitter() -> None:
-    device = talker(Saying(b"x", at=MS, every=50 * MS, jitter=10 * MS), luck=0.5)
+    device = scripted(Message(b"x", at=MS, every=50 * MS, jitter=10 * MS), luck=0.5)
     device.start(0)
     late = int(0.5 * (10 * MS + 1))
     assert said(device, 1000 * MS) == [(MS + late + turn * 50 * MS, b"x") for turn in range(20)]
 
 
 def test_power_comes_back_in_the_middle_of_the_grid() -> None:
-    device = talker(Saying(b"a", at=MS, every=100 * MS, times=5), Saying(b"b", at=2 * MS))
+    device = scripted(Message(b"a", at=MS, every=100 * MS, times=5), Message(b"b", at=2 * MS))
     device.start(0)
     device.stop(3 * MS)
     assert (device.deadline(), device.due) == (None, -1)
@@ -92,7 +92,7 @@ def test_power_comes_back_in_the_middle_of_the_grid() -> None:
 
 
 def test_what_falls_due_meanwhile_follows() -> None:
-    device = talker(Saying(b"0123456789", at=0), Saying(b"ab", at=MS), Saying(b"cd", at=2 * MS))
+    device = scripted(Message(b"0123456789", at=0), Message(b"ab", at=MS), Message(b"cd", at=2 * MS))
     device.start(0)
     first = LINE.characters(10)
     assert said(device, S) == [(0, b"0123456789"), (first, b"ab"), (first + LINE.characters(2), b"cd")]
@@ -100,7 +100,7 @@ def test_what_falls_due_meanwhile_follows() -> None:
 
 def test_a_device_that_says_more_than_the_line_carries_takes_no_memory() -> None:
     # 20 characters are 20.8 ms, and every millisecond there is another.
-    device = talker(Saying(bytes(20), every=MS))
+    device = scripted(Message(bytes(20), every=MS))
     device.start(0)
     found = said(device, 10 * S)
     assert len(device._queue) == MOST_WAITING
@@ -108,7 +108,7 @@ def test_a_device_that_says_more_than_the_line_carries_takes_no_memory() -> None
 
 
 def test_it_answers_what_it_is_told_to_answer() -> None:
-    device = talker(Saying(b"7 kg\r", reply_to=b"W\r", delay=3 * MS), Saying(b"ok", reply_to=b"T\r"))
+    device = scripted(Message(b"7 kg\r", reply_to=b"W\r", delay=3 * MS), Message(b"ok", reply_to=b"T\r"))
     device.start(0)
     assert device.deadline() is None
     hints, end = hear(device, b"??W\r", 0)
@@ -124,7 +124,7 @@ def test_it_answers_what_it_is_told_to_answer() -> None:
 
 @given(st.lists(st.sampled_from([b"W\r", b"W", b"\r", b"xx", b"WW\r\r"]), max_size=8))
 def test_whole_or_one_by_one_is_all_the_same(pieces: list[bytes]) -> None:
-    one, other = (talker(Saying(b"7", reply_to=b"W\r", delay=MS)) for _ in range(2))
+    one, other = (scripted(Message(b"7", reply_to=b"W\r", delay=MS)) for _ in range(2))
     for device in (one, other):
         device.start(0)
     at = 0
@@ -137,7 +137,7 @@ def test_whole_or_one_by_one_is_all_the_same(pieces: list[bytes]) -> None:
 
 
 def test_switched_off_it_hears_and_says_nothing() -> None:
-    device = talker(Saying(b"7", reply_to=b"W"), Saying(b"x", at=MS))
+    device = scripted(Message(b"7", reply_to=b"W"), Message(b"x", at=MS))
     assert hear(device, b"W", 0)[0] == 0
     device.start(0)
     device.on_deadline(MS)

@@ -38,7 +38,7 @@ SCRIPT, HEAR, DEADLINES, SEND = range(4)
 class Tx:
     """One transmission; ``number`` counts its sender's, from 0. ``sender`` None: scripted noise."""
 
-    sender: Seat | None
+    sender: LinkAttachment | None
     frame: Frame | None
     chars: bytes
     start: int
@@ -48,7 +48,7 @@ class Tx:
 
 
 @dataclass(eq=False)
-class Seat:
+class LinkAttachment:
     """A station on the wire."""
 
     engine: Master | Slave
@@ -289,7 +289,7 @@ class Seat:
 class Wire:
     """The line and its clock."""
 
-    def __init__(self, *seats: Seat, whole: bool) -> None:
+    def __init__(self, *seats: LinkAttachment, whole: bool) -> None:
         self.now = 0
         self.seats = seats
         self.whole = whole
@@ -298,7 +298,7 @@ class Wire:
         #: Data frames of the first seat.
         self.scans = 0
         #: Which bits of a transmission a seat hears inverted.
-        self.spoil: Callable[[Tx, Seat], Collection[int]] = lambda _tx, _seat: ()
+        self.spoil: Callable[[Tx, LinkAttachment], Collection[int]] = lambda _tx, _seat: ()
         self._queue: list[tuple[int, int, int, Callable[[], None]]] = []
         self._number = count()
         for seat in seats:
@@ -370,7 +370,7 @@ def master_seat(
     timeout: int = 5,
     probe: bool = False,
     on_edge: bool = False,
-) -> Seat:
+) -> LinkAttachment:
     """A master; ``timeout`` in 10 ms."""
     config = MasterConfig(
         LinkSettings(slaves, mode, min(10, attempts - 1), timeout),
@@ -381,7 +381,7 @@ def master_seat(
         probe=probe,
         count_on_edge=on_edge,
     )
-    return Seat(Master(config, traced=True), "master", bytes([0xA0]) * MODES[mode].size)
+    return LinkAttachment(Master(config, traced=True), "master", bytes([0xA0]) * MODES[mode].size)
 
 
 def slave_seat(
@@ -390,10 +390,10 @@ def slave_seat(
     mode: int = 0,
     modes: tuple[int, ...] = (0, 1, 2, 3, 4),
     on_edge: bool = False,
-) -> Seat:
+) -> LinkAttachment:
     """A slave; its first turnarounds, then the usual one."""
     config = SlaveConfig(station, modes, TIMEOUT_UNIT, TURNAROUND + 7_200, CHAR, on_edge)
-    return Seat(
+    return LinkAttachment(
         Slave(config),
         f"slave{station}",
         bytes([0xA0 + station]) * MODES[mode].size,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.mixture import Distribution
 
 #: Kolmogorov's statistic times √n exceeds this once in a million: √(-ln(α / 2) / 2).
 KOLMOGOROV = math.sqrt(-math.log(5e-7) / 2)
@@ -15,13 +15,13 @@ KOLMOGOROV = math.sqrt(-math.log(5e-7) / 2)
 SIGMAS = 5.0
 
 
-def kolmogorov(law: Law, sample: Sequence[float]) -> float:
-    """√n times the greatest distance between a law and a sample (ticks); atoms are allowed."""
+def kolmogorov(distribution: Distribution, sample: Sequence[float]) -> float:
+    """√n times the greatest distance between a distribution and a sample (ticks); atoms are allowed."""
     ordered = np.sort(np.asarray(sample, dtype=np.float64))
     n = ordered.size
     values = np.unique(ordered)
-    # A tick's half beside each value: atoms of the law lie on whole ticks.
-    right, left = 1 - law.tail(values + 0.5), 1 - law.tail(values - 0.5)
+    # A tick's half beside each value: atoms of the distribution lie on whole ticks.
+    right, left = 1 - distribution.tail(values + 0.5), 1 - distribution.tail(values - 0.5)
     seen = np.searchsorted(ordered, values, side="right") / n
     before = np.searchsorted(ordered, values, side="left") / n
     return float(math.sqrt(n) * max(np.abs(right - seen).max(), np.abs(left - before).max()))

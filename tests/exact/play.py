@@ -1,4 +1,4 @@
-"""A link played out attempt by attempt, bit errors drawn one by one: knows nothing of laws."""
+"""A link played out attempt by attempt, bit errors drawn one by one: knows nothing of distributions."""
 
 from __future__ import annotations
 
@@ -89,10 +89,10 @@ class Player:
         return tuple(s for s in self.model.noise.sources if s.place == "rx" and s.station == receiver)
 
     def _turnaround(self, station: Station) -> float:
-        law = station.turnaround
-        if law.values:
-            return self.rng.choices(law.values, law.weights)[0] + station.extra
-        return law.mean + law.jitter * (2 * self.rng.random() - 1) + station.extra
+        distribution = station.turnaround
+        if distribution.values:
+            return self.rng.choices(distribution.values, distribution.weights)[0] + station.extra
+        return distribution.mean + distribution.jitter * (2 * self.rng.random() - 1) + station.extra
 
     # -- frames ------------------------------------------------------------------------------------
 

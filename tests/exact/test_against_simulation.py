@@ -1,4 +1,4 @@
-"""The law against the simulation, which shares no code with it: distributions and counts of errors.
+"""The distribution against the simulation, which shares no code with it: distributions and counts of errors.
 
 Scans of a link with bursts or remembered flags are correlated, so only every so many are compared.
 """
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from bussim.exact.from_scenario import from_scenario
-from bussim.exact.refresh import gap_laws
+from bussim.exact.refresh import gap_distributions
 from bussim.exact.solve import Solved
 from bussim.scenario.loader import from_data
 from bussim.sim.runner import simulate
@@ -151,7 +151,7 @@ def test_simulation_and_law_agree(name: str) -> None:
     solved = Solved(model)
     heard, totals = run(data)
     scans = heard.scans[3:]  # without the start-up
-    assert kolmogorov(solved.law, scans[:: _thinned(data)]) < KOLMOGOROV
+    assert kolmogorov(solved.distribution, scans[:: _thinned(data)]) < KOLMOGOROV
     assert totals.links[0].collisions == 0
     # Bursts and remembered flags put errors together, by at most so much.
     clumping = 12.0 if "burst" in str(data) else 2.0 if "probe" in str(data) else 1.0
@@ -159,12 +159,12 @@ def test_simulation_and_law_agree(name: str) -> None:
         if station.alive:
             errors = totals.links[0].station_errors[station.number]
             assert off_by(errors, len(scans), fails.error, clumping) < SIGMAS
-    for (source, receiver), gap in gap_laws(solved).items():
+    for (source, receiver), gap in gap_distributions(solved).items():
         sample = heard.gaps[source, receiver][3:]
-        assert kolmogorov(gap.law, sample[:: _thinned(data)]) < KOLMOGOROV, (source, receiver)
+        assert kolmogorov(gap.distribution, sample[:: _thinned(data)]) < KOLMOGOROV, (source, receiver)
 
 
-#: Links that are told to have no law, with what a law that ignored the reason would get wrong.
+#: Links that are told to have no distribution, with what a distribution that ignored the reason would get wrong.
 WITHOUT_LAW: dict[str, dict[str, Any]] = {
     "replies at END": scenario(3, {"base": "pw10", "reply": "end"}, duration="60 s"),
     "late replies": scenario(
@@ -195,4 +195,4 @@ def test_where_there_is_no_law_the_simulation_differs(name: str) -> None:
     )
     heard, _ = run(data)
     scans = np.array(heard.scans[3:])
-    assert kolmogorov(Solved(ignoring).law, scans[::3].tolist()) > 2 * KOLMOGOROV
+    assert kolmogorov(Solved(ignoring).distribution, scans[::3].tolist()) > 2 * KOLMOGOROV

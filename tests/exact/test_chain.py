@@ -13,7 +13,7 @@ from bussim.exact.bursts.channel import Line
 from bussim.exact.bursts.exchange import line_of
 from bussim.exact.bursts.scan_chain import ScanChain
 from bussim.exact.link import LineNoise, LinkModel, NoiseSource
-from bussim.exact.scan.memoryless import fails_of, odds_of, scan_law
+from bussim.exact.scan.memoryless import fails_of, probabilities_of, scan_distribution
 from bussim.exact.solve import Solved
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.exact.links import FULL, MS, PROBE, link, with_burst, with_noise
@@ -46,16 +46,16 @@ def test_a_frames_fate_by_every_pattern_of_its_bits() -> None:
                     weight *= step[at, state] * (rates[state] if inverted else 1 - rates[state])
                     at = state
                 (hit if any(pattern) else clean)[start, at] += weight
-    fate = line.fate(BURST.sources, bits)
-    assert fate.clean == pytest.approx(clean, rel=1e-12)
-    assert fate.hit == pytest.approx(hit, rel=1e-12)
+    outcome = line.outcome(BURST.sources, bits)
+    assert outcome.clean == pytest.approx(clean, rel=1e-12)
+    assert outcome.hit == pytest.approx(hit, rel=1e-12)
 
 
 def test_a_hit_is_exact_however_rare() -> None:
     noise = LineNoise((NoiseSource("bus", None, 0.0, 1e-15, chain=0),), ((72e7, 72e3),))
     line = Line(noise, 1875.0)
     expected = 500 * 1e-15 * line.stationary[1]
-    assert float((line.stationary @ line.fate(noise.sources, 500).hit).sum()) == pytest.approx(
+    assert float((line.stationary @ line.outcome(noise.sources, 500).hit).sum()) == pytest.approx(
         expected, rel=1e-9
     )
 
@@ -66,20 +66,20 @@ def test_a_replys_fates_are_all_that_can_happen(wire: float, master: float, ear:
         (NoiseSource("bus", None, wire), NoiseSource("rx", 0, master), NoiseSource("rx", 2, ear))
     )
     line = Line(noise, 1875.0)
-    fate = line.reply(noise.sources[:1], noise.sources[1:2], noise.sources[2:], bits)
-    every = [float(matrix[0, 0]) for pair in fate for matrix in pair]
+    outcome = line.reply(noise.sources[:1], noise.sources[1:2], noise.sources[2:], bits)
+    every = [float(matrix[0, 0]) for pair in outcome for matrix in pair]
     assert sum(every) == pytest.approx(1, abs=1e-11)
-    alone = line.fate((noise.sources[0], noise.sources[1]), bits)
+    alone = line.outcome((noise.sources[0], noise.sources[1]), bits)
     assert every[0] + every[1] == pytest.approx(float(alone.clean[0, 0]), rel=1e-9)
-    heard = line.fate((noise.sources[0], noise.sources[2]), bits)
+    heard = line.outcome((noise.sources[0], noise.sources[2]), bits)
     assert every[0] + every[2] + every[4] == pytest.approx(float(heard.clean[0, 0]), rel=1e-9)
 
 
 def test_noise_twice_over_is_right_again() -> None:
     noise = LineNoise((NoiseSource("bus", None, 1.0), NoiseSource("rx", 1, 1.0)))
     line = Line(noise, 1875.0)
-    assert line.fate(noise.sources, 50).clean[0, 0] == 1
-    assert line.fate(noise.sources[:1], 50).clean[0, 0] == 0
+    assert line.outcome(noise.sources, 50).clean[0, 0] == 1
+    assert line.outcome(noise.sources[:1], 50).clean[0, 0] == 0
 
 
 @settings(deadline=None, max_examples=25)
@@ -97,29 +97,29 @@ def test_without_bursts_it_is_the_closed_form(
     model = link(slaves, attempts=attempts, absent=PROBE if probe else FULL, ber=10.0**exponent, loss=loss)
     if dead:
         model = model.with_dead(1)
-    closed, chain = scan_law(model), ScanChain(model)
-    law = chain.law()
+    closed, chain = scan_distribution(model), ScanChain(model)
+    distribution = chain.distribution()
     x = np.linspace(closed.support[0], closed.quantile(1e-9), 40)
-    assert law.tail(x) == pytest.approx(closed.tail(x), rel=1e-6, abs=1e-15)
-    assert law.mean == pytest.approx(closed.mean, rel=1e-11)
-    for odds, fails in zip(odds_of(model), chain.fails(), strict=True):
-        expected = fails_of(odds, model.attempts, model.absent)
+    assert distribution.tail(x) == pytest.approx(closed.tail(x), rel=1e-6, abs=1e-15)
+    assert distribution.mean == pytest.approx(closed.mean, rel=1e-11)
+    for probabilities, fails in zip(probabilities_of(model), chain.fails(), strict=True):
+        expected = fails_of(probabilities, model.attempts, model.absent)
         assert fails.error == pytest.approx(expected.error, rel=1e-9)
-        if odds.answered:
+        if probabilities.answered:
             assert fails.onset == pytest.approx(expected.onset, rel=1e-9)
 
 
 def test_a_burst_that_never_changes_anything_is_none() -> None:
     plain = link(2, ber=2e-4)
     same = with_burst(link(2), 30, 50, 2e-4, 2e-4)
-    assert ScanChain(same).law().mean == pytest.approx(scan_law(plain).mean, rel=1e-12)
+    assert ScanChain(same).distribution().mean == pytest.approx(scan_distribution(plain).mean, rel=1e-12)
 
 
 def test_two_bursts_are_independent_chains() -> None:
     one = with_burst(link(2, attempts=2), 100, 20, 0, 5e-3)
     both = with_burst(one, 40, 10, 0, 0.0)
     assert line_of(both).states == 4
-    assert ScanChain(both).law().mean == pytest.approx(ScanChain(one).law().mean, rel=1e-10)
+    assert ScanChain(both).distribution().mean == pytest.approx(ScanChain(one).distribution().mean, rel=1e-10)
 
 
 def test_the_start_of_scans_stands_still() -> None:
@@ -157,9 +157,9 @@ def test_scans_played_out(name: str) -> None:
     solved = Solved(model)
     # Neighbouring scans share a burst: only every so many are compared.
     longest = max(sum(means) for means in model.noise.chains) / MS
-    apart = 2 + int(3 * longest / (solved.law.mean / MS))
-    assert kolmogorov(solved.law, seen.scans[::apart]) < KOLMOGOROV
-    long = [int(scan > solved.law.quantile(0.05)) for scan in seen.scans]
+    apart = 2 + int(3 * longest / (solved.distribution.mean / MS))
+    assert kolmogorov(solved.distribution, seen.scans[::apart]) < KOLMOGOROV
+    long = [int(scan > solved.distribution.quantile(0.05)) for scan in seen.scans]
     clumping = max(1.0, _batches(long, 250))
     for station, fails in zip(model.stations, solved.fails, strict=True):
         if station.alive:

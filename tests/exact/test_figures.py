@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bussim.exact.metrics import YEAR, Request, figures_of, over_mission, tail_curve
-from bussim.exact.refresh import gap_law
+from bussim.exact.refresh import gap_distribution
 from bussim.exact.solve import Solved
 from bussim.exact.text import ms, scans_over, years_between
 from bussim.wording import about
@@ -21,20 +21,20 @@ REQUEST = Request(levels={"1e-3": 1e-3, "0.01": 0.01}, deadlines=(200 * MS, 60 *
 def test_the_json_form() -> None:
     model = link(2, ber=1e-4, attempts=3)
     form = figures_of(model, REQUEST).to_json()
-    law = Solved(model).law
+    distribution = Solved(model).distribution
     assert json.loads(json.dumps(form)) == form
     assert form["valid"] is True
     assert form["reasons"] == []
-    assert form["mean_ms"] == pytest.approx(law.mean / MS)
-    assert form["sd_ms"] == pytest.approx(math.sqrt(law.variance) / MS)
+    assert form["mean_ms"] == pytest.approx(distribution.mean / MS)
+    assert form["sd_ms"] == pytest.approx(math.sqrt(distribution.variance) / MS)
     # Keys as the user wrote them, deadlines in ms.
     assert form["quantiles_ms"] == {
-        "1e-3": pytest.approx(law.quantile(1e-3) / MS),
-        "0.01": pytest.approx(law.quantile(0.01) / MS),
+        "1e-3": pytest.approx(distribution.quantile(1e-3) / MS),
+        "0.01": pytest.approx(distribution.quantile(0.01) / MS),
     }
     assert form["p_scan_over_ms"] == {
-        "200": pytest.approx(float(law.tail(200 * MS))),
-        "60": pytest.approx(float(law.tail(60 * MS))),
+        "200": pytest.approx(float(distribution.tail(200 * MS))),
+        "60": pytest.approx(float(distribution.tail(60 * MS))),
     }
     assert list(form["station_error_per_scan"]) == ["1", "2"]  # type: ignore[call-overload]
     assert set(form["detect_ms"]) == {"mean", "max", "bound", "1e-3", "0.01"}  # type: ignore[call-overload]
@@ -56,11 +56,11 @@ def test_errors_add_up() -> None:
 
 
 def test_the_longest_scan_of_a_mission() -> None:
-    law = Solved(link(2, ber=1e-4)).law
+    distribution = Solved(link(2, ber=1e-4)).distribution
     for level in (0.5, 0.01):
-        x = over_mission(law, YEAR, level)
-        scans = YEAR / law.mean
-        p = float(law.tail(x))
+        x = over_mission(distribution, YEAR, level)
+        scans = YEAR / distribution.mean
+        p = float(distribution.tail(x))
         assert 1 - (1 - p) ** scans == pytest.approx(level, rel=1e-3)
 
 
@@ -68,27 +68,27 @@ def test_a_heartbeats_preset() -> None:
     model = with_noise(link(2, attempts=3), "rx", 2, 1e-4)
     figures = figures_of(model, Request(missed_per_year=300.0))
     solved = Solved(model)
-    gap = gap_law(solved, 0, 2)
+    gap = gap_distribution(solved, 0, 2)
     preset = figures.refresh["p0->p2"].heartbeat
     assert preset is not None
     assert preset % (10 * MS) == 0
-    gaps = YEAR / solved.law.mean * gap.per_scan
+    gaps = YEAR / solved.distribution.mean * gap.per_scan
     # The PLC scans of both (8 and 10 ms) are on top; 10 ms less would be missed too often.
-    assert gaps * float(gap.law.tail(preset - 18 * MS)) <= 300
-    assert gaps * float(gap.law.tail(preset - 28 * MS)) > 300
+    assert gaps * float(gap.distribution.tail(preset - 18 * MS)) <= 300
+    assert gaps * float(gap.distribution.tail(preset - 28 * MS)) > 300
     seldom = figures_of(model, Request(missed_per_year=0.1)).refresh["p0->p2"].heartbeat
     assert seldom is not None
     assert seldom > preset
 
 
 def test_the_curve_of_a_plot() -> None:
-    law = Solved(link(2, ber=1e-4)).law
-    x, tail = tail_curve(law)
+    distribution = Solved(link(2, ber=1e-4)).distribution
+    x, tail = tail_curve(distribution)
     assert np.all(np.diff(x) > 0)
     assert np.all(np.diff(tail) <= 1e-15)
     assert tail[0] == 1
     assert tail[-1] == pytest.approx(1e-12, rel=1e-2)
-    assert law.support[0] / MS == x[0]
+    assert distribution.support[0] / MS == x[0]
 
 
 def test_no_number_where_there_is_no_law() -> None:

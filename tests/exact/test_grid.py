@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bussim.exact.link import LinkModel
 from bussim.exact.metrics import Request, figures_of
-from bussim.exact.scan.memoryless import fails_of, odds_of
+from bussim.exact.scan.memoryless import fails_of, probabilities_of
 from bussim.exact.sizing.grid import all_timeouts, evaluate
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import MS, PROBE, change, link, with_burst, with_noise
@@ -51,9 +51,9 @@ def test_a_grid_is_its_settings(name: str) -> None:
         # A grid's quantiles are good to some microseconds, and by a tail's part of 1e-4 besides.
         for level, key in ((1e-3, "a"), (1e-6, "b")):
             x = grid.quantiles[level][i, j]
-            assert figures.law is not None
+            assert figures.distribution is not None
             if abs(x - figures.quantiles[key]) > 720:
-                assert figures.law.tail(x) == pytest.approx(level, rel=3e-3)
+                assert figures.distribution.tail(x) == pytest.approx(level, rel=3e-3)
         over = figures.over[150 * MS]
         assert grid.over[150 * MS][i, j] == pytest.approx(over, rel=1e-2, abs=1e-9)
 
@@ -110,5 +110,5 @@ def test_more_attempts_and_longer_timeouts(slaves: int, mode: int, exponent: flo
     for increasing in (grid.mean, grid.one_dead, grid.detect_mean, grid.detect_longest):
         assert np.all(np.diff(increasing, axis=1) > 0)
     assert np.all(grid.quantiles[1e-6] >= grid.quantiles[1e-3])
-    expected = fails_of(odds_of(model)[0], 3, model.absent).error
+    expected = fails_of(probabilities_of(model)[0], 3, model.absent).error
     assert grid.error_per_scan[2] == pytest.approx(expected)

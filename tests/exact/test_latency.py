@@ -205,7 +205,7 @@ def test_without_errors_no_latency_is_longer_than_its_bound(
                 assert 0 <= ticks <= getattr(bound, part), (name, part)
 
 
-def judge(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> dict[str, float]:
+def evaluate_goals(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> dict[str, float]:
     """No latency is longer than the case that its errors fall into; how near each case came."""
     samples, kept = sampled(monkeypatch, given)
     errors, worst = Errors.of(kept, given), dict[str, float]()
@@ -232,7 +232,7 @@ def judge(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> dict[str, float]:
 def test_with_lost_replies_none_is_longer_than_the_bound_for_so_many(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    worst = judge(monkeypatch, scenario(seed, noisy=True))
+    worst = evaluate_goals(monkeypatch, scenario(seed, noisy=True))
     assert worst["every retry"] > 0.1
 
 
@@ -288,14 +288,14 @@ def tiny(
 def test_a_flag_that_is_still_on_costs_a_parameter_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """p1 has spent its only attempt before the change: no reply is lost in the window, and yet it takes longer."""
     given = tiny("one noisy station")
-    worst, bound = judge(monkeypatch, given), bounds_of(given)["there"]
+    worst, bound = evaluate_goals(monkeypatch, given), bounds_of(given)["there"]
     assert worst["no error"] > 0.95
     assert worst["0 lost"] * bound.lost(0) > bound.no_error
     assert worst["1 lost"] > 0.8
 
 
 def test_a_station_that_never_answers_belongs_to_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
-    worst = judge(monkeypatch, tiny("one absent, one noisy station", slaves=4))
+    worst = evaluate_goals(monkeypatch, tiny("one absent, one noisy station", slaves=4))
     assert worst["no error"] > 0.9
     assert worst["1 lost"] > 0.7
 
@@ -313,7 +313,7 @@ def test_every_retry_spent_comes_near_its_bound(
     retries: int, policy: str, counts: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     losses = dict(zip((1, 2, 3), counts, strict=True))
-    worst = judge(monkeypatch, tiny("all lost", losses, retries=retries, absent_station=policy))
+    worst = evaluate_goals(monkeypatch, tiny("all lost", losses, retries=retries, absent_station=policy))
     assert 0.9 < worst["every retry"] <= 1
 
 

@@ -1,4 +1,4 @@
-"""What the law neglects, measured on the real receiver."""
+"""What the distribution neglects, measured on the real receiver."""
 
 from __future__ import annotations
 

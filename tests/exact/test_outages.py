@@ -77,12 +77,12 @@ def test_corruption_of_replies_runs_out_of_attempts_sooner() -> None:
 
 def test_scans_without_and_with_nothing_but_errors() -> None:
     model = link(3)
-    law = Solved(model).law
-    assert (clean_scan(model, slowest=False), clean_scan(model, slowest=True)) == law.support
-    worst = Solved(link(3, loss=1.0)).law
+    distribution = Solved(model).distribution
+    assert (clean_scan(model, slowest=False), clean_scan(model, slowest=True)) == distribution.support
+    worst = Solved(link(3, loss=1.0)).distribution
     assert longest_scan(model) == worst.support[1]
     dead = link(3, absent=PROBE).with_dead(1)
-    assert clean_scan(dead, slowest=True) == Solved(dead).law.support[1]
+    assert clean_scan(dead, slowest=True) == Solved(dead).distribution.support[1]
     assert longest_scan(dead) == dead.base + 9 * dead.silent_cost + dead.parameters_cost
 
 
@@ -94,14 +94,14 @@ def test_mean_scans_with_dead_stations(absent: object, burst: bool) -> None:
         model = with_burst(model, 500, 20, 0, 5e-3)
     solved = Solved(model)
     for count, choices in ((1, [(1,), (2,), (3,)]), (2, [(1, 2), (1, 3), (2, 3)])):
-        means = [Solved(model.with_dead(*chosen)).law.mean for chosen in choices]
+        means = [Solved(model.with_dead(*chosen)).distribution.mean for chosen in choices]
         assert dead_means(solved, count) == pytest.approx(max(means), rel=1e-11)
     assert dead_means(solved, 4) is None
 
 
 def test_without_noise_a_dead_station_costs_its_attempts_instead_of_its_slot() -> None:
     model = link(2)
-    alive = Solved(model).law.mean
+    alive = Solved(model).distribution.mean
     slot = model.answered(model.stations[0]) + 30_060
     expected = alive - slot + 4 * model.silent_cost + model.gap + model.parameters
     assert dead_means(Solved(model), 1) == pytest.approx(expected, rel=1e-14)
@@ -115,7 +115,7 @@ def test_detection_of_deaths_at_random_instants() -> None:
     model = link(2, ber=2e-4, attempts=3, turnaround=CONSTANT)
     solved, station = Solved(model), model.stations[1]
     levels = (0.5, 0.01, 1e-4)
-    found = detection(model, solved.law, station, levels)
+    found = detection(model, solved.distribution, station, levels)
     rng = random.Random(5)
     scans = play(model, 40_000, seed=6).scans
     slot = model.answered(station) + 30_060

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.scripted import Saying
+from bussim.devices.scripted import Message
 from bussim.devices.user import Entry
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import FUNCTIONS
@@ -22,7 +22,7 @@ from bussim.engines.modbus.server import Space
 from bussim.exact.polls.from_scenario import poll_lists
 from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
 from bussim.exact.polls.metrics import PollFigures, poll_figures
-from bussim.exact.polls.whole_scans import mean_passage
+from bussim.exact.polls.whole_scans import mean_whole_scans
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec
@@ -30,7 +30,7 @@ from bussim.plc.profiles import PROFILES
 from bussim.plc.program.program import Program
 from bussim.scenario import model
 from tests.sim.build import MS, SECOND, Done, fault, run
-from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, serial_bus, talker
+from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, scripted, serial_bus
 
 #: Standard deviations that a mean of a fixed seed may be off.
 SIGMAS = 4.5
@@ -90,9 +90,14 @@ def test_no_walk_leaves_the_bounds(
     scan: Span, execution: int, others: int, interval: int, need: tuple[int, int], seed: int
 ) -> None:
     rng = random.Random(seed)
-    pace = Scans(scan, execution, others, interval)
+    master_timing = Scans(scan, execution, others, interval)
     span = Span(need[0], need[0] + need[1])
-    taken, gap, turn, after = pace.taken(span), pace.gap(), pace.turn(span), pace.gap(span)
+    taken, gap, turn, after = (
+        master_timing.taken(span),
+        master_timing.gap(),
+        master_timing.turn(span),
+        master_timing.gap(span),
+    )
     assert gap.least <= after.least <= after.most <= gap.most
     assert turn.least >= taken.least + gap.least or span.fixed
     assert turn.most <= taken.most + gap.most
@@ -101,7 +106,7 @@ def test_no_walk_leaves_the_bounds(
         assert taken.least <= over <= taken.most
         assert after.least <= again - over <= after.most
         assert turn.least <= again <= turn.most
-        assert over - span.most <= pace.late
+        assert over - span.most <= master_timing.late
 
 
 @given(
@@ -113,12 +118,12 @@ def test_no_walk_leaves_the_bounds(
 def test_without_jitter_there_is_one_time_and_it_is_that(
     scan: int, execution: int, interval: int, need: int
 ) -> None:
-    pace = Scans(exactly(scan), execution, 0, interval)
+    master_timing = Scans(exactly(scan), execution, 0, interval)
     taken, again = walk(random.Random(0), need, interval, exactly(scan), execution, 0)
-    assert pace.taken(exactly(need)) == exactly(taken)
-    assert pace.turn(exactly(need)) == exactly(again)
-    assert pace.gap(exactly(need)) == exactly(again - taken)
-    assert pace.mean(exactly(need)) == (taken, again - taken)
+    assert master_timing.taken(exactly(need)) == exactly(taken)
+    assert master_timing.turn(exactly(need)) == exactly(again)
+    assert master_timing.gap(exactly(need)) == exactly(again - taken)
+    assert master_timing.mean(exactly(need)) == (taken, again - taken)
 
 
 @pytest.mark.parametrize(
@@ -126,8 +131,8 @@ def test_without_jitter_there_is_one_time_and_it_is_that(
 )
 def test_bounds_are_reached(need: int, scan: int, width: int) -> None:
     # Of all sequences of shortest and longest scans, and of one that hits the need exactly, some reach them.
-    pace = Scans(Span(scan, scan + width), 0, 0, 0)
-    found = pace.taken(exactly(need))
+    master_timing = Scans(Span(scan, scan + width), 0, 0, 0)
+    found = master_timing.taken(exactly(need))
     fewest = -(-need // (scan + width))
     assert found.least == max(fewest * scan, need)
     before = (need - 1) // scan
@@ -157,7 +162,7 @@ def test_mean_scans_against_the_exact_sum(need: int, active: int, width: int) ->
     while k * active < need:
         scans += uniform_sum_below(k, Fraction(need - k * active, width)) if k else 1
         k += 1
-    taken, gap = mean_passage(need, 0, active, active, width, 0)
+    taken, gap = mean_whole_scans(need, 0, active, active, width, 0)
     assert taken == pytest.approx(float(scans * (active + Fraction(width, 2))), abs=width * 2e-4)
     assert gap == active + width / 2
 
@@ -188,7 +193,7 @@ def test_means_against_draws(
     while (open_ := at < needed + interval).any():
         at = at + np.where(open_, idle + width * rng.random(draws), 0)
     ticks = [round(value * MS) for value in (need, spread, active, idle, width, interval)]
-    means = mean_passage(*ticks)
+    means = mean_whole_scans(*ticks)
     for sample, mean in zip((taken, at - taken), means, strict=True):
         error = float(sample.std()) / math.sqrt(draws)
         assert abs(float(sample.mean()) - mean / MS) < SIGMAS * error + 2e-4
@@ -310,7 +315,12 @@ def test_nothing_simulated_leaves_the_bounds(seed: int) -> None:
 
 def test_random_buses_are_of_every_kind() -> None:
     kinds = {
-        (found.cycle is not None, found.mean is not None, bool(found.model.commands), type(found.model.pace))
+        (
+            found.cycle is not None,
+            found.mean is not None,
+            bool(found.model.commands),
+            type(found.model.master_timing),
+        )
         for found in (only(random_bus(seed)) for seed in range(SEEDS))
     }
     assert len(kinds) > 6
@@ -474,7 +484,7 @@ def test_a_master_that_awaits_what_has_begun(seed: int) -> None:
 
 def test_other_ports_and_the_link_lengthen_scans() -> None:
     polls = [ask(), replace(ask("b", to="D500"), port="COM5")]
-    seat = model.Seat("link", "COM4")
+    seat = model.LinkAttachment("link", "COM4")
     press = plc(
         "press",
         port("COM3", MASTER),
@@ -563,7 +573,7 @@ def test_a_protocol_of_its_own() -> None:
     spec = FreeSpec("say", "COM3", parse_device("D200"), 5, every=SECOND)
     scenario = serial_bus([], [plc("press", port("COM3", FREE), polls=[spec])])
     assert "free protocol" in reasons(scenario)
-    reader = talker("reader", Saying(b"123\r", at=0, every=SECOND))
+    reader = scripted("reader", Message(b"123\r", at=0, every=SECOND))
     assert "reader sends on bus in a protocol of its own" in reasons(
         with_polls(ask(), devices=(station(), reader))
     )

@@ -1,4 +1,4 @@
-"""Links as scenarios describe them, and why some have no law."""
+"""Links as scenarios describe them, and why some have no distribution."""
 
 from __future__ import annotations
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bussim.exact.link import MASTER, LinkModel
-from bussim.exact.refresh import gap_law, gap_laws, pairs
-from bussim.exact.scan.memoryless import scan_law
+from bussim.exact.refresh import gap_distribution, gap_distributions, pairs
+from bussim.exact.scan.memoryless import scan_distribution
 from bussim.exact.solve import Solved
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.exact.links import FULL, PROBE, link, with_burst, with_noise
@@ -23,10 +23,10 @@ def test_pairs() -> None:
 
 def test_without_noise_every_gap_is_a_scan() -> None:
     solved = Solved(link(3))
-    x = np.linspace(*solved.law.support, 50)
-    for gap in gap_laws(solved).values():
+    x = np.linspace(*solved.distribution.support, 50)
+    for gap in gap_distributions(solved).values():
         assert gap.per_scan == 1
-        assert gap.law.tail(x) == pytest.approx(solved.law.tail(x), abs=1e-12)
+        assert gap.distribution.tail(x) == pytest.approx(solved.distribution.tail(x), abs=1e-12)
 
 
 def test_the_masters_frame_is_missed_scan_by_scan() -> None:
@@ -34,16 +34,16 @@ def test_the_masters_frame_is_missed_scan_by_scan() -> None:
     # scans in a gap is geometric.
     model = with_noise(link(2), "rx", 2, 1e-3)
     solved = Solved(model)
-    gap = gap_law(solved, MASTER, 2)
+    gap = gap_distribution(solved, MASTER, 2)
     hit = 1 - (1 - 1e-3) ** model.data_bits
     assert gap.per_scan == pytest.approx(1 - hit, rel=1e-12)
-    unpolled = scan_law(model)
+    unpolled = scan_distribution(model)
     low = unpolled.support[0]
     for scans in range(1, 6):
         # Between so many scans and one more (a scan is never twice as long as another unless a poll fails).
-        beyond = float(gap.law.tail(low * (scans + 1) - 1))
+        beyond = float(gap.distribution.tail(low * (scans + 1) - 1))
         assert beyond >= hit**scans * (1 - 1e-9)
-    assert gap.law.mean == pytest.approx(unpolled.mean / (1 - hit), rel=1e-9)
+    assert gap.distribution.mean == pytest.approx(unpolled.mean / (1 - hit), rel=1e-9)
 
 
 links = st.builds(
@@ -72,12 +72,12 @@ def _some_link(
 @settings(deadline=None, max_examples=12)
 @given(links)
 def test_gaps_fill_the_time(model: LinkModel) -> None:
-    # Whatever the law: receptions a scan × mean gap = mean scan.
+    # Whatever the distribution: receptions a scan × mean gap = mean scan.
     solved = Solved(model)
-    for gap in gap_laws(solved).values():
-        assert gap.law.lost < 1e-9
-        assert gap.per_scan * gap.law.mean == pytest.approx(solved.law.mean, rel=1e-8)
-        tail = gap.law.tail(np.linspace(*gap.law.support, 100))
+    for gap in gap_distributions(solved).values():
+        assert gap.distribution.lost < 1e-9
+        assert gap.per_scan * gap.distribution.mean == pytest.approx(solved.distribution.mean, rel=1e-8)
+        tail = gap.distribution.tail(np.linspace(*gap.distribution.support, 100))
         assert np.all(np.diff(tail) <= 1e-14)
 
 
@@ -85,21 +85,21 @@ def test_gaps_fill_the_time(model: LinkModel) -> None:
 def test_gaps_fill_the_time_with_bursts(absent: object) -> None:
     model = with_burst(link(2, attempts=2, absent=absent), 2_000, 60, 0, 5e-3)  # type: ignore[arg-type]
     solved = Solved(with_noise(model, "rx", 1, 1e-5))
-    for gap in gap_laws(solved).values():
-        assert gap.per_scan * gap.law.mean == pytest.approx(solved.law.mean, rel=1e-8)
+    for gap in gap_distributions(solved).values():
+        assert gap.per_scan * gap.distribution.mean == pytest.approx(solved.distribution.mean, rel=1e-8)
 
 
 def test_laws_are_shared_only_where_they_are_the_same() -> None:
     solved = Solved(link(4, ber=1e-4, attempts=1))
-    every = gap_laws(solved)
-    assert every[1, 2].law is every[1, 3].law
-    assert every[1, 2].law is not every[2, 3].law
-    x = solved.law.support[0] + np.arange(0, 8 * 72_000, 720.0)
+    every = gap_distributions(solved)
+    assert every[1, 2].distribution is every[1, 3].distribution
+    assert every[1, 2].distribution is not every[2, 3].distribution
+    x = solved.distribution.support[0] + np.arange(0, 8 * 72_000, 720.0)
     # The parameter frame after an error of station 1 falls into its own gap, but before that of station 4.
-    assert np.max(np.abs(every[1, 0].law.tail(x) - every[4, 0].law.tail(x))) > 1e-2
+    assert np.max(np.abs(every[1, 0].distribution.tail(x) - every[4, 0].distribution.tail(x))) > 1e-2
     # One for the master's frame, two for each slave's: heard by the master and by a listener.
-    assert len({id(gap.law) for gap in every.values()}) == 9
-    assert len({id(gap.law) for gap in gap_laws(solved, by_place=False).values()}) == 3
+    assert len({id(gap.distribution) for gap in every.values()}) == 9
+    assert len({id(gap.distribution) for gap in gap_distributions(solved, by_place=False).values()}) == 3
 
 
 PLAYED = {
@@ -115,11 +115,11 @@ PLAYED = {
 def test_gaps_played_out(name: str) -> None:
     model, scans = PLAYED[name], 6_000
     seen = play(model, scans, seed=sum(map(ord, name)))
-    for (source, receiver), gap in gap_laws(Solved(model)).items():
+    for (source, receiver), gap in gap_distributions(Solved(model)).items():
         if name == "a dead one before" and (source, receiver) == (2, 3):
             continue  # there the poll counts as well, which the player does not play
         sample = seen.gaps[source, receiver]
-        assert kolmogorov(gap.law, sample[::2]) < KOLMOGOROV
+        assert kolmogorov(gap.distribution, sample[::2]) < KOLMOGOROV
         if gap.per_scan < 1:
             assert off_by(len(sample), scans, gap.per_scan, 2.0) < SIGMAS
 
@@ -129,6 +129,6 @@ def test_an_open_poll_must_be_closed_by_hearing_the_next() -> None:
     # heard station 2's poll; with nobody dead it would take it anyway.
     model = with_noise(link(3), "rx", 3, 1e-3)
     fine = 1 - 1e-3
-    assert gap_law(Solved(model), 2, 3).per_scan == pytest.approx(fine**model.data_bits, rel=1e-9)
-    dead = gap_law(Solved(model.with_dead(1)), 2, 3).per_scan
+    assert gap_distribution(Solved(model), 2, 3).per_scan == pytest.approx(fine**model.data_bits, rel=1e-9)
+    dead = gap_distribution(Solved(model.with_dead(1)), 2, 3).per_scan
     assert dead == pytest.approx(fine**model.data_bits * fine**model.poll_bits, rel=1e-9)

@@ -1,4 +1,4 @@
-"""The law of a scan without bursts against exact arithmetic, and against scans played out."""
+"""The distribution of a scan without bursts against exact arithmetic, and against scans played out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bussim.exact.link import LinkModel, frame_ticks
-from bussim.exact.scan.memoryless import any_flag, fails_of, mean_exchange, odds_of, scan_law, scan_terms
+from bussim.exact.scan.memoryless import (
+    any_flag,
+    fails_of,
+    mean_exchange,
+    probabilities_of,
+    scan_distribution,
+    scan_terms,
+)
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import Turnaround
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
@@ -31,50 +38,53 @@ PUBLISHED = {
 
 @pytest.mark.parametrize(("mode", "slaves"), list(product(PUBLISHED, range(1, 8))))
 def test_the_published_table(mode: int, slaves: int) -> None:
-    assert abs(scan_law(link(slaves, mode=mode)).mean / MS - PUBLISHED[mode][slaves - 1]) < 0.65
+    assert abs(scan_distribution(link(slaves, mode=mode)).mean / MS - PUBLISHED[mode][slaves - 1]) < 0.65
 
 
 def test_no_noise_is_the_turnarounds_law() -> None:
     model = link(3)
-    law = scan_law(model)
-    assert law.weight.tolist() == [1.0]
+    distribution = scan_distribution(model)
+    assert distribution.weight.tolist() == [1.0]
     fixed = model.gap + model.data + model.overhead + 3 * (model.gap + model.poll + model.data)
-    assert law.support == (fixed + 3 * 22_860, fixed + 3 * 37_260)
-    assert law.mean == fixed + 3 * 30_060
-    assert law.variance == pytest.approx(3 * 14_400**2 / 12)
+    assert distribution.support == (fixed + 3 * 22_860, fixed + 3 * 37_260)
+    assert distribution.mean == fixed + 3 * 30_060
+    assert distribution.variance == pytest.approx(3 * 14_400**2 / 12)
     # Of three uniforms: P(sum > 2.5) = 0.5³ / 6.
-    assert law.tail(fixed + 3 * 22_860 + 2.5 * 14_400) == pytest.approx(0.125 / 6, rel=1e-12)
+    assert distribution.tail(fixed + 3 * 22_860 + 2.5 * 14_400) == pytest.approx(0.125 / 6, rel=1e-12)
 
 
 def test_a_constant_turnaround_leaves_a_point() -> None:
-    law = scan_law(link(2, turnaround=Turnaround(30_060, 0)))
-    assert law.variance == 0
-    assert law.quantile(1e-9) == law.mean == law.support[0]
-    assert law.tail(law.mean) == 0
-    assert law.tail(law.mean - 1) == 1
+    distribution = scan_distribution(link(2, turnaround=Turnaround(30_060, 0)))
+    assert distribution.variance == 0
+    assert distribution.quantile(1e-9) == distribution.mean == distribution.support[0]
+    assert distribution.tail(distribution.mean) == 0
+    assert distribution.tail(distribution.mean - 1) == 1
 
 
 @pytest.mark.parametrize(("absent", "attempts"), [(FULL, 4), (PROBE, 1)])
 def test_every_reply_lost_is_a_point(absent: object, attempts: int) -> None:
     model = link(2, loss=1.0, absent=absent)  # type: ignore[arg-type]
-    law = scan_law(model)
+    distribution = scan_distribution(model)
     expected = model.base + 2 * attempts * model.silent_cost + model.gap + model.parameters
-    assert law.support == (expected, expected)
-    assert law.weight.sum() == 1
-    assert [fails_of(odds, 4, model.absent).error for odds in odds_of(model)] == [1.0, 1.0]
+    assert distribution.support == (expected, expected)
+    assert distribution.weight.sum() == 1
+    assert [fails_of(probabilities, 4, model.absent).error for probabilities in probabilities_of(model)] == [
+        1.0,
+        1.0,
+    ]
 
 
 def test_one_slave_with_reply_loss() -> None:
     model = link(1, loss=0.25, turnaround=Turnaround(30_060, 0))
-    law = scan_law(model)
+    distribution = scan_distribution(model)
     answered = model.base + model.answered(model.stations[0]) + 30_060
     loss = Fraction(1, 4)
     for failed in range(4):
         at = answered + failed * model.silent_cost
         expected = loss**failed * (1 - loss)
-        assert law.tail(at - 1) - law.tail(at) == pytest.approx(float(expected), rel=1e-12)
+        assert distribution.tail(at - 1) - distribution.tail(at) == pytest.approx(float(expected), rel=1e-12)
     last = model.base + 4 * model.silent_cost + model.parameters_cost
-    assert law.tail(last - 1) == pytest.approx(float(loss**4), rel=1e-15)
+    assert distribution.tail(last - 1) == pytest.approx(float(loss**4), rel=1e-15)
 
 
 def test_odds_in_exact_fractions() -> None:
@@ -85,13 +95,13 @@ def test_odds_in_exact_fractions() -> None:
     thrice = 1 - ((1 - twice) * q + twice * p)
     poll, bits = q**50, model.data_bits
     kept = Fraction(7, 8)
-    for odds, rate in zip(odds_of(model), (thrice, twice), strict=True):
+    for probabilities, rate in zip(probabilities_of(model), (thrice, twice), strict=True):
         clean = 1 - rate
-        assert odds.answered == pytest.approx(float(poll * kept * clean**bits), rel=1e-13)
-        assert odds.torn == pytest.approx(
+        assert probabilities.answered == pytest.approx(float(poll * kept * clean**bits), rel=1e-13)
+        assert probabilities.torn == pytest.approx(
             float(poll * kept * clean**10 * (1 - clean ** (bits - 10))), rel=1e-13
         )
-        assert odds.silent == pytest.approx(
+        assert probabilities.silent == pytest.approx(
             float((1 - poll) + poll * (1 - kept) + poll * kept * (1 - clean**10)), rel=1e-13
         )
 
@@ -155,7 +165,7 @@ def enumerated_tail(
 @pytest.mark.parametrize("ber", [2.0**-20, 2.0**-13])
 def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> None:
     model = link(2, mode=0, attempts=3, ber=ber, absent=absent)  # type: ignore[arg-type]
-    law = scan_law(model)
+    distribution = scan_distribution(model)
     p = Fraction(ber)
     q = 1 - p
     poll, bits = q**50, model.data_bits
@@ -165,11 +175,11 @@ def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> 
     mixture = [(1 - flagged, 3), (flagged, 1)]
     seen = []
     for level in (0.5, 1e-3, 1e-6, 1e-9, 1e-12):
-        x = law.quantile(level)
+        x = distribution.quantile(level)
         expected = float(enumerated_tail(model, chances, mixture, Fraction(x)))
-        assert float(law.tail(x)) == pytest.approx(expected, rel=1e-10)
+        assert float(distribution.tail(x)) == pytest.approx(expected, rel=1e-10)
         seen.append(expected)
-    # The quantiles are where they should be, but for levels that fall between two lobes.
+    # The quantiles are where they should be, but for levels that fall between two components.
     assert seen[0] == pytest.approx(0.5, rel=1e-3)
     assert all(p <= level * 1.001 for p, level in zip(seen, (0.5, 1e-3, 1e-6, 1e-9, 1e-12), strict=True))
 
@@ -200,36 +210,38 @@ links = st.builds(
 @given(links)
 def test_properties_of_any_link(model: LinkModel) -> None:
     terms = scan_terms(model)
-    law = terms.law(model.timeout)
-    assert law.weight.sum() == pytest.approx(1, abs=1e-11)
-    assert np.all(law.weight > 0)
-    odds = odds_of(model)
-    assert all(sum(o) == pytest.approx(1, abs=1e-12) for o in odds)
-    fails = [fails_of(o, model.attempts, model.absent) for o in odds]
+    distribution = terms.distribution(model.timeout)
+    assert distribution.weight.sum() == pytest.approx(1, abs=1e-11)
+    assert np.all(distribution.weight > 0)
+    probabilities = probabilities_of(model)
+    assert all(sum(o) == pytest.approx(1, abs=1e-12) for o in probabilities)
+    fails = [fails_of(o, model.attempts, model.absent) for o in probabilities]
     assert all(0 <= f.onset <= f.error <= 1 for f in fails)
     assert terms.weight[terms.flagged].sum() == pytest.approx(any_flag(fails), rel=1e-9, abs=1e-29)
-    # The mean from the lobes and the mean from the exchanges' means.
-    means = [mean_exchange(model, s, o) for s, o in zip(model.stations, odds, strict=True)]
+    # The mean from the components and the mean from the exchanges' means.
+    means = [mean_exchange(model, s, o) for s, o in zip(model.stations, probabilities, strict=True)]
     direct = model.base + sum(m.fixed + m.waits * model.timeout for m in means)
-    assert law.mean == pytest.approx(direct + model.parameters_cost * any_flag(fails), rel=1e-10)
-    x = np.linspace(*law.support, 300)
-    tail = law.tail(x)
+    assert distribution.mean == pytest.approx(direct + model.parameters_cost * any_flag(fails), rel=1e-10)
+    x = np.linspace(*distribution.support, 300)
+    tail = distribution.tail(x)
     assert np.all(np.diff(tail) <= 1e-15)
     assert tail[-1] == 0
     for q in (0.3, 1e-4, 1e-8):
-        at = law.quantile(q)
-        assert law.tail(at + 0.1) <= q * (1 + 1e-3)
-        assert law.tail(at - 0.1) >= q * (1 - 1e-3)
+        at = distribution.quantile(q)
+        assert distribution.tail(at + 0.1) <= q * (1 + 1e-3)
+        assert distribution.tail(at - 0.1) >= q * (1 - 1e-3)
 
 
 def test_a_stationary_flag_under_probe() -> None:
     # The chain of one station, stepped until it stands still.
-    odds = odds_of(link(1, ber=1e-3))[0]
+    probabilities = probabilities_of(link(1, ber=1e-3))[0]
     on = 0.0
     for _ in range(2_000):
-        on = on * odds.failed + (1 - on) * odds.failed**3
-    assert fails_of(odds, 3, PROBE).error == pytest.approx(on, rel=1e-12)
-    assert fails_of(odds, 3, PROBE).onset == pytest.approx((1 - on) * odds.failed**3, rel=1e-12)
+        on = on * probabilities.failed + (1 - on) * probabilities.failed**3
+    assert fails_of(probabilities, 3, PROBE).error == pytest.approx(on, rel=1e-12)
+    assert fails_of(probabilities, 3, PROBE).onset == pytest.approx(
+        (1 - on) * probabilities.failed**3, rel=1e-12
+    )
 
 
 # -- scans played out --------------------------------------------------------------------------------
@@ -256,10 +268,10 @@ def test_scans_played_out(name: str) -> None:
     model, scans = PLAYED[name], 10_000
     seen = play(model, scans, seed=sum(map(ord, name)))
     solved = Solved(model)
-    assert kolmogorov(solved.law, seen.scans[::3]) < KOLMOGOROV
+    assert kolmogorov(solved.distribution, seen.scans[::3]) < KOLMOGOROV
     for station, fails in zip(model.stations, solved.fails, strict=True):
         if station.alive:
-            stay = odds_of(model)[station.number - 1].failed if model.absent is PROBE else 0.0
+            stay = probabilities_of(model)[station.number - 1].failed if model.absent is PROBE else 0.0
             clumping = (1 + stay) / (1 - stay)
             assert off_by(seen.errors.get(station.number, 0), scans, fails.error, clumping) < SIGMAS
             assert off_by(seen.onsets.get(station.number, 0), scans, fails.onset, clumping) < SIGMAS

@@ -10,9 +10,16 @@ import pytest
 
 from bussim.exact.link import LinkModel
 from bussim.exact.metrics import Request, figures_of
-from bussim.exact.sizing.evaluation import attempts_of, judge, least, missed_per_year, rows_of, timeout_floor
+from bussim.exact.sizing.evaluation import (
+    attempts_of,
+    evaluate_goals,
+    least,
+    missed_per_year,
+    rows_of,
+    timeout_floor,
+)
 from bussim.exact.sizing.goals import Goals
-from bussim.exact.sizing.noise_levels import LEVELS, OUTAGES, ladder_of, with_failing
+from bussim.exact.sizing.noise_levels import LEVELS, OUTAGES, noise_levels_of, with_failing
 from bussim.exact.sizing.size import Choice, size
 from bussim.exact.sizing.unmet_goals import with_less_noise, with_mode
 from bussim.exact.solve import Solved
@@ -54,34 +61,34 @@ def test_the_recommended_setting_meets_the_goals_and_nothing_less_does() -> None
 
 def test_a_perfect_line_does_not_mean_no_retries() -> None:
     sizing = size(link(7))
-    best, ladder = sizing.recommended, sizing.ladder
+    best, noise_levels = sizing.recommended, sizing.noise_levels
     assert best is not None
-    assert ladder is not None
+    assert noise_levels is not None
     assert best.retries >= 3
     assert best.ride >= 100 * MS
     assert best.errors <= 1  # under the bad level
-    rung = ladder.rungs[best.retries]
+    rung = noise_levels.rungs[best.retries]
     assert rung.errors["bad"] == pytest.approx(best.errors)
     assert 100 * MS in rung.survived
     # One retry less does not survive both.
-    less = ladder.rungs[best.retries - 1]
+    less = noise_levels.rungs[best.retries - 1]
     assert less.errors["bad"] > 1 or 100 * MS not in less.survived
     assert sizing.to_json()["assumed_noise"] == "ladder"
 
 
 def test_the_ladder() -> None:
     model = link(3)
-    ladder = ladder_of(model, PLUS_1, 50 * MS)
-    assert [rung.retries for rung in ladder.rungs] == list(range(11))
-    assert [rung.attempts for rung in ladder.rungs] == list(range(1, 12))
-    for rung in ladder.rungs:
+    noise_levels = noise_levels_of(model, PLUS_1, 50 * MS)
+    assert [rung.retries for rung in noise_levels.rungs] == list(range(11))
+    assert [rung.attempts for rung in noise_levels.rungs] == list(range(1, 12))
+    for rung in noise_levels.rungs:
         assert rung.errors["quiet"] < rung.errors["typical"] < rung.errors["bad"]
         assert rung.survived == tuple(outage for outage in OUTAGES if outage <= rung.ride)
-    two = ladder.rungs[1]
+    two = noise_levels.rungs[1]
     noisy = with_failing(model, LEVELS["bad"]).with_setting(2, 50 * MS)
     assert two.errors["bad"] == pytest.approx(figures_of(noisy).errors_per_year)
     assert two.dead == pytest.approx(figures_of(model.with_setting(2, 50 * MS)).one_dead)
-    exactly = ladder_of(model, EXACTLY, 50 * MS)
+    exactly = noise_levels_of(model, EXACTLY, 50 * MS)
     assert [rung.attempts for rung in exactly.rungs] == [1, *range(1, 11)]
     assert exactly.rungs[1].errors == exactly.rungs[0].errors
 
@@ -89,7 +96,7 @@ def test_the_ladder() -> None:
 def test_a_perfect_line_with_a_goal_that_conflicts() -> None:
     sizing = size(link(7), Goals(dead=250 * MS))
     assert sizing.recommended is None
-    assert sizing.ladder is not None
+    assert sizing.noise_levels is not None
     (unmet,) = sizing.unmet
     assert set(unmet.goals) == {"errors", "dead"}
     assert "not together" in unmet.text
@@ -164,8 +171,8 @@ def test_the_other_reading_has_its_own_recommendation() -> None:
 @pytest.mark.parametrize("model", [link(4, ber=3e-5), with_burst(link(3, ber=1e-6), 10_000, 40, 0, 5e-3)])
 def test_no_setting_beats_one_of_the_front(model: LinkModel) -> None:
     sizing = size(model)
-    assert sizing.judged is not None
-    grid = sizing.judged.grid
+    assert sizing.checked is not None
+    grid = sizing.checked.grid
     assert [choice.dead for choice in sizing.front] == sorted(choice.dead for choice in sizing.front)
     for choice in sizing.front:
         beaten = (
@@ -196,12 +203,12 @@ def test_a_heartbeat_that_must_not_be_missed() -> None:
 def test_heartbeats_with_bursts_are_looked_at_for_some_timeouts() -> None:
     model = with_burst(link(1, ber=1e-6), 60_000, 20, 0, 5e-3)
     goals = Goals(heartbeat=(900 * MS, 1.0), errors=200.0)
-    judged = judge(model, goals)
-    found = least([(judged, rows_of(judged, PLUS_1))])
+    checked = evaluate_goals(model, goals)
+    found = least([(checked, rows_of(checked, PLUS_1))])
     assert found is not None
     i, j = found
-    assert judged.missed[i, j] <= 1.0
-    assert judged.looked_at[0].sum() <= 8
+    assert checked.missed[i, j] <= 1.0
+    assert checked.looked_at[0].sum() <= 8
 
 
 # -- what cannot be met ------------------------------------------------------------------------------
@@ -284,6 +291,6 @@ def test_the_probed_policy_does_not_hide_the_first_long_scan() -> None:
 
 
 def test_judging_keeps_to_the_floor() -> None:
-    judged = judge(link(2, mode=3, ber=1e-6), Goals())
-    assert judged.grid.timeouts[0] == timeout_floor(link(2, mode=3)) == 50 * MS
-    assert np.all(judged.candidates <= (judged.grid.errors_per_year <= 1))
+    checked = evaluate_goals(link(2, mode=3, ber=1e-6), Goals())
+    assert checked.grid.timeouts[0] == timeout_floor(link(2, mode=3)) == 50 * MS
+    assert np.all(checked.candidates <= (checked.grid.errors_per_year <= 1))

@@ -111,7 +111,7 @@ def test_rough_tails_are_near() -> None:
 
 
 def test_more_kinds_than_fit() -> None:
-    laws = [Turnaround(100_000, jitter) for jitter in (100, 200, 300, 400, 500)]
-    assert TurnaroundSums(laws[:4]).unit(laws[3]) == 1 << (3 * DIGIT)
+    distributions = [Turnaround(100_000, jitter) for jitter in (100, 200, 300, 400, 500)]
+    assert TurnaroundSums(distributions[:4]).unit(distributions[3]) == 1 << (3 * DIGIT)
     with pytest.raises(ValueError, match="5 kinds of turnaround, at most 4"):
-        TurnaroundSums(laws)
+        TurnaroundSums(distributions)

@@ -90,7 +90,7 @@ def test_the_two_halves_of_an_nn_link_on_one_wire() -> None:
         arrivals, now = Arrivals(NN_LINE), 0
         for data in pair.carried:
             now += TICKS_PER_SECOND
-            listener.chars(arrivals.lump(bytes(data), now))
+            listener.chars(arrivals.chunk(bytes(data), now))
     scans = [event for event in noted.events if isinstance(event, ScanEnded)]
     assert len(scans) >= 3
     # Station 1 answers, station 2 does not exist.
@@ -178,10 +178,10 @@ def test_characters_of_lumps_are_in_order_and_never_in_the_future() -> None:
         (b"f", 10_000_000),
         (b"gh", 10_000_001),
     ):
-        chars = arrivals.lump(data, arrived)
+        chars = arrivals.chunk(data, arrived)
         assert bytes(char.value for char, _, _ in chars) == data
         for _, start, end in chars:
             assert before <= start <= end <= arrived
             before = end
-    (first, *_) = Arrivals(NN_LINE).lump(b"abc", 10_000_000)
+    (first, *_) = Arrivals(NN_LINE).chunk(b"abc", 10_000_000)
     assert first[1] == 10_000_000 - NN_LINE.characters(3)

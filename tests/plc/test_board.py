@@ -8,7 +8,7 @@ from bussim.engines.nn.frames import LinkSettings
 from bussim.engines.nn.master import Master
 from bussim.engines.nn.slave import Slave
 from bussim.plc.link_registers import (
-    LinkBoard,
+    LinkRegisters,
     bad_parameters,
     master_config,
     setting_values,
@@ -22,11 +22,11 @@ PW10, FX2N, FX1S = PROFILES["pw10"], PROFILES["fx2n"], PROFILES["fx1s"]
 GOOD = {"D8176": 0, "D8177": 7, "D8178": 2, "D8179": 3, "D8180": 10}
 
 
-def board(profile: Profile = PW10, **registers: int) -> tuple[LinkBoard, Memory]:
+def board(profile: Profile = PW10, **registers: int) -> tuple[LinkRegisters, Memory]:
     memory = Memory()
     for address, value in setting_values(profile, registers).items():
         memory.set_word("D", address, value)
-    return LinkBoard(profile, memory), memory
+    return LinkRegisters(profile, memory), memory
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import bussim
-from bussim.report.trace_window import Stretch
-from bussim.report.window_reader import read_stretch, worst_window
+from bussim.report.trace_window import TraceWindow
+from bussim.report.window_reader import read_window, worst_window
 from bussim.results.meters.run_record import RunRecord
 from bussim.trace.file import Trace, read_trace
 
@@ -53,9 +53,9 @@ def opened(folder: Path) -> tuple[Trace, RunRecord]:
     return read_trace(folder), bussim.open_run(folder).record
 
 
-def longest(folder: Path, bus: str = "link") -> Stretch:
-    """The stretch of the longest link scan."""
+def longest(folder: Path, bus: str = "link") -> TraceWindow:
+    """The window of the longest link scan."""
     trace, record = opened(folder)
     window = worst_window(trace, record, bus)
     assert window is not None
-    return read_stretch(trace, record, bus, *window)
+    return read_window(trace, record, bus, *window)

@@ -19,7 +19,7 @@ from bussim.report.scene import (
     Box,
     scene_of,
 )
-from bussim.report.trace_window import Stretch
+from bussim.report.trace_window import TraceWindow
 from bussim.results.meters.timeline import Span
 from bussim.trace.records import DeviceValueRecord, FrameRecord, InputRecord, NoteRecord, TransactionRecord
 from tests.report.samples import NAMES, eight_folder, longest
@@ -31,7 +31,7 @@ def frame(**changes: object) -> FrameRecord:
 
 
 def scene(**changes: object) -> tuple[list[str], list[Box]]:
-    drawn = scene_of(replace(Stretch("link", 0, 10_000, ("a", "b"), {0: "a", 1: "b"}), **changes))  # type: ignore[arg-type]
+    drawn = scene_of(replace(TraceWindow("link", 0, 10_000, ("a", "b"), {0: "a", 1: "b"}), **changes))  # type: ignore[arg-type]
     return list(drawn.lanes), list(drawn.boxes)
 
 
@@ -43,18 +43,18 @@ def test_eight_stations_have_a_lane_each_in_cable_order() -> None:
 
 
 def test_every_frame_is_a_box_of_its_sender_at_its_time() -> None:
-    stretch = longest(eight_folder())
-    drawn = scene_of(stretch)
+    window = longest(eight_folder())
+    drawn = scene_of(window)
     boxes = [box for box in drawn.boxes if box.kind in ("data", "poll", "parameters")]
-    assert len(boxes) == len(stretch.frames)
-    for box, sent in zip(boxes, stretch.frames, strict=True):
+    assert len(boxes) == len(window.frames)
+    for box, sent in zip(boxes, window.frames, strict=True):
         assert (box.start, box.end, box.kind) == (sent.start, sent.end, sent.kind)
         assert drawn.lanes[box.lane].endswith(sent.sender)
 
 
 def test_ends_of_a_plc_are_marked_in_the_lane_of_each_of_its_ports() -> None:
-    stretch = Stretch("link", 0, 10_000, ("a", "b.COM3"), ends={"a": [5, 9_999, 10_000], "b": [7]})
-    drawn = scene_of(stretch)
+    window = TraceWindow("link", 0, 10_000, ("a", "b.COM3"), ends={"a": [5, 9_999, 10_000], "b": [7]})
+    drawn = scene_of(window)
     marked = [(drawn.lanes[mark.lane], mark.tick) for mark in drawn.marks if mark.kind == END]
     assert marked == [("a", 5), ("a", 9_999), ("b.COM3", 7)]
 
@@ -106,7 +106,7 @@ def test_of_many_devices_the_busiest_are_shown() -> None:
         for number in range(MOST_DEVICES + 3)
         for at in range(number + 1)
     ]
-    drawn = scene_of(Stretch("link", 0, 10_000, ("a",), values=values))
+    drawn = scene_of(TraceWindow("link", 0, 10_000, ("a",), values=values))
     shown = [lane for lane in drawn.lanes if lane.startswith("a D")]
     assert shown == [f"a D{number}" for number in range(3, MOST_DEVICES + 3)]
     assert drawn.left_out == 3
@@ -114,7 +114,7 @@ def test_of_many_devices_the_busiest_are_shown() -> None:
 
 def test_what_many_stations_say_at_one_instant_is_one_mark() -> None:
     notes = [NoteRecord(50, "station_error", who, "station 0: code 14", {"station": 0}) for who in ("a", "b")]
-    drawn = scene_of(Stretch("link", 0, 10_000, ("a", "b"), notes=notes))
+    drawn = scene_of(TraceWindow("link", 0, 10_000, ("a", "b"), notes=notes))
     (mark,) = drawn.marks
     assert (mark.kind, mark.text) == (TROUBLE, "a, b: station 0: code 14")
 

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import bussim
 from bussim.report.scene import scene_of
-from bussim.report.trace_window import Part, Stretch, parts_of_scan, told
-from bussim.report.window_reader import read_stretch, worst_window
+from bussim.report.trace_window import Part, TraceWindow, parts_of_scan, told
+from bussim.report.window_reader import read_window, worst_window
 from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_MS
 from tests.report.samples import eight_folder, longest, opened
@@ -19,7 +19,7 @@ POLL = 5 * CHARACTER
 
 def test_the_parts_of_every_link_scan_add_up_to_its_duration() -> None:
     trace, record = opened(eight_folder())
-    whole = read_stretch(trace, record, "link", 0, record.duration)
+    whole = read_window(trace, record, "link", 0, record.duration)
     assert len(whole.scans) > 60
     assert any(scan.failed for scan in whole.scans)
     for scan in whole.scans:
@@ -32,11 +32,11 @@ def test_the_parts_of_every_link_scan_add_up_to_its_duration() -> None:
 
 
 def test_a_silent_attempt_costs_gap_poll_and_timeout() -> None:
-    stretch = longest(eight_folder())
+    window = longest(eight_folder())
     silent = [
         part
-        for scan in stretch.scans
-        for part in parts_of_scan(stretch, scan)
+        for scan in window.scans
+        for part in parts_of_scan(window, scan)
         if part.what.endswith("no reply, code 01")
     ]
     assert silent
@@ -58,8 +58,8 @@ def test_attempts_that_failed_alike_are_told_once(tmp_path) -> None:  # type: ig
     trace, record = opened(tmp_path / "run")
     window = worst_window(trace, record, "link")
     assert window is not None
-    stretch = read_stretch(trace, record, "link", *window)
-    (sentence,) = scene_of(stretch).why
+    window = read_window(trace, record, "link", *window)
+    (sentence,) = scene_of(window).why
     assert "6 × 51.720 ms (attempts 1 to 6 at station 1 (press2): no reply, code 01)" in sentence
     assert f"{run.summary['links']['link']['scan_time_ms']['max']:.3f} ms" in sentence
     assert "4.063 ms (parameter frame)" in sentence
@@ -83,15 +83,15 @@ def test_parts_that_differ_are_told_apart() -> None:
 
 
 def test_without_the_records_a_scan_is_one_part() -> None:
-    stretch = longest(eight_folder())
-    scan = ScanRecord("link", 5, stretch.end + 1000, 5000, 2, 0, 0, "")
-    assert [(part.ticks, part.what) for part in parts_of_scan(stretch, scan)] == [
+    window = longest(eight_folder())
+    scan = ScanRecord("link", 5, window.end + 1000, 5000, 2, 0, 0, "")
+    assert [(part.ticks, part.what) for part in parts_of_scan(window, scan)] == [
         (5000, "overhead of the scan")
     ]
 
 
 def test_a_scan_with_a_late_answer_says_who_was_late() -> None:
     scan = ScanRecord("link", 5, 0, 5000, 1, 0, 0, "station 1 (b) answered 15 ms after its poll")
-    (sentence,) = scene_of(Stretch("link", 0, 9000, ("a", "b"), scans=[scan])).why
+    (sentence,) = scene_of(TraceWindow("link", 0, 9000, ("a", "b"), scans=[scan])).why
     assert sentence.endswith("overhead of the scan); station 1 (b) answered 15 ms after its poll.")
     assert "a plain one has not" not in sentence

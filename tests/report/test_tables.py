@@ -14,7 +14,7 @@ from bussim.report import compare, settings, tables
 from bussim.report.charts import MOST_BINS, MOST_POINTS, SCANS, histogram_chart, tail_chart
 from bussim.report.latency import in_words, latency_part, overlays, parts_data
 from bussim.report.parts import Charts
-from bussim.report.source import ExactLaw, Source
+from bussim.report.source import ExactDistribution, Source
 from bussim.report.stations import measured_times, station_rows
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.run_record import RunRecord
@@ -40,7 +40,7 @@ def test_false_errors_a_year_are_no_powers_of_ten() -> None:
     noticed = {"detect_ms": {"mean": 205.2, "max": 241.2}, "ride_through_ms": {"silence": 104.4}}
     for rate, text in ((116.889, "120"), (0.04, "0.04"), (3456.0, "3,500"), (0.0, "0"), (None, "–")):
         figures = {**times, **spans, **noticed, "false_error_onsets_per_year": rate}
-        rows = dict(tables.exact_figures("link", ExactLaw(figures)).rows)
+        rows = dict(tables.exact_figures("link", ExactDistribution(figures)).rows)
         assert [cell.text for cell in rows["false station errors begin, a year"]] == [text]
 
 
@@ -144,8 +144,8 @@ def test_a_run_without_the_link_has_dashes(source: Source) -> None:
 
 def test_charts_carry_the_counts_and_the_law(source: Source) -> None:
     histogram = source.record.links["link"].scan_times.histogram
-    law = ExactLaw({"valid": True}, x=[50.0, 50.5, 51.0], tail=[1.0, 0.25, 0.0])
-    chart = histogram_chart({"press": histogram}, law, "t")
+    distribution = ExactDistribution({"valid": True}, x=[50.0, 50.5, 51.0], tail=[1.0, 0.25, 0.0])
+    chart = histogram_chart({"press": histogram}, distribution, "t")
     (series,) = chart["series"]
     assert sum(count for _, count in series["bins"]) == series["count"] == histogram.count
     assert chart["law"] == [[50.0, 1.0], [50.5, 0.25], [51.0, 0.0]]
@@ -297,8 +297,10 @@ def test_a_page_stays_small_whatever_the_runs_were() -> None:
     wide = Histogram()
     for place in range(1, 60_001):
         wide.add(place * BIN_TICKS)
-    law = ExactLaw({"valid": True}, x=list(range(50_000)), tail=[1 - n / 50_000 for n in range(50_000)])
-    chart = histogram_chart({"a": wide}, law, "t")
+    distribution = ExactDistribution(
+        {"valid": True}, x=list(range(50_000)), tail=[1 - n / 50_000 for n in range(50_000)]
+    )
+    chart = histogram_chart({"a": wide}, distribution, "t")
     (series,) = chart["series"]
     assert len(series["bins"]) <= MOST_BINS
     assert sum(count for _, count in series["bins"]) == wide.count
@@ -307,7 +309,7 @@ def test_a_page_stays_small_whatever_the_runs_were() -> None:
     for bar, count in series["bins"][1:-1]:
         centre, half = round(bar * 27), 13
         assert count == sum(place in wide.bins for place in range(centre - half, centre + half + 1))
-    tail = tail_chart(wide, law, "t")
+    tail = tail_chart(wide, distribution, "t")
     for points in (chart["law"], tail["law"], tail["counted"]):
         assert MOST_POINTS // 2 < len(points) <= MOST_POINTS
     assert chart["law"][-1][0] == 49_999

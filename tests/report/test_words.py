@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import bussim
-from bussim.report.source import ExactLaw
+from bussim.report.source import ExactDistribution
 from bussim.report.text import cause_in_words, expected, health, ports, seen
 from bussim.results.meters.timeline import Span
 from bussim.units import TICKS_PER_SECOND
@@ -64,10 +64,10 @@ def test_what_was_seen(link: dict[str, Any]) -> None:
 
 
 def test_what_is_to_be_expected(link: dict[str, Any]) -> None:
-    law = ExactLaw(
+    distribution = ExactDistribution(
         FIGURES, "about one false station error in 3 years if the noise stays as entered", ["x is left out"]
     )
-    said = " ".join(expected(link, law))
+    said = " ".join(expected(link, distribution))
     for part in (
         "no link scan can take longer than 643 ms",
         "Expect about one false station error in 3 years",
@@ -80,7 +80,7 @@ def test_what_is_to_be_expected(link: dict[str, Any]) -> None:
 
 
 def test_where_no_law_holds_the_reason_is_told(link: dict[str, Any]) -> None:
-    (said,) = expected(link, ExactLaw({"valid": False, "reasons": ["replies wait for END"]}))
+    (said,) = expected(link, ExactDistribution({"valid": False, "reasons": ["replies wait for END"]}))
     assert said.endswith("no exact law holds: replies wait for END.")
     assert expected(link, None) == []
 
@@ -99,7 +99,7 @@ def test_what_happened_to_the_stations(link: dict[str, Any]) -> None:
 def test_a_link_that_never_ran(link: dict[str, Any]) -> None:
     idle = {**link, "scans": 0}
     assert seen(idle)[0].startswith("No link scan was ever completed")
-    assert expected(idle, ExactLaw(FIGURES)) == []
+    assert expected(idle, ExactDistribution(FIGURES)) == []
 
 
 def test_how_modbus_masters_fared() -> None:

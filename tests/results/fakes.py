@@ -85,7 +85,7 @@ class Fake:
             now, number = now + length, number + 1
         link = LinkTotals(
             bus=bus,
-            seats=SEATS,
+            plc_names=SEATS,
             station_names=dict(enumerate(SEATS)),
             master=SEATS[0],
             slaves=2,

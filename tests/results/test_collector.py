@@ -11,7 +11,7 @@ from .fakes import SEATS, Fake, record_of
 
 LINK = LinkTotals(
     bus="link",
-    seats=SEATS,
+    plc_names=SEATS,
     station_names=dict(enumerate(SEATS)),
     master=SEATS[0],
     slaves=2,

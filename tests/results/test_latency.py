@@ -19,7 +19,7 @@ from bussim.results.meters.latency import LatencyMeter, LatencySpec, Route
 from bussim.results.meters.latency_record import LatencyRecord, Sample
 from bussim.results.meters.run_record import RunRecord
 from bussim.results.plots.latency import latency_picture, measured
-from bussim.results.plots.style import GREY, LAW, RUNS
+from bussim.results.plots.style import DISTRIBUTION, GREY, RUNS
 from bussim.results.text.latency import (
     PART_NAMES,
     LatencyBounds,
@@ -534,18 +534,18 @@ def widths(axes: Axes) -> list[list[float]]:
 def test_bounds_are_marked_up_to_the_first_that_nothing_goes_beyond() -> None:
     picture = latency_picture([made("one", [30, 40, 95], (10, 5, 8, 2), BOUNDS)], "door")
     for axes in picture.axes:
-        assert upright(axes, LAW) == [60, 90, 120]
+        assert upright(axes, DISTRIBUTION) == [60, 90, 120]
     assert picture.axes[1].get_xlim()[1] == pytest.approx(1.03 * 120, abs=0.02)
     assert has(picture, "at worst with 2 lost replies: 120.000 ms")
     assert has(picture, "at worst with every retry spent: 500.000 ms, beyond this axis")
     assert has(picture, "3 changes: 3 arrived")
     assert_legible(picture)
     short = latency_picture([made("one", [30, 40], (10, 5, 8, 2), BOUNDS)], "door")
-    assert upright(short.axes[0], LAW) == [60]
+    assert upright(short.axes[0], DISTRIBUTION) == [60]
     assert has(short, "at worst with 1 lost reply: 90.000 ms, beyond this axis")
     over = latency_picture([made("one", [30, 600], (10, 5, 8, 2), BOUNDS)], "door")
-    assert upright(over.axes[0], LAW) == [60, 90, 120, 500]
-    assert upright(latency_picture([made("one", [30], (1, 2, 3, 4), {})], "door").axes[0], LAW) == []
+    assert upright(over.axes[0], DISTRIBUTION) == [60, 90, 120, 500]
+    assert upright(latency_picture([made("one", [30], (1, 2, 3, 4), {})], "door").axes[0], DISTRIBUTION) == []
 
 
 def test_shortest_mean_and_longest_are_stacked_from_their_parts() -> None:
@@ -573,7 +573,7 @@ def test_a_few_far_latencies_leave_the_usual_ones_their_own_axes() -> None:
     (bars,) = [patch for patch in whole.patches if hasattr(patch, "get_data")]
     assert bars.get_data()[0].sum() == 201
     assert widths(whole_parts)[2] == pytest.approx([10, 5, 8, 2, 4975])
-    assert upright(whole_parts, LAW) == [60, 90, 120, 4000]
+    assert upright(whole_parts, DISTRIBUTION) == [60, 90, 120, 4000]
     assert_legible(picture)
     assert_legible(latency_picture([run, run], "door", ["one", "two"]))
 

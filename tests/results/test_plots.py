@@ -19,7 +19,16 @@ from bussim.results.meters.run_record import RunRecord
 from bussim.results.plots.bars import is_far, usual_range, whole_range
 from bussim.results.plots.over_run import scan_times_over_run
 from bussim.results.plots.scan_times import run_labels, scan_time_histogram
-from bussim.results.plots.style import FAULT, FRAMES, IN_ERROR, LAW, PALETTE, RUNS, SIMULATED, Picture
+from bussim.results.plots.style import (
+    DISTRIBUTION,
+    FAULT,
+    FRAMES,
+    IN_ERROR,
+    PALETTE,
+    RUNS,
+    SIMULATED,
+    Picture,
+)
 from bussim.trace.records import NoteRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -255,7 +264,7 @@ def test_the_title_of_a_file_is_that_of_its_picture(tmp_path: Path) -> None:
 
 
 def test_a_thing_has_one_colour() -> None:
-    assert len({SIMULATED, LAW, FAULT, IN_ERROR}) == 4
+    assert len({SIMULATED, DISTRIBUTION, FAULT, IN_ERROR}) == 4
     assert RUNS[0] == SIMULATED
     # Who compares a few runs does not meet the colours of faults and errors.
     assert set(RUNS[-2:]) == {FAULT, IN_ERROR}

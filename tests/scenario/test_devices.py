@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from bussim.devices.scripted import Saying
+from bussim.devices.scripted import Message
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput
 from bussim.devices.user import Entry, UserMap
@@ -174,9 +174,9 @@ def test_free() -> None:
     )
     assert found.settings == model.FreeSettings(
         (
-            Saying(b"A\r", S, 2 * S, 3, 4 * MS),
-            Saying(b"\x02\xff", reply_to=b"?", delay=5 * MS),
-            Saying(b"12", reply_to=b"\x06"),
+            Message(b"A\r", S, 2 * S, 3, 4 * MS),
+            Message(b"\x02\xff", reply_to=b"?", delay=5 * MS),
+            Message(b"12", reply_to=b"\x06"),
         )
     )
 

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.scenario.yaml.input_table import read_times
-from bussim.scenario.yaml.source_map import Places, Report
+from bussim.scenario.yaml.source_map import Report, SourceMap
 from bussim.units import TICKS_PER_SECOND as S
 
 
 def read(text: str) -> tuple[tuple[int, ...] | None, list[str]]:
-    report = Report(Places("x.yaml"))
+    report = Report(SourceMap("x.yaml"))
     return read_times(text, "e.csv", report), [str(problem) for problem in report.errors]
 
 

@@ -16,7 +16,7 @@ from bussim.errors import ScenarioError, UsageError
 from bussim.scenario import builtin
 from bussim.scenario.loader import from_data, load, loads
 from bussim.scenario.model import Scenario
-from bussim.scenario.schema.devices import MODELS, ItemIn, SayingIn
+from bussim.scenario.schema.devices import MODELS, ItemIn, MessageIn
 from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS, FaultIn, NoiseIn
 from bussim.scenario.schema.document import BusIn, DocumentIn, NNIn, PlcIn, PortIn
 from bussim.scenario.schema.polls import PollIn
@@ -208,10 +208,10 @@ def _plcs(draw: st.DrawFn, number: int) -> Any:
         "timeout": st.integers(5, 225).map(lambda n: f"{n}0 ms"),
         "port": st.sampled_from(["COM3", "COM4"]),
     }
-    seat = {"bus": st.just("link"), "station": st.integers(0, 7)}
+    config = {"bus": st.just("link"), "station": st.integers(0, 7)}
     form = draw(st.sampled_from(["nn", "raw", "none"]))
     if form == "nn":
-        plc["nn"] = draw(st.fixed_dictionaries(seat, optional=optional))
+        plc["nn"] = draw(st.fixed_dictionaries(config, optional=optional))
     elif form == "raw":
         value = st.integers(-32768, 65535)
         plc["registers"] = draw(
@@ -327,8 +327,8 @@ def _devices(draw: st.DrawFn, number: int) -> Any:
         device["profile"] = draw(st.fixed_dictionaries({}, optional={"acceleration_unit": unit}))
     elif model == "map":
         kinds = [{"value": 5}, {"noise": {"center": 5, "spread": 2, "every": "1 s"}}, {}]
-        places = draw(st.lists(st.integers(0, 65535), min_size=1, max_size=5, unique=True))
-        device["registers"] = [{"address": at, **draw(st.sampled_from(kinds))} for at in places]
+        source_map = draw(st.lists(st.integers(0, 65535), min_size=1, max_size=5, unique=True))
+        device["registers"] = [{"address": at, **draw(st.sampled_from(kinds))} for at in source_map]
     return device
 
 
@@ -389,7 +389,7 @@ _KEYS = sorted(
     {
         info.alias or name
         for form in (
-            *(DocumentIn, BusIn, PlcIn, PortIn, PollIn, ProfileIn, NNIn, NoiseIn, FaultIn, ItemIn, SayingIn),
+            *(DocumentIn, BusIn, PlcIn, PortIn, PollIn, ProfileIn, NNIn, NoiseIn, FaultIn, ItemIn, MessageIn),
             *MODELS.values(),
         )
         for name, info in form.model_fields.items()

@@ -64,9 +64,9 @@ def test_a_number_remembers_its_text(text: str) -> None:
 
 
 def test_places_of_keys_and_values() -> None:
-    _, places, _ = yaml.read("a: 1\nb:\n  - {c: 2}\n  -   d\n", "test")
-    assert places.keys == {("a",): (1, 1), ("b",): (2, 1), ("b", 0, "c"): (3, 6)}
-    assert places.values == {
+    _, source_map, _ = yaml.read("a: 1\nb:\n  - {c: 2}\n  -   d\n", "test")
+    assert source_map.keys == {("a",): (1, 1), ("b",): (2, 1), ("b", 0, "c"): (3, 6)}
+    assert source_map.values == {
         (): (1, 1),
         ("a",): (1, 4),
         ("b",): (3, 3),
@@ -85,11 +85,11 @@ def test_an_alias_is_a_copy_of_its_anchor() -> None:
 
 def test_merge_keys_give_what_the_mapping_itself_does_not() -> None:
     text = "base: &base {a: 1, b: 2}\nmore: &more {b: 3, c: 4}\nx: {b: 9, <<: [*base, *more], d: 5}\n"
-    data, places, problems = yaml.read(text, "test")
+    data, source_map, problems = yaml.read(text, "test")
     assert problems == []
     assert isinstance(data, dict)
     assert data["x"] == {"b": 9, "d": 5, "a": 1, "c": 4}
-    assert places.values["x", "a"] == (1, 17)  # where it is written
+    assert source_map.values["x", "a"] == (1, 17)  # where it is written
 
 
 def test_a_quoted_merge_key_is_an_ordinary_key() -> None:

@@ -11,7 +11,7 @@ from typing import Any, Self
 from bussim.live.options import PortOptions
 from bussim.scenario.loader import loads
 from bussim.serve.session import Session
-from bussim.serve.targets import places
+from bussim.serve.targets import targets
 from bussim.trace.records import RunTotals
 from bussim.units import TICKS_PER_SECOND
 
@@ -57,7 +57,7 @@ class Serving:
         self.told: list[str] = []
         self.session = Session(
             scenario,
-            places(scenario, nodes, ports),
+            targets(scenario, nodes, ports),
             options=options,
             report=self.told.append,
             **settings,

@@ -15,7 +15,7 @@ from bussim.results.store.load import load_run
 from bussim.results.store.memory import MemoryRows
 from bussim.scenario.loader import loads
 from bussim.serve.session import session_header
-from bussim.serve.targets import places
+from bussim.serve.targets import targets
 from bussim.sim.runner import simulate
 from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_SECOND, milliseconds
@@ -50,7 +50,7 @@ def test_a_link_runs_between_its_two_halves(paced: bool, record_property: pytest
     options = PortOptions(tolerance=PATIENT.tolerance, paced=paced)
     scenario = loads(LINK)
     rows = MemoryRows(
-        rows=True, traced=True, header=session_header(scenario, places(scenario, ["press"], []))
+        rows=True, traced=True, header=session_header(scenario, targets(scenario, ["press"], []))
     )
     with Serving(LINK, "feeder", "stacker", options=options) as slaves:
         port = f"press={slaves.device}"
@@ -59,7 +59,7 @@ def test_a_link_runs_between_its_two_halves(paced: bool, record_property: pytest
     totals, others = master.totals(), slaves.totals()
     (link,), (half,) = totals.links, others.links
     assert link.master == "press"
-    assert link.seats == ("press", "feeder", "stacker")
+    assert link.plc_names == ("press", "feeder", "stacker")
     assert link.healthy_at is not None
     assert link.station_errors == {1: 0, 2: 0}
     # Blocks arrive: in the memory of every PLC lies what the others have.
@@ -89,7 +89,7 @@ def test_sniff_measures_the_link_in_a_session_s_trace(
     from bussim.results.store.folder import RunFolder
 
     scenario = loads(LINK)
-    header = session_header(scenario, places(scenario, ["press"], []))
+    header = session_header(scenario, targets(scenario, ["press"], []))
     with (
         RunFolder(tmp_path / "out", rows=True, traced=True, fmt="csv", header=header) as folder,
         Serving(LINK, "feeder", "stacker", options=PATIENT) as slaves,
@@ -131,7 +131,7 @@ def test_a_strange_station_is_a_seat_of_its_own() -> None:
         half.wait_for(lambda: half.session.simulation.kernel.now > 0)
     (link,) = half.totals().links
     assert feeder.read("D224") == 777
-    assert link.seats == ("feeder", "press", "stacker", "station 7 outside")
+    assert link.plc_names == ("feeder", "press", "stacker", "station 7 outside")
     refresh = half.session.record().links["link"].refresh
     assert refresh["station 7 outside", "feeder"].gaps.count == 1
     assert refresh["press", "feeder"].last is None

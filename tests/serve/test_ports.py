@@ -6,7 +6,7 @@ import pytest
 
 from bussim.errors import UsageError
 from bussim.scenario.loader import load, loads
-from bussim.serve.targets import places, servables
+from bussim.serve.targets import serve_targets, targets
 from tests.live.rfc2217 import remote
 from tests.serve.serving import HEAD, SLAVES, Serving
 
@@ -34,18 +34,18 @@ devices:
 
 
 def test_the_link_is_opened_as_the_protocol_wants_it() -> None:
-    (place,) = places(load("two_stations"), ["press"], [])
+    (place,) = targets(load("two_stations"), ["press"], [])
     assert (place.timing.baud, str(place.timing.format)) == (38400, "7E1")
 
 
 def test_nodes_of_one_bus_share_a_wire_and_others_do_not() -> None:
     scenario = loads(SLAVES)
-    lines = places(scenario, ["v80", "plc.COM3"], ["oven=pty"])
+    lines = targets(scenario, ["v80", "plc.COM3"], ["oven=pty"])
     assert [(line.name, line.bus, [node.node for node in line.nodes]) for line in lines] == [
         ("line", "line", ["v80", "oven"]),
         ("text outside", "text", ["plc.COM3"]),
     ]
-    apart = places(scenario, [], ["v80=pty:a", "oven=pty:b"])
+    apart = targets(scenario, [], ["v80=pty:a", "oven=pty:b"])
     assert [(line.name, line.url) for line in apart] == [
         ("line outside", "pty:a"),
         ("line outside 2", "pty:b"),
@@ -54,8 +54,8 @@ def test_nodes_of_one_bus_share_a_wire_and_others_do_not() -> None:
 
 def test_a_link_s_port_is_named_by_the_plc_or_by_its_port() -> None:
     scenario = load("nn_with_modbus")
-    assert places(scenario, ["press1.COM4"], []) == places(scenario, ["press1"], [])
-    (line,) = places(scenario, ["press2", "press3"], [])
+    assert targets(scenario, ["press1.COM4"], []) == targets(scenario, ["press1"], [])
+    (line,) = targets(scenario, ["press2", "press3"], [])
     assert line.name == "link"
 
 
@@ -69,7 +69,7 @@ def test_a_link_s_port_is_named_by_the_plc_or_by_its_port() -> None:
     ],
 )
 def test_what_can_be_served_of_built_in_scenarios(name: str, wanted: dict[str, str] | None) -> None:
-    found = servables(load(name))
+    found = serve_targets(load(name))
     assert {one.bus for one in found} == {bus.name for bus in load(name).buses}
     assert all(one.what and (one.what != "silent" or one.why_not) for one in found)
     if wanted is not None:
@@ -84,8 +84,8 @@ def test_a_port_that_is_silent_says_why_it_cannot_be_served() -> None:
     with pytest.raises(
         UsageError, match=r"plc.COM2 cannot be served: what COM2 speaks \(hmi\) is not simulated"
     ):
-        places(scenario, ["plc.COM2"], [])
+        targets(scenario, ["plc.COM2"], [])
     with pytest.raises(UsageError) as nobody:
-        places(scenario, [], [])
+        targets(scenario, [], [])
     assert "plc.COM2" not in str(nobody.value)
     assert "v80" in str(nobody.value)

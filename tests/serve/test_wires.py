@@ -15,7 +15,7 @@ from bussim.live.options import PortOptions
 from bussim.results.meters.collector import Collector
 from bussim.scenario.loader import load, loads
 from bussim.serve.session import Session
-from bussim.serve.targets import places
+from bussim.serve.targets import targets
 from bussim.sim.kernel import FAULT
 from bussim.sim.runner import simulate
 from bussim.trace.records import TransactionRecord
@@ -143,7 +143,7 @@ def test_the_simulated_rest_is_what_the_simulation_makes_of_it() -> None:
     scenario = load("nn_with_modbus", ["duration=1 s"])
     alone, beside = Kept("oven"), Kept("oven")
     simulate(scenario, Collector(rows=alone))
-    session = Session(scenario, places(scenario, ["feeder1"], []), rows=beside, duration=TICKS_PER_SECOND)
+    session = Session(scenario, targets(scenario, ["feeder1"], []), rows=beside, duration=TICKS_PER_SECOND)
     with session:
         session.run(lambda: False)
     assert len(beside.transactions) > 20
@@ -153,7 +153,7 @@ def test_the_simulated_rest_is_what_the_simulation_makes_of_it() -> None:
 def test_a_computer_that_is_too_slow_is_told_of() -> None:
     told: list[str] = []
     scenario = loads(SLAVES)
-    session = Session(scenario, places(scenario, ["v80"], []), report=told.append, duration=TICKS_PER_SECOND)
+    session = Session(scenario, targets(scenario, ["v80"], []), report=told.append, duration=TICKS_PER_SECOND)
     session.simulation.kernel.at(TICKS_PER_SECOND // 4, lambda _: time.sleep(0.3), FAULT)
     session.simulation.kernel.at(TICKS_PER_SECOND // 3, lambda _: None, FAULT)
     with session:

@@ -174,7 +174,11 @@ def plc(
     **changes: Any,
 ) -> model.Plc:
     """A PLC on the bus ``link``, called p0, p1… by its station."""
-    values: dict[str, Any] = {"scan": model.Scan(8 * MS), "seat": model.Seat("link", "COM4"), **changes}
+    values: dict[str, Any] = {
+        "scan": model.Scan(8 * MS),
+        "seat": model.LinkAttachment("link", "COM4"),
+        **changes,
+    }
     return model.Plc(
         name or f"p{station}",
         profile,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.scripted import Saying
+from bussim.devices.scripted import Message
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.ports.cpavl import (
@@ -25,7 +25,7 @@ from bussim.plc.profiles import PROFILES
 from bussim.scenario import model
 from tests.sim.build import MS, SECOND, Done, Recorder, run
 
-__all__ = ["MS", "SECOND", "Done", "Recorder", "device", "hmi", "poll", "run", "serial_bus", "talker"]
+__all__ = ["MS", "SECOND", "Done", "Recorder", "device", "hmi", "poll", "run", "scripted", "serial_bus"]
 
 PLAIN = LineTiming(9600, CharFormat(8, "N", 1))
 
@@ -62,10 +62,10 @@ def hmi(
     return model.BusDevice(name=name, model="hmi", station=None, settings=settings, **{**values, **given})
 
 
-def talker(name: str, *sayings: Saying, **given: Any) -> model.BusDevice:
+def scripted(name: str, *messages: Message, **given: Any) -> model.BusDevice:
     values: dict[str, Any] = {"bus": "bus", "mode": Mode.RTU, "timing": PLAIN, "delay": 0, "jitter": 0}
     return model.BusDevice(
-        name=name, model="free", station=None, settings=model.FreeSettings(sayings), **{**values, **given}
+        name=name, model="free", station=None, settings=model.FreeSettings(messages), **{**values, **given}
     )
 
 
@@ -124,7 +124,7 @@ def plc(
         name=name,
         profile=given.pop("profile", PROFILES["pw10"]),
         scan=model.Scan(scan, jitter),
-        seat=given.pop("seat", None),
+        position=given.pop("seat", None),
         registers=values,
         phase=phase,
         ports=tuple(spec for spec, _ in ports),

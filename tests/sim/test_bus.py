@@ -112,11 +112,11 @@ def test_collisions_are_frames_begun_while_another_driver_is_on(extra: int) -> N
 
 
 def takers(done: Done, source: int) -> dict[int, set[int]]:
-    """Who took the blocks of a seat, by the tick."""
+    """Who took the blocks of a position, by the tick."""
     found: dict[int, set[int]] = {}
-    for _, seat, tick, heard in done.record.refreshes:
-        if seat == source:
-            everybody = set(range(len(done.link.seats))) - {seat}
+    for _, position, tick, heard in done.record.refreshes:
+        if position == source:
+            everybody = set(range(len(done.link.plc_names))) - {position}
             found.setdefault(tick, set()).update(everybody if heard is None else heard)
     return found
 
@@ -201,8 +201,10 @@ def test_a_station_that_begins_to_listen_in_the_middle_of_a_frame() -> None:
     found = done.registers("p2")
     assert (found["D8203"], found["M8183"], found["D8174"]) == (0, 0, 1)
     hello = next(f for f in done.of("p0", "parameters") if f.start > middle)
-    assert not [t for t, seats in takers(done, 0).items() if middle - 300 * MS < t < hello.end and 2 in seats]
-    assert [t for t, seats in takers(done, 0).items() if t > hello.end and 2 in seats]
+    assert not [
+        t for t, plc_names in takers(done, 0).items() if middle - 300 * MS < t < hello.end and 2 in plc_names
+    ]
+    assert [t for t, plc_names in takers(done, 0).items() if t > hello.end and 2 in plc_names]
 
 
 # -- late release ----------------------------------------------------------------------------------
@@ -487,7 +489,7 @@ def test_the_same_bit_inverted_on_the_wire_and_in_the_receiver_is_right_again() 
     assert answers
     assert {a.code for a in done.record.attempts} == {4}
     assert all(frame.damaged_bits == (12, 40) for frame in answers)
-    heard = {tick: seats for _, source, tick, seats in done.record.refreshes if source == 1}
+    heard = {tick: plc_names for _, source, tick, plc_names in done.record.refreshes if source == 1}
     assert heard == {frame.end: (2,) for frame in answers}
     assert done.link.undetected == 0
 

@@ -78,11 +78,11 @@ class Line(RuleBasedStateMachine):
             return
         assert self.bus.drivers == sum(map(drivers, self.bus.ports))
         assert len(self.bus._air) == sum(map(on_air, self.bus.ports))
-        assert self.bus._open_ears == sum(port.ear.is_open for port in self.bus.ports)
+        assert self.bus._open_receivers == sum(port.receiver.is_open for port in self.bus.ports)
         self.bus.close(self.simulation.now)
         assert 0 <= self.bus.busy <= self.simulation.now
         for port in self.bus.ports:
-            assert not (port.driving and port.ear.is_open)
+            assert not (port.driving and port.receiver.is_open)
             assert (port.engine is not None) <= (port.plc.state.value == "run")
 
     def teardown(self) -> None:
@@ -99,7 +99,7 @@ class Line(RuleBasedStateMachine):
         self.bus.close(self.simulation.now)
         assert self.bus.drivers == 0
         assert self.bus._air == []
-        assert self.bus._open_ears == 0
+        assert self.bus._open_receivers == 0
         for port in self.bus.ports:
             assert port._start_timer.at == port._end_timer.at == port._release_timer.at == -1
         later = self.bus.busy

@@ -287,7 +287,7 @@ def test_a_damaged_data_frame_of_the_master_is_14_and_its_block_is_not_taken() -
         assert done.registers(slave)["D8202"] == (plain_scan(3, 2) + MS // 2) // MS
     assert set(done.durations) == {plain_scan(3, 2)}
     assert done.record.failures == []
-    refreshed = [tick for _, seat, tick, _ in done.record.refreshes if seat == 0]
+    refreshed = [tick for _, position, tick, _ in done.record.refreshes if position == 0]
     assert hit.end not in refreshed
     assert len(refreshed) == len(done.of("p0")) - 1
 
@@ -499,7 +499,10 @@ def test_a_cable_cut_in_the_middle_of_a_frame() -> None:
 def test_bad_parameters_are_7348_or_7448_and_no_traffic(
     station: int, registers: dict[str, int], port: str, code: int
 ) -> None:
-    bad = {"seat": model.Seat("link", port), "registers": {**registers, "M8179": int(port == "COM4")}}
+    bad = {
+        "seat": model.LinkAttachment("link", port),
+        "registers": {**registers, "M8179": int(port == "COM4")},
+    }
     done = run(link(2, 0, seconds=1, retries=0, others={station: bad}))
     found = done.registers(f"p{station}")
     assert (found["M8063"], found["D8063"], found["M8191"]) == (1, code, 0)

@@ -222,9 +222,9 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
             at = 3 + 2 * {0: 0, 1: 4, 2: 8}[scenario.plcs[0].registers["D8178"]]
             value = int(frame.chars[at : at + 4], 16)
             everybody = set(range(len(scenario.plcs))) - {source}
-            for seat in everybody if heard is None else heard:
-                words.setdefault((seat, source), []).append((tick, value))
-        for seat, spec in enumerate(scenario.plcs):
+            for position in everybody if heard is None else heard:
+                words.setdefault((position, source), []).append((tick, value))
+        for position, spec in enumerate(scenario.plcs):
             plc = simulation.plcs[spec.name]
             if plc.master is None and plc.board.place is None:
                 continue
@@ -233,8 +233,8 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
             if end is None:
                 continue
             for source in range(len(scenario.plcs)):
-                received = words.get((seat, source), [])
-                if source == seat:
+                received = words.get((position, source), [])
+                if source == position:
                     continue
                 place = bisect_right(received, (end, 1 << 20)) - 1
                 if place >= 0:
@@ -295,10 +295,10 @@ def test_replies_at_end_wait_for_an_end_however_far_ahead() -> None:
 def test_the_scan_is_longer_under_the_link(factor: Fraction) -> None:
     profile = steady(scan_factor=factor)
     others = {1: {"scan": model.Scan(8 * MS, 2 * MS)}}
-    # p2's parameters are refused: it scans as if there were no link. So does one without a seat.
+    # p2's parameters are refused: it scans as if there were no link. So does one without a position.
     more = [
         replace(link(2).plcs[1], name="refused", registers={"D8176": 9}, scan=model.Scan(8 * MS)),
-        replace(link(2).plcs[1], name="alone", seat=None, scan=model.Scan(8 * MS)),
+        replace(link(2).plcs[1], name="alone", position=None, scan=model.Scan(8 * MS)),
     ]
     done = run(link(2, 0, seconds=10, profile=profile, others=others, more=more))
     totals = {plc.name: plc for plc in done.totals.plcs}

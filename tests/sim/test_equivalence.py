@@ -1,6 +1,6 @@
 """Every short cut of the simulation against the long way round, over random scenarios.
 
-The short cuts: slaves that hear alike are told together (the gallery); what most likely happens next
+The short cuts: slaves that hear alike are told together (the shared listener); what most likely happens next
 does not pass through SimPy's queue (``Timer.chain``); frames are heard whole where nothing disturbs
 them; a PLC's memory is only brought up to date when somebody looks at it; nothing is written down
 that nobody wants. None of them may show.
@@ -69,7 +69,7 @@ def assert_same_trace(one: Done, other: Done) -> None:
 def test_slaves_told_together_hear_what_each_hears_alone(seed: int) -> None:
     scenario = chance.scenario(seed, SECONDS)
     simulation, record = started(scenario)
-    bus_of(simulation).together = False
+    bus_of(simulation).shared = False
     simulation.run(scenario.duration)
     assert_same_trace(ordinary(seed), Done(simulation, record, simulation.totals()))
 
@@ -123,9 +123,9 @@ def _one_by_one(bus: LinkBus, sender: LinkPort) -> Audience:
 )
 def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = chance.scenario(seed, SECONDS)
-    monkeypatch.setattr(LinkBus, "audience", _one_by_one)
+    monkeypatch.setattr(LinkBus, "listeners_of", _one_by_one)
     simulation, record = started(scenario)
-    bus_of(simulation).together = False
+    bus_of(simulation).shared = False
     simulation.run(scenario.duration)
     one, other = ordinary(seed), Done(simulation, record, simulation.totals())
     assert_same(one, other)
@@ -137,9 +137,11 @@ def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pyte
     heard = []
     for done in (one, other):
         found: Counter[tuple[int, int, int]] = Counter()
-        for _, source, tick, seats in done.record.refreshes:
-            everybody = set(range(len(done.link.seats))) - {source}
-            found.update((source, tick, seat) for seat in (everybody if seats is None else seats))
+        for _, source, tick, plc_names in done.record.refreshes:
+            everybody = set(range(len(done.link.plc_names))) - {source}
+            found.update(
+                (source, tick, position) for position in (everybody if plc_names is None else plc_names)
+            )
         heard.append(found)
     assert heard[0] == heard[1]
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from bussim.devices.scripted import Saying
+from bussim.devices.scripted import Message
 from bussim.line.characters import NN_LINE
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES, Reply
 from bussim.scenario import model
 from tests.sim.build import MS, SECOND, Done, fault, run, steady
-from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, serial_bus, talker
+from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, scripted, serial_bus
 
 CHAR = PLAIN.characters(1)
 SCAN = 8 * MS
@@ -184,7 +184,7 @@ def test_the_manuals_free_protocol_example_sends_01_to_05() -> None:
 
 
 def test_a_barcode_reader_with_an_end_character() -> None:
-    reader = talker("reader", Saying(b"4006381333931\r", at=500 * MS, every=SECOND))
+    reader = scripted("reader", Message(b"4006381333931\r", at=500 * MS, every=SECOND))
     spec = FreeSpec("scan", "COM5", device=parse_device("D300"), count=20)
     press = plc("press", port("COM5", FREE, end=0x0D), polls=[spec])
     done = run(serial_bus([reader], [press], seconds=4))
@@ -203,17 +203,17 @@ def test_a_barcode_reader_with_an_end_character() -> None:
 def _link_and_port(*, reply: Reply, busy: bool, seconds: float = 20) -> Done:
     profile = steady(reply=reply)
     master = {"D8177": 1, "D8178": 0, "D8179": 3, "D8180": 5, "M8179": 1}
-    seat = model.Seat("link", "COM4")
+    position = model.LinkAttachment("link", "COM4")
     ports = [port("COM3", MASTER)] if busy else []
     polls = [read(every=0)] if busy else []
     plcs = [
-        plc("p0", registers={**master, "D8176": 0}, seat=seat, profile=profile),
+        plc("p0", registers={**master, "D8176": 0}, position=position, profile=profile),
         plc(
             "p1",
             *ports,
             polls=polls,
             registers={"D8176": 1, "M8179": 1},
-            seat=seat,
+            position=position,
             profile=profile,
             jitter=MS,
         ),
@@ -235,13 +235,19 @@ def test_a_busy_port_is_seen_in_the_link_only_where_replies_wait_for_end() -> No
 
 
 def test_polled_data_travel_over_the_link() -> None:
-    seat = model.Seat("link", "COM4")
+    position = model.LinkAttachment("link", "COM4")
     master = {"D8176": 0, "D8177": 1, "D8178": 1, "D8180": 5, "M8179": 1}
     # D32 is the first word of station 1's own block.
     ports = [port("COM3", MASTER)]
     plcs = [
-        plc("p0", registers=master, seat=seat),
-        plc("p1", *ports, polls=[read(to="D32", count=1)], registers={"D8176": 1, "M8179": 1}, seat=seat),
+        plc("p0", registers=master, position=position),
+        plc(
+            "p1",
+            *ports,
+            polls=[read(to="D32", count=1)],
+            registers={"D8176": 1, "M8179": 1},
+            position=position,
+        ),
     ]
     scenario = serial_bus([device("drive", "map", settings=_ones())], plcs, seconds=2)
     done = run(replace(scenario, buses=(model.Bus("link", True, NN_LINE), *scenario.buses)))

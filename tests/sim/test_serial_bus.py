@@ -9,7 +9,7 @@ from math import sqrt
 import pytest
 
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.scripted import Saying
+from bussim.devices.scripted import Message
 from bussim.devices.user import Entry
 from bussim.devices.values import Sweep
 from bussim.engines.modbus.adu import Mode
@@ -22,7 +22,7 @@ from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.wire.line import Audience
 from tests.sim.build import MS, SECOND, Done, fault, run
-from tests.sim.serial import PLAIN, device, hmi, poll, serial_bus, talker
+from tests.sim.serial import PLAIN, device, hmi, poll, scripted, serial_bus
 
 CHAR = PLAIN.characters(1)
 #: 3.5 characters at 9600 8N1, and the 4.5 of a V80.
@@ -300,12 +300,12 @@ def test_without_saving_the_old_address_comes_back() -> None:
     assert done.totals.devices[1].state["station"] == 1
 
 
-# -- talkers ----------------------------------------------------------------------------------------
+# -- scripted ----------------------------------------------------------------------------------------
 
 
 def test_a_talker_speaks_by_the_clock_and_answers() -> None:
-    asks = talker("scale", Saying(b"?W\r", at=SECOND, every=SECOND, times=3))
-    answers = talker("head", Saying(b"12.5\r", reply_to=b"?W\r", delay=2 * MS))
+    asks = scripted("scale", Message(b"?W\r", at=SECOND, every=SECOND, times=3))
+    answers = scripted("head", Message(b"12.5\r", reply_to=b"?W\r", delay=2 * MS))
     done = run(serial_bus([asks, answers], seconds=6))
     said = [(r.node, r.direction, r.data, r.start) for r in done.record.said]
     assert [entry[:3] for entry in said] == 3 * [("scale", "sent", b"?W\r"), ("head", "sent", b"12.5\r")]
@@ -361,7 +361,7 @@ def _chance(seed: int) -> model.Scenario:
 def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = _chance(seed)
     one = run(scenario)
-    monkeypatch.setattr(SerialBus, "audience", _one_by_one)
+    monkeypatch.setattr(SerialBus, "listeners_of", _one_by_one)
     other = run(scenario)
     # What happens at one tick may be told in another order.
     for kind in ("transactions", "frames", "turns"):

@@ -1,4 +1,4 @@
-"""``bussim exact``: the exact law of the link scan time, closed forms of Modbus polls and of latencies."""
+"""``bussim exact``: the exact distribution of the link scan time, closed forms of Modbus polls and of latencies."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, p
     import numpy as np
 
     from bussim import api
-    from bussim.results.plots.distribution import law_and_histogram
+    from bussim.results.plots.distribution import distribution_and_histogram
     from bussim.results.store.names import file_names
     from bussim.version import __version__
 
@@ -245,15 +245,15 @@ def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, p
     lowest = min(request.levels.values(), default=1e-6) * _BELOW
     paths: list[Path] = []
     for bus, stem in file_names(found).items():
-        law = found[bus].law
-        if law is None:
+        distribution = found[bus].distribution
+        if distribution is None:
             click.echo(f"{bus}: no picture, since there is no exact law", err=True)
             continue
-        least, _ = law.support
-        x = np.linspace(least, law.quantile(lowest), _POINTS)
+        least, _ = distribution.support
+        x = np.linspace(least, distribution.quantile(lowest), _POINTS)
         about = f"{scenario.name}, seed {scenario.seed}, bussim {__version__}"
         simulated = result.record.links[bus].scan_times.histogram
-        picture = law_and_histogram(bus, x, law.tail(x), simulated, about, lowest)
+        picture = distribution_and_histogram(bus, x, distribution.tail(x), simulated, about, lowest)
         place.mkdir(parents=True, exist_ok=True)
         paths += picture.save_both(place / f"law_{stem}")
     return paths

@@ -22,7 +22,7 @@ def show(console: Console, figures: PollFigures) -> None:
     model = figures.model
     count = len(model.polls)
     about = f"{count} {'poll' if count == 1 else 'polls'}, timeout {ms(model.timeout)} ms, "
-    about += f"interval {ms(model.pace.interval)} ms"
+    about += f"interval {ms(model.master_timing.interval)} ms"
     line = f" ({model.line})" if model.line else ""
     heading = f"{model.node}: {model.protocol or 'no protocol'} on {model.bus}{line}"
     console.print(Text(f"{heading}, {about}" if model.valid else heading, style="bold"))

@@ -10,7 +10,7 @@ from bussim.engines.modbus.server import SPACES, Space
 from bussim.errors import UsageError
 from bussim.live.fit.link import LinkEstimate, StationEstimate
 from bussim.live.fit.modbus import BusEstimate
-from bussim.live.fit.turnaround import Law
+from bussim.live.fit.turnaround import TurnaroundDistribution
 from bussim.plc.link_registers import D_STATION
 from bussim.plc.profiles import PROFILES
 from bussim.units import TICKS_PER_MS, format_time
@@ -93,7 +93,7 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
     seated = {
         plc.name: plc.registers.get(f"D{D_STATION}", 0)
         for plc in scenario.plcs
-        if plc.seat is not None and plc.seat.bus == bus
+        if plc.link is not None and plc.link.bus == bus
     }
     if not seated:
         links = [each.name for each in scenario.buses if each.nn]
@@ -167,8 +167,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
             "station": slave.station,
             "mode": mode,
         }
-        if slave.law is not None:
-            device |= _delay(slave.law)
+        if slave.distribution is not None:
+            device |= _delay(slave.distribution)
         device |= _items(found, slave.station)
         devices.append(device)
         if slave.loss is not None and slave.loss.value and slave.delay is not None:
@@ -185,12 +185,12 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
     }
 
 
-def _delay(law: Law) -> dict[str, str]:
+def _delay(distribution: TurnaroundDistribution) -> dict[str, str]:
     """A device waits ``delay`` and up to ``jitter`` more."""
-    least = max(0, law.mean - law.jitter)
+    least = max(0, distribution.mean - distribution.jitter)
     return {
         "delay": format_time(min(least, _LONGEST_DELAY)),
-        "jitter": format_time(min(2 * law.jitter, _LONGEST_DELAY)),
+        "jitter": format_time(min(2 * distribution.jitter, _LONGEST_DELAY)),
     }
 
 
@@ -227,19 +227,22 @@ def _master_profile(link: LinkEstimate, base: str) -> dict[str, Any]:
 
 
 def _slave_profile(found: StationEstimate | None, base: str) -> dict[str, Any]:
-    if found is None or found.law is None:
+    if found is None or found.distribution is None:
         return {"base": base}
-    law = found.law
-    if law.values:
+    distribution = found.distribution
+    if distribution.values:
         counts: dict[int, int] = {}
-        for value in law.values:
+        for value in distribution.values:
             counts[value] = counts.get(value, 0) + 1
         turnaround: dict[str, Any] = {
             "values": [format_time(value) for value in counts],
             "weights": list(counts.values()),
         }
     else:
-        turnaround = {"mean": format_time(law.mean), "jitter": format_time(min(law.jitter, law.mean))}
+        turnaround = {
+            "mean": format_time(distribution.mean),
+            "jitter": format_time(min(distribution.jitter, distribution.mean)),
+        }
     return {"base": base, "turnaround": turnaround}
 
 

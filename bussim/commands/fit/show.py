@@ -14,7 +14,7 @@ from bussim.units import milliseconds, seconds
 
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
-    from bussim.live.fit.turnaround import Law
+    from bussim.live.fit.turnaround import TurnaroundDistribution
     from bussim.results.meters.run_record import RunRecord
 
 
@@ -66,7 +66,7 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
                     "name": fitted.names.get(each.station),
                     "polls": each.polls,
                     "turnaround_ms": _time(each.turnaround),
-                    "law": _law(each.law),
+                    "law": _distribution(each.distribution),
                     "reply_loss": _plain(each.loss),
                     "outages_s": [
                         [seconds(o.start), None if o.end is None else seconds(o.end)] for o in each.outages
@@ -102,7 +102,7 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
                 str(each.station): {
                     "requests": each.requests,
                     "delay_ms": _time(each.delay),
-                    "law": _law(each.law),
+                    "law": _distribution(each.distribution),
                     "reply_loss": _plain(each.loss),
                     "exceptions": {f"{code:02X}": count for code, count in each.exceptions.items()},
                 }
@@ -141,15 +141,15 @@ def _plain(found: Estimate | None) -> dict[str, float | None] | None:
     return {"value": found.value, "low": found.low, "high": found.high, "count": found.count}
 
 
-def _law(law: Law | None) -> dict[str, Any] | None:
-    if law is None:
+def _distribution(distribution: TurnaroundDistribution | None) -> dict[str, Any] | None:
+    if distribution is None:
         return None
     return {
-        "mean_ms": _ms(law.mean),
-        "jitter_ms": _ms(law.jitter),
-        "values_ms": [_ms(value) for value in law.values],
-        "uniform_ks_distance": law.fit.distance,
-        "uniform_p": law.fit.p,
+        "mean_ms": _ms(distribution.mean),
+        "jitter_ms": _ms(distribution.jitter),
+        "values_ms": [_ms(value) for value in distribution.values],
+        "uniform_ks_distance": distribution.fit.distance,
+        "uniform_p": distribution.fit.p,
     }
 
 
@@ -204,7 +204,7 @@ def _rows(fitted: Fitted) -> list[tuple[str, str, str, str]]:
         for each in link.stations:
             name = fitted.names.get(each.station) or f"station {each.station}"
             time(f"turnaround of {name}", each.turnaround)
-            _add_law(rows, each.law)
+            _add_distribution(rows, each.distribution)
             rate(f"lost replies of {name}", each.loss)
         rate("lost replies, all", link.loss)
         rate("bit error rate", link.ber)
@@ -218,7 +218,7 @@ def _rows(fitted: Fitted) -> list[tuple[str, str, str, str]]:
             rows.append((f"  every {name}", every, span, f"{poll.turns:,}"))
         for slave in ports.slaves:
             time(f"answer of station {slave.station} after", slave.delay)
-            _add_law(rows, slave.law)
+            _add_distribution(rows, slave.distribution)
             rate(f"no answer of station {slave.station}", slave.loss)
         rate("bit error rate", ports.ber)
         for name, ticks in (("pause before a request", ports.interval), ("timeout", ports.timeout)):
@@ -227,12 +227,14 @@ def _rows(fitted: Fitted) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _add_law(rows: list[tuple[str, str, str, str]], law: Law | None) -> None:
-    if law is None:
+def _add_distribution(
+    rows: list[tuple[str, str, str, str]], distribution: TurnaroundDistribution | None
+) -> None:
+    if distribution is None:
         return
-    text = f"± {milliseconds(law.jitter):.4f} ms"
-    what = f"measured law of {len(law.values)} values" if law.values else "uniform"
-    rows.append((f"    {what}", text, f"p {law.fit.p:.2g}", ""))
+    text = f"± {milliseconds(distribution.jitter):.4f} ms"
+    what = f"measured law of {len(distribution.values)} values" if distribution.values else "uniform"
+    rows.append((f"    {what}", text, f"p {distribution.fit.p:.2g}", ""))
 
 
 def _outages(fitted: Fitted) -> list[str]:

@@ -45,7 +45,7 @@ def command(
     """Search all retries (D8179) and timeouts (D8180) of each link and recommend one setting.
 
     SCENARIO is a file or the name of a built-in scenario. Its faults are left out: a setting is for
-    the line in operation. Without noise in it, a ladder of levels is assumed and shown. The exit code
+    the line in operation. Without noise in it, a noise levels of levels is assumed and shown. The exit code
     is 1 if no setting meets the goals.
     """
     from bussim import api
@@ -98,7 +98,7 @@ def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verdict]:
     from bussim.commands.size.verify import verify
     from bussim.exact.sizing.noise_levels import BAD, LEVELS
 
-    loss = None if sizing.ladder is None else LEVELS[BAD]
+    loss = None if sizing.noise_levels is None else LEVELS[BAD]
     return [verify(scenario, bus, retries, timeout, loss) for retries, timeout in sizing.neighbours()]
 
 
@@ -120,8 +120,8 @@ def _show(console: Console, bus: str, sizing: Sizing, verdicts: list[Verdict]) -
     console.print(
         Text(f"  a timeout must be at least {ms(sizing.floor)} ms (longest reply, PLC scan, one tick)")
     )
-    if sizing.ladder is not None:
-        _show_ladder(console, sizing)
+    if sizing.noise_levels is not None:
+        _show_noise_levels(console, sizing)
     best = sizing.recommended
     if best is None:
         for unmet in sizing.unmet:
@@ -163,7 +163,7 @@ def _show(console: Console, bus: str, sizing: Sizing, verdicts: list[Verdict]) -
         )
 
 
-def _show_ladder(console: Console, sizing: Sizing) -> None:
+def _show_noise_levels(console: Console, sizing: Sizing) -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -171,21 +171,21 @@ def _show_ladder(console: Console, sizing: Sizing) -> None:
     from bussim.exact.text import ms
     from bussim.wording import about
 
-    ladder = sizing.ladder
-    if ladder is None:
+    noise_levels = sizing.noise_levels
+    if noise_levels is None:
         return
     levels = ", ".join(f"{name} {chance:g}" for name, chance in LEVELS.items())
     console.print(
         Text(
             f"  no noise is given; assumed chances that an attempt fails: {levels} "
-            f"(timeout {ms(ladder.timeout)} ms); an outage is silence, what noise corrupts may cost more"
+            f"(timeout {ms(noise_levels.timeout)} ms); an outage is silence, what noise corrupts may cost more"
         )
     )
     table = Table(box=None, pad_edge=False, padding=(0, 2))
     headings = ("D8179", "attempts", "one dead", "passes silence", "survives")
     for heading in (*headings, *(f"errors/y, {name}" for name in LEVELS)):
         table.add_column(Text(heading), justify="right")
-    for rung in ladder.rungs:
+    for rung in noise_levels.rungs:
         survived = ", ".join(ms(outage) for outage in rung.survived) or "–"
         table.add_row(
             str(rung.retries),
@@ -242,9 +242,9 @@ def _write(scenario: Scenario, found: dict[str, Sizing], text: str, place: Path)
     paths[0].write_text(text + "\n", encoding="utf-8")
     for bus, stem in file_names(found).items():
         sizing = found[bus]
-        if sizing.judged is None:
+        if sizing.checked is None:
             continue
-        grid = sizing.judged.grid
+        grid = sizing.checked.grid
         retries = range(MAX_RETRIES + 1)
         rows = [grid.attempts.index(attempts_of(reading_of(sizing.model), r)) for r in retries]
         errors = np.where(grid.valid, grid.errors_per_year, np.nan)[rows]

@@ -1,4 +1,4 @@
-"""Does the simulation agree with the exact law? For ``bussim size --verify``."""
+"""Does the simulation agree with the exact distribution? For ``bussim size --verify``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Verdict:
     """One setting: exact figures beside simulated ones. Times in ms.
 
     ``half`` is half the width of the simulated mean's 99.9 % interval; ``errors`` are scans that left
-    a station in error, ``allowed`` the range that the law gives them with 99.9 %.
+    a station in error, ``allowed`` the range that the distribution gives them with 99.9 %.
     """
 
     retries: int
@@ -42,7 +42,7 @@ class Verdict:
 
     @property
     def agrees(self) -> bool:
-        """Whether the law lies within the simulation's intervals."""
+        """Whether the distribution lies within the simulation's intervals."""
         low, high = self.allowed
         return abs(self.exact_mean - self.mean) <= self.half and low <= self.errors <= high
 
@@ -72,7 +72,7 @@ def with_setting(
     settings = {"D8179": retries, "D8180": timeout // (10 * TICKS_PER_MS)}
     plcs = tuple(
         replace(plc, registers={**plc.registers, **settings})
-        if plc.seat is not None and plc.seat.bus == bus and plc.registers.get("D8176", 0) == 0
+        if plc.link is not None and plc.link.bus == bus and plc.registers.get("D8176", 0) == 0
         else plc
         for plc in scenario.plcs
     )
@@ -86,7 +86,7 @@ def with_setting(
 
 
 def verify(scenario: model.Scenario, bus: str, retries: int, timeout: int, loss: float | None) -> Verdict:
-    """Simulate one link with a setting (``timeout`` in ticks) and compare it with its law."""
+    """Simulate one link with a setting (``timeout`` in ticks) and compare it with its distribution."""
     from bussim import api
 
     changed = with_setting(scenario, bus, retries, timeout, loss)

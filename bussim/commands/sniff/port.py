@@ -72,7 +72,7 @@ def _hear(wires: list[Wire], arrivals: Arrivals, listener: Listener, until: int)
     if len(wires) == 1:
         data = wires[0].read(until)
         if data:
-            listener.chars(arrivals.lump(data, wires[0].clock.now()))
+            listener.chars(arrivals.chunk(data, wires[0].clock.now()))
         return bool(data)
     clock = wires[0].clock
     while clock.now() < until:
@@ -82,7 +82,7 @@ def _hear(wires: list[Wire], arrivals: Arrivals, listener: Listener, until: int)
             if data:
                 arrived = clock.now()
                 other.write(data)
-                listener.chars(arrivals.lump(data, arrived))
+                listener.chars(arrivals.chunk(data, arrived))
                 heard = True
         if heard:
             return True

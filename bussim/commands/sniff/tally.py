@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from bussim.live.sniff.link import LinkWatcher
+from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
 from bussim.results.meters.collector import Collector, Rows
 from bussim.results.meters.histogram import QUANTILES, Histogram
@@ -87,7 +87,7 @@ def statistics(times: Histogram) -> dict[str, float | None]:
 
 def to_json(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> dict[str, Any]:
     """What was heard, as plain data."""
-    watcher = listener.watcher
+    decoder = listener.decoder
     found: dict[str, Any] = {
         "schema": 1,
         "protocol": None if listener.protocol is None else listener.protocol.value,
@@ -96,21 +96,21 @@ def to_json(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> 
         "exact_times": exact,
         "duration_s": round(seconds(duration), 6),
         "characters": listener.characters,
-        "frames": 0 if watcher is None else watcher.frames,
-        "damaged": 0 if watcher is None else watcher.damaged,
-        "unasked": 0 if watcher is None else watcher.unasked,
-        "bus_load": round(watcher.busy / duration, 6) if watcher is not None and duration else 0.0,
+        "frames": 0 if decoder is None else decoder.frames,
+        "damaged": 0 if decoder is None else decoder.damaged,
+        "unasked": 0 if decoder is None else decoder.unasked,
+        "bus_load": round(decoder.busy / duration, 6) if decoder is not None and duration else 0.0,
         "exchanges": {name: asked.to_json() for name, asked in sorted(tally.asked.items())},
     }
-    if isinstance(watcher, LinkWatcher):
-        totals = watcher.totals()
+    if isinstance(decoder, LinkDecoder):
+        totals = decoder.totals()
         found["link"] = {
             "slaves": totals.slaves,
             "mode": totals.mode,
             "retries": totals.retries,
             "timeout_ms": None if totals.timeout is None else milliseconds(totals.timeout),
-            "settings_heard": watcher.settings is not None,
-            "scans": watcher.scans,
+            "settings_heard": decoder.settings is not None,
+            "scans": decoder.scans,
             "station_errors": {str(k): number for k, number in totals.station_errors.items()},
             "scan_time_ms": statistics(tally.scan_times),
         }
@@ -141,7 +141,7 @@ def show(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> Ren
             f"timeout {link['timeout_ms']:g} ms ({told})"
         )
         lines.append(f"link scan time   {shown or '–'} ms   ({link['scans']:,} scans)")
-    return Group(*map(Text, lines), _table(tally, by_station=isinstance(listener.watcher, LinkWatcher)))
+    return Group(*map(Text, lines), _table(tally, by_station=isinstance(listener.decoder, LinkDecoder)))
 
 
 def _table(tally: Tally, *, by_station: bool) -> Table:

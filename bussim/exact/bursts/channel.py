@@ -26,14 +26,14 @@ Matrix = NDArray[np.float64]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
-class Fate(NamedTuple):
+class FrameOutcome(NamedTuple):
     """A frame's fate in one receiver: whole and undamaged, or hit."""
 
     clean: Matrix
     hit: Matrix
 
 
-class ReplyFate(NamedTuple):
+class ReplyOutcome(NamedTuple):
     """A reply's fate in the master and in a listener.
 
     ``clean``: undamaged; ``torn``: its first character undamaged, a later one hit; ``headless``: its
@@ -53,17 +53,19 @@ class Line:
         self.states = 1 << len(noise.chains)
         self.bit = bit
         self._after: dict[float, Matrix] = {}
-        self._fates: dict[tuple[tuple[NoiseSource, ...], int], Fate] = {}
+        self._outcomes: dict[tuple[tuple[NoiseSource, ...], int], FrameOutcome] = {}
 
     # -- the chain ---------------------------------------------------------------------------------
 
     @cached_property
     def stationary(self) -> Matrix:
-        """The state's law at a random instant."""
-        law: Matrix = np.ones(1)
+        """The state's distribution at a random instant."""
+        distribution: Matrix = np.ones(1)
         for good, bad in self.noise.chains:
-            law = np.asarray(np.kron(law, np.array([good, bad]) / (good + bad)), dtype=np.float64)
-        return law
+            distribution = np.asarray(
+                np.kron(distribution, np.array([good, bad]) / (good + bad)), dtype=np.float64
+            )
+        return distribution
 
     def after(self, ticks: float) -> Matrix:
         """Transition probabilities over a time."""
@@ -82,20 +84,20 @@ class Line:
         return found
 
     def turnaround(self, station: Station) -> Matrix:
-        """Transition probabilities over a station's turnaround, averaged over its law.
+        """Transition probabilities over a station's turnaround, averaged over its distribution.
 
-        The scan time's lobe and the state at the reply are thereby taken as independent given the
+        The scan time's component and the state at the reply are thereby taken as independent given the
         state at the poll: wrong by at most jitter over shortest sojourn, relatively.
         """
-        law = station.turnaround
+        distribution = station.turnaround
         if self.states == 1:
             return np.ones((1, 1))
-        least, width = spread_of(law)
-        if law.values:
-            total = sum(law.weights)
+        least, width = spread_of(distribution)
+        if distribution.values:
+            total = sum(distribution.weights)
             parts = [
                 (float(value + station.extra), weight / total)
-                for value, weight in zip(law.values, law.weights, strict=True)
+                for value, weight in zip(distribution.values, distribution.weights, strict=True)
             ]
         else:
             parts = [
@@ -119,25 +121,25 @@ class Line:
             rates = rates + own - 2 * rates * own
         return rates
 
-    def fate(self, sources: Sequence[NoiseSource], bits: int) -> Fate:
+    def outcome(self, sources: Sequence[NoiseSource], bits: int) -> FrameOutcome:
         """What becomes of so many bits, one after the other, under these sources."""
         key = (tuple(sources), bits)
-        found = self._fates.get(key)
+        found = self._outcomes.get(key)
         if found is None:
-            found = self._fates[key] = self._fate(self.error_rates(sources), bits)
+            found = self._outcomes[key] = self._outcome(self.error_rates(sources), bits)
         return found
 
-    def _fate(self, rates: Matrix, bits: int) -> Fate:
+    def _outcome(self, rates: Matrix, bits: int) -> FrameOutcome:
         if self.states == 1:
             log = bits * _log1m(float(rates[0]))
-            return Fate(np.full((1, 1), np.exp(log)), np.full((1, 1), -np.expm1(log)))
+            return FrameOutcome(np.full((1, 1), np.exp(log)), np.full((1, 1), -np.expm1(log)))
         s, step = self.states, self.after(self.bit)
         walk = np.zeros((2 * s, 2 * s))
         walk[:s, :s] = step * (1 - rates)
         walk[:s, s:] = step * rates
         walk[s:, s:] = step
         power = _power(walk, bits)
-        return Fate(power[:s, :s], power[:s, s:])
+        return FrameOutcome(power[:s, :s], power[:s, s:])
 
     def reply(
         self,
@@ -145,7 +147,7 @@ class Line:
         master: Sequence[NoiseSource],
         listener: Sequence[NoiseSource],
         bits: int,
-    ) -> ReplyFate:
+    ) -> ReplyOutcome:
         """What becomes of a reply in the master and in a listener, with the noise that they share."""
         first = self._joint(wire, master, listener, CHAR_BITS)
         rest = self._joint(wire, master, listener, bits - CHAR_BITS)
@@ -157,7 +159,7 @@ class Line:
         any_rest = rest[0][0] + rest[0][1] + rest[1][0] + rest[1][1]
         headless_heard = first[1][0] @ (rest[0][0] + rest[1][0])
         headless_missed = first[1][0] @ (rest[0][1] + rest[1][1]) + first[1][1] @ any_rest
-        return ReplyFate((both, only_master), (torn_heard, torn_missed), (headless_heard, headless_missed))
+        return ReplyOutcome((both, only_master), (torn_heard, torn_missed), (headless_heard, headless_missed))
 
     def _joint(
         self,

@@ -12,7 +12,7 @@ attempt runs to its deadline. What is neglected:
   (0.26 ms) later or earlier, 2 µs on average over all torn replies. No probability changes.
 * Headers where there were none. A receiver that lost its place in the first character finds a clean
   STX later in 1 % of the cases (one reply in 10 / BER); the attempt then ends with the reply instead of
-  at the deadline, so that the law is on the long side.
+  at the deadline, so that the distribution is on the long side.
 """
 
 from __future__ import annotations
@@ -72,10 +72,10 @@ def attempts_at(line: Line, model: LinkModel, station: Station, timeouts: Matrix
     if not station.alive:
         nothing = np.zeros(stack)
         return Attempt(nothing, line.after_each(model.gap + model.poll + timeouts), nothing)
-    poll = line.fate(poll_path(model, station.number), model.poll_bits)
+    poll = line.outcome(poll_path(model, station.number), model.poll_bits)
     path = reply_path(model, station, MASTER)
-    head = line.fate(path, CHAR_BITS)
-    rest = line.fate(path, model.data_bits - CHAR_BITS)
+    head = line.outcome(path, CHAR_BITS)
+    rest = line.outcome(path, model.data_bits - CHAR_BITS)
     gap = line.after(model.gap)
     polled = gap @ poll.clean
     replied = (1 - station.loss) * (polled @ line.turnaround(station))

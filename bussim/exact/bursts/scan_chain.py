@@ -1,9 +1,9 @@
 """A link scan as a chain from scan to scan, with the line's hidden state and the flags that matter.
 
-Used for the law on a line with bursts, and on any line for what spans several scans. Attempts are
+Used for the distribution on a line with bursts, and on any line for what spans several scans. Attempts are
 correlated through the hidden state, which moves on in real time: a retry after a short timeout meets
 the same burst again. A scan is a product of matrices; its start has the
-stationary law of the chain of scan starts (not the law at a random instant: scans that meet a burst
+stationary distribution of the chain of scan starts (not the distribution at a random instant: scans that meet a burst
 last longer, so fewer of them begin in one). With the policy ``probe`` that chain also holds which
 flags are on.
 """
@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bussim.exact.bursts.exchange import Attempt, Exchange, attempt_at, exchange_at, line_of
-from bussim.exact.bursts.state_mixture import MARK, Terms, Vectors, exchange_terms
+from bussim.exact.bursts.state_mixture import MARK, StateMixture, StateTerms, exchange_terms
 from bussim.exact.link import LinkModel, Station
 from bussim.exact.scan.memoryless import Fails
-from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import TurnaroundSums, spread_of
 from bussim.plc.profiles import AbsentStation
 
-#: Lobes lighter than this are dropped; with bursts there are many.
+#: Components lighter than this are dropped; with bursts there are many.
 FLOOR = 1e-18
 
 
@@ -54,7 +54,7 @@ class ScanChain:
         self.sums = TurnaroundSums(station.turnaround for station in model.alive)
         self._attempts = {s.number: attempt_at(self.line, model, s) for s in model.stations}
         self._exchanges: dict[tuple[int, int], Exchange] = {}
-        self._terms: dict[tuple[int, int], Terms] = {}
+        self._terms: dict[tuple[int, int], StateTerms] = {}
         # Places of the flags that a scan's start depends on.
         remembered = model.alive if model.absent is AbsentStation.PROBE else ()
         self._bits = {station.number: bit for bit, station in enumerate(remembered)}
@@ -135,8 +135,8 @@ class ScanChain:
         # Subtraction above leaves errors near 1e-16; a few steps of the chain wash them out of small weights.
         for _ in range(8):
             solution = solution @ step
-        law = solution / solution.sum()
-        return np.asarray(law.reshape(self.configurations, self.line.states), dtype=np.float64)
+        distribution = solution / solution.sum()
+        return np.asarray(distribution.reshape(self.configurations, self.line.states), dtype=np.float64)
 
     def fails(self) -> tuple[Fails, ...]:
         """The chances of each station, in order; :attr:`Fails.flagged` is 0 here."""
@@ -153,7 +153,7 @@ class ScanChain:
                 found.append(Fails(errors[place], self._pass(without).errors[place], 0.0))
         return tuple(found)
 
-    # -- the law -----------------------------------------------------------------------------------
+    # -- the distribution -----------------------------------------------------------------------------------
 
     def mark(self, station: Station) -> int:
         """The mark that a station's error sets: its own where flags are remembered, else one for all.
@@ -162,8 +162,8 @@ class ScanChain:
         """
         return MARK << self._bits.get(station.number, 0) if station.alive else 0
 
-    def terms(self, station: Station, *, flagged: bool) -> Terms:
-        """The lobes of an exchange with a station whose flag is on or off."""
+    def terms(self, station: Station, *, flagged: bool) -> StateTerms:
+        """The components of an exchange with a station whose flag is on or off."""
         attempts = self.model.attempts_at(flagged=flagged)
         key = (station.number, attempts)
         if key not in self._terms:
@@ -181,48 +181,48 @@ class ScanChain:
             )
         return self._terms[key]
 
-    def followed(self, lobes: Vectors, station: Station, floor: float) -> Vectors:
-        """Lobes followed by the exchange with a station, by its flag where that is remembered."""
+    def followed(self, components: StateMixture, station: Station, floor: float) -> StateMixture:
+        """Components followed by the exchange with a station, by its flag where that is remembered."""
         if station.number not in self._bits:
-            return lobes.then(self.terms(station, flagged=not station.alive), floor)
-        off, on = lobes.parted(self.mark(station))
+            return components.then(self.terms(station, flagged=not station.alive), floor)
+        off, on = components.parted(self.mark(station))
         parts = [
             part.then(self.terms(station, flagged=flagged), floor)
             for part, flagged in ((off, False), (on, True))
             if part.shift.size
         ]
-        return parts[0].mixed(*parts[1:]) if parts else lobes
+        return parts[0].mixed(*parts[1:]) if parts else components
 
-    def turned(self, lobes: Vectors) -> Vectors:
-        """Lobes at a scan's end carried on to the next data frame's start, past a parameter frame if due."""
+    def turned(self, components: StateMixture) -> StateMixture:
+        """Components at a scan's end carried on to the next data frame's start, past a parameter frame if due."""
         model, line = self.model, self.line
         plain = model.overhead + model.gap
         long = plain + model.parameters_cost
-        on = ((lobes.code >= MARK) | bool(model.dead))[:, None, None]
-        weight = np.where(on, lobes.weight @ line.after(long), lobes.weight @ line.after(plain))
-        shift = lobes.shift + np.where(on[:, 0, 0], long, plain)
-        return Vectors(shift, lobes.code if self._bits else lobes.code & (MARK - 1), weight)
+        on = ((components.code >= MARK) | bool(model.dead))[:, None, None]
+        weight = np.where(on, components.weight @ line.after(long), components.weight @ line.after(plain))
+        shift = components.shift + np.where(on[:, 0, 0], long, plain)
+        return StateMixture(shift, components.code if self._bits else components.code & (MARK - 1), weight)
 
-    def begun(self) -> Vectors:
-        """Stationary lobes, of no length, at the start of a master's data frame, with the flags as marks."""
+    def begun(self) -> StateMixture:
+        """Stationary components, of no length, at the start of a master's data frame, with the flags as marks."""
         flags = np.nonzero(self.start.sum(axis=1) >= self.floor)[0]
-        return Vectors(np.zeros(flags.size), flags * MARK, self.start[flags][:, None, :])
+        return StateMixture(np.zeros(flags.size), flags * MARK, self.start[flags][:, None, :])
 
-    def begun_exchange(self, station: Station) -> Vectors:
-        """Stationary lobes, of no length, at the start of an exchange, marked as the scan left them."""
+    def begun_exchange(self, station: Station) -> StateMixture:
+        """Stationary components, of no length, at the start of an exchange, marked as the scan left them."""
         passed = self._pass(self.start)
         place = self.model.stations.index(station)
         if self._bits:
             weight = passed.before[place]
             flags = np.nonzero(weight.sum(axis=1) >= self.floor)[0]
-            return Vectors(np.zeros(flags.size), flags * MARK, weight[flags][:, None, :])
+            return StateMixture(np.zeros(flags.size), flags * MARK, weight[flags][:, None, :])
         weight = np.stack((passed.before[place] - passed.marked[place], passed.marked[place]))
-        return Vectors(np.zeros(2), np.array([0, MARK]), weight)
+        return StateMixture(np.zeros(2), np.array([0, MARK]), weight)
 
-    def law(self) -> Law:
-        """The law of a scan, from one master data frame's start to the next one's."""
+    def distribution(self) -> Distribution:
+        """The distribution of a scan, from one master data frame's start to the next one's."""
         model = self.model
-        lobes = self.begun().times(self.line.after(model.data), model.data)
+        components = self.begun().times(self.line.after(model.data), model.data)
         for station in model.stations:
-            lobes = self.followed(lobes, station, self.floor)
-        return self.turned(lobes).law(self.sums)
+            components = self.followed(components, station, self.floor)
+        return self.turned(components).distribution(self.sums)

@@ -1,6 +1,6 @@
-"""Lobes that carry a vector over the line's hidden state, and what follows them as matrices.
+"""Components that carry a vector over the line's hidden state, and what follows them as matrices.
 
-A scan with bursts, and any chain of several scans, is built by letting one group of lobes follow
+A scan with bursts, and any chain of several scans, is built by letting one group of components follow
 another: shifts and codes add, vectors are multiplied by matrices. The bits of a code above its counts
 are *marks*: which flags are on, or (one bit for all) that some station was in error on the way.
 """
@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 
 from bussim.exact.bursts.channel import Matrix
 from bussim.exact.bursts.exchange import Attempt
-from bussim.exact.scan.mixture import Law, merged
+from bussim.exact.scan.mixture import Distribution, merged
 from bussim.exact.scan.turnaround_sums import DIGIT, MAX_KINDS, Codes, Floats, TurnaroundSums
 
 #: The lowest mark, above all counts of a code; there is room for one a slave.
 MARK = 1 << (DIGIT * MAX_KINDS)
 _COUNTS = MARK - 1
 
-#: More lobes than this are thinned: the heaviest are kept, the others put together in cells of at
+#: More components than this are thinned: the heaviest are kept, the others put together in cells of at
 #: least so many ticks (0.1 ms), or so many cells over the range. Only chains of many scans under
 #: heavy noise come to that.
 _MANY, _KEPT, _CELL, _CELLS = 1_500, 600, 7_200.0, 600
 
 
-class Terms(NamedTuple):
+class StateTerms(NamedTuple):
     """What may follow: shift in ticks, code, and a matrix (state before, state after) each."""
 
     shift: Floats
@@ -37,29 +37,29 @@ class Terms(NamedTuple):
     matrix: NDArray[np.float64]
 
     @classmethod
-    def single(cls, shift: float, matrix: Matrix, code: int = 0) -> Terms:
+    def single(cls, shift: float, matrix: Matrix, code: int = 0) -> StateTerms:
         """One term."""
         return cls(np.full(1, float(shift)), np.full(1, code, dtype=np.int64), matrix[None])
 
     @classmethod
-    def of(cls, parts: Sequence[tuple[float, int, Matrix]]) -> Terms:
-        """Terms from (shift, code, matrix); those that cannot happen are left out."""
+    def of(cls, parts: Sequence[tuple[float, int, Matrix]]) -> StateTerms:
+        """StateTerms from (shift, code, matrix); those that cannot happen are left out."""
         kept = [part for part in parts if part[2].max(initial=0.0) > 0.0] or list(parts[:1])
         shifts, codes, matrices = zip(*kept, strict=True)
         return cls(np.array(shifts, dtype=np.float64), np.array(codes, dtype=np.int64), np.stack(matrices))
 
 
 @dataclass(slots=True, eq=False)
-class Vectors:
-    """Lobes with weights (lobe, start, state): the probability of this lobe and state for each start."""
+class StateMixture:
+    """Components with weights (component, start, state): the probability of this component and state for each start."""
 
     shift: Floats
     code: Codes
     weight: NDArray[np.float64]
 
     @classmethod
-    def begin(cls, weight: NDArray[np.float64], shift: float = 0.0, marks: int = 0) -> Vectors:
-        """One lobe; ``weight`` has the axes (start, state)."""
+    def begin(cls, weight: NDArray[np.float64], shift: float = 0.0, marks: int = 0) -> StateMixture:
+        """One component; ``weight`` has the axes (start, state)."""
         return cls(np.full(1, float(shift)), np.full(1, marks, dtype=np.int64), weight[None])
 
     @property
@@ -67,8 +67,8 @@ class Vectors:
         """All weight."""
         return float(self.weight.sum())
 
-    def then(self, terms: Terms, floor: float) -> Vectors:
-        """These lobes followed by terms; those lighter than ``floor`` are dropped."""
+    def then(self, terms: StateTerms, floor: float) -> StateMixture:
+        """These components followed by terms; those lighter than ``floor`` are dropped."""
         states = terms.matrix.shape[2]
         starts = self.weight.shape[1]
         if states == 1:
@@ -79,16 +79,16 @@ class Vectors:
         i, j = np.divmod(keep, terms.shift.size)
         one, two = self.code[i], terms.code[j]
         code = ((one & _COUNTS) + (two & _COUNTS)) | ((one | two) & ~_COUNTS)
-        return Vectors(*merged(self.shift[i] + terms.shift[j], code, weight[keep]))
+        return StateMixture(*merged(self.shift[i] + terms.shift[j], code, weight[keep]))
 
-    def times(self, matrix: Matrix, shift: float = 0.0) -> Vectors:
-        """These lobes followed by something that always happens."""
-        return Vectors(self.shift + shift, self.code, self.weight @ matrix)
+    def times(self, matrix: Matrix, shift: float = 0.0) -> StateMixture:
+        """These components followed by something that always happens."""
+        return StateMixture(self.shift + shift, self.code, self.weight @ matrix)
 
-    def mixed(self, *others: Vectors) -> Vectors:
-        """These and other lobes together."""
+    def mixed(self, *others: StateMixture) -> StateMixture:
+        """These and other components together."""
         every = (self, *others)
-        return Vectors(
+        return StateMixture(
             *merged(
                 np.concatenate([v.shift for v in every]),
                 np.concatenate([v.code for v in every]),
@@ -96,17 +96,17 @@ class Vectors:
             )
         )
 
-    def parted(self, marks: int = ~_COUNTS) -> tuple[Vectors, Vectors]:
-        """The lobes without any of these marks, and those with one, which loses them."""
+    def parted(self, marks: int = ~_COUNTS) -> tuple[StateMixture, StateMixture]:
+        """The components without any of these marks, and those with one, which loses them."""
         on = (self.code & marks) != 0
         off = ~on
         return (
-            Vectors(self.shift[off], self.code[off], self.weight[off]),
-            Vectors(self.shift[on], self.code[on] & ~marks, self.weight[on]),
+            StateMixture(self.shift[off], self.code[off], self.weight[off]),
+            StateMixture(self.shift[on], self.code[on] & ~marks, self.weight[on]),
         )
 
-    def thinned(self, sums: TurnaroundSums) -> Vectors:
-        """The same if there are not too many lobes; else the light ones are put together in cells.
+    def thinned(self, sums: TurnaroundSums) -> StateMixture:
+        """The same if there are not too many components; else the light ones are put together in cells.
 
         A cell is at least 0.1 ms wide and at most a small part of the range; its mean is kept, and the
         marks stay apart.
@@ -125,22 +125,22 @@ class Vectors:
         new = np.ones(order.size, dtype=bool)
         new[1:] = (cell[1:] != cell[:-1]) | (marks[1:] != marks[:-1])
         starts = np.nonzero(new)[0]
-        code = self.code[order][starts]  # the heaviest lobe's spreads stand for all
+        code = self.code[order][starts]  # the heaviest component's spreads stand for all
         means = np.add.reduceat((weight * middle)[order], starts) / np.add.reduceat(weight[order], starts)
         shift = means - sums.means(code & _COUNTS)
-        return Vectors(shift, code, np.add.reduceat(self.weight[order], starts, axis=0))
+        return StateMixture(shift, code, np.add.reduceat(self.weight[order], starts, axis=0))
 
-    def law(self, sums: TurnaroundSums, scale: float = 1.0) -> Law:
-        """The law over all starts and states; weights are divided by ``scale``."""
+    def distribution(self, sums: TurnaroundSums, scale: float = 1.0) -> Distribution:
+        """The distribution over all starts and states; weights are divided by ``scale``."""
         weight = self.weight.sum(axis=(1, 2)) / scale
         shift, code, weight = merged(self.shift, self.code & _COUNTS, weight)
-        return Law(shift, code, weight, sums, max(0.0, 1.0 - float(weight.sum())))
+        return Distribution(shift, code, weight, sums, max(0.0, 1.0 - float(weight.sum())))
 
 
 def failures(
     silent: tuple[float, int, Matrix], torn: tuple[float, int, Matrix], most: int
 ) -> list[list[tuple[float, int, Matrix]]]:
-    """Lobes after 0, 1, … ``most`` failed attempts, each silent or torn (shift, code, matrix)."""
+    """Components after 0, 1, … ``most`` failed attempts, each silent or torn (shift, code, matrix)."""
     states = silent[2].shape[0]
     levels: list[list[tuple[float, int, Matrix]]] = [[(0.0, 0, np.eye(states))]]
     for i in range(1, most + 1):
@@ -162,8 +162,8 @@ def failures(
 
 def exchange_terms(
     attempt: Attempt, silent: float, whole: float, quiet: float, unit: int, attempts: int, mark: int
-) -> Terms:
-    """The lobes of an exchange: failed attempts, then an answer, or an error after all of them.
+) -> StateTerms:
+    """The components of an exchange: failed attempts, then an answer, or an error after all of them.
 
     Times in ticks: ``silent`` of an attempt that runs to its deadline, ``whole`` of an answered one
     without its spread (whose code is ``unit``), ``quiet`` what a torn one takes longer. An error
@@ -176,4 +176,4 @@ def exchange_terms(
         for shift, code, matrix in level
     ]
     parts += [(shift, code | mark, matrix) for shift, code, matrix in levels[-1]]
-    return Terms.of(parts)
+    return StateTerms.of(parts)

@@ -35,7 +35,7 @@ from dataclasses import dataclass, replace
 
 from bussim.engines.nn.frames import MODES
 from bussim.exact.from_scenario import from_scenario
-from bussim.exact.latency.program_delay import Passage, passage_of
+from bussim.exact.latency.program_delay import ProgramDelay, program_delay_of
 from bussim.exact.link import MASTER, LinkModel
 from bussim.exact.scan.outages import clean_scan
 from bussim.plc.link_registers import D_STATION, setting_values
@@ -186,7 +186,7 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
     ]
     scan = 2 * source.longest_scan if way.entry.source.startswith("X") else 0
     if way.bus is None:
-        found = passage_of(way, None, linked=(_linked(source, models),))
+        found = program_delay_of(way, None, linked=(_linked(source, models),))
         reasons += found.reasons
         return LatencyBound(
             name, word, scan=scan, program=found.scans, reasons=tuple(reasons), gates=found.gates
@@ -194,7 +194,7 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
     model = models[way.bus]
     reasons += _obstacles(way, model)
     number = _number(source)
-    found = Passage()
+    found = ProgramDelay()
     if not reasons:
         kind = MODES[model.mode]
         found = _passage(
@@ -242,17 +242,17 @@ def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
     )
 
 
-def _passage(way: Way, blocks: Sequence[BlockPlace], linked: Sequence[Sequence[BlockPlace]]) -> Passage:
+def _passage(way: Way, blocks: Sequence[BlockPlace], linked: Sequence[Sequence[BlockPlace]]) -> ProgramDelay:
     """Through the programs; ``blocks`` are the source's own in each of the two PLCs."""
     own, copy = blocks
     if way.word:
-        return Passage(reasons=way.unmeasured)
-    return passage_of(way, own, copy.word - own.word, linked)
+        return ProgramDelay(reasons=way.unmeasured)
+    return program_delay_of(way, own, copy.word - own.word, linked)
 
 
 def _linked(plc: Plc, models: dict[str, LinkModel]) -> list[BlockPlace]:
     """The blocks that the link writes in a PLC: those of all other stations that are heard."""
-    model = models.get(plc.seat.bus) if plc.seat is not None else None
+    model = models.get(plc.link.bus) if plc.link is not None else None
     if model is None or model.obstacles:
         return []
     kind, number = MODES[model.mode], _number(plc)

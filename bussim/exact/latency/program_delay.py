@@ -20,7 +20,7 @@ from bussim.scenario.signals.reachability import Lead, signals_of
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
+class ProgramDelay:
     """``scans``: ticks of the scans that the programs take beyond the one that reads the signal."""
 
     scans: int = 0
@@ -28,12 +28,12 @@ class Passage:
     gates: tuple[str, ...] = ()
 
 
-def passage_of(
+def program_delay_of(
     way: Way,
     block: BlockPlace | None,
     shift: int = 0,
     linked: Sequence[Sequence[BlockPlace]] = ((), ()),
-) -> Passage:
+) -> ProgramDelay:
     """How the programs of a way pass its bit on; ``block`` is the source's own, None within one PLC.
 
     The target keeps the block's words ``shift`` addresses further on. ``linked`` are the blocks that the
@@ -48,7 +48,7 @@ def passage_of(
     starts = search.starts({Edge.RISING: (1,), Edge.FALLING: (0,)}.get(way.entry.edge, (0, 1)))
     edges = search.relevant(starts)
     if not any(search.arrives(state) for state in starts) and not edges:
-        return Passage(reasons=(_nothing(way),))
+        return ProgramDelay(reasons=(_nothing(way),))
     reasons = dict.fromkeys(edge.reason for edge in reversed(edges) if edge.reason)
     letters = {edge.end.point.key.letter for edge in edges if edge.end.point.key is not None}
     for side in sides:
@@ -62,7 +62,7 @@ def passage_of(
     if longest is None:
         reasons[_loop(edges)] = None
     gates = dict.fromkeys(gate for edge in reversed(edges) for gate in edge.gates)
-    return Passage(longest or 0, tuple(reasons), tuple(gates))
+    return ProgramDelay(longest or 0, tuple(reasons), tuple(gates))
 
 
 def _overruled(search: Search, edges: list[Hop]) -> Iterator[str]:

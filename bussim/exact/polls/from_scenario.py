@@ -74,7 +74,7 @@ class _Reader:
     slaves: list[SlaveModel] = field(default_factory=list)
     masters: list[MasterModel] = field(default_factory=list)
     asking: dict[str, list[str]] = field(default_factory=dict)  # masters by bus
-    talkers: dict[str, list[str]] = field(default_factory=dict)
+    scripted: dict[str, list[str]] = field(default_factory=dict)
     broken: dict[str, PollListModel] = field(default_factory=dict)
 
     def read(self) -> dict[str, PollListModel]:
@@ -103,7 +103,7 @@ class _Reader:
         profile, protocol = plc.profile, port.protocol
         if protocol == "free":
             if any(poll.sends for poll in said):
-                self.talkers.setdefault(port.bus, []).append(port.node)
+                self.scripted.setdefault(port.bus, []).append(port.node)
             if polls:
                 self._no_list(
                     port,
@@ -134,7 +134,7 @@ class _Reader:
                     timing=settings.timing,
                     timeout=settings.timeout,
                     turnaround=profile.broadcast_turnaround,
-                    pace=self._scans(port, settings.interval),
+                    master_timing=self._scans(port, settings.interval),
                     polls=asked,
                     begun_holds=profile.begun_holds,
                 )
@@ -181,8 +181,8 @@ class _Reader:
     def _device(self, device: BusDevice) -> None:
         settings = device.settings
         if isinstance(settings, FreeSettings):
-            if settings.sayings:
-                self.talkers.setdefault(device.bus, []).append(device.name)
+            if settings.messages:
+                self.scripted.setdefault(device.bus, []).append(device.name)
         elif not isinstance(settings, HmiSettings):
             slave = device_model(
                 device, extra=self._slowness(device.name), off=self._off(device.name, device.name)
@@ -198,7 +198,7 @@ class _Reader:
                     timing=device.timing,
                     timeout=settings.timeout,
                     turnaround=settings.turnaround,
-                    pace=Direct(settings.interval),
+                    master_timing=Direct(settings.interval),
                     polls=settings.polls,
                     plc=False,
                 )
@@ -271,7 +271,7 @@ class _Reader:
             protocol=protocol,
             line=_line(master.timing),
             timeout=master.timeout,
-            pace=master.pace,
+            master_timing=master.master_timing,
             tail=master.tail,
             polls=tuple(polls),
             off=off,
@@ -286,9 +286,9 @@ class _Reader:
                 f"{names(others)} also {'asks' if len(others) == 1 else 'ask'} on {master.bus}: "
                 "requests and answers collide"
             )
-        talkers = self.talkers.get(master.bus, [])
-        if talkers:
-            found.append(f"{names(talkers)} sends on {master.bus} in a protocol of its own: frames collide")
+        scripted = self.scripted.get(master.bus, [])
+        if scripted:
+            found.append(f"{names(scripted)} sends on {master.bus} in a protocol of its own: frames collide")
         return found
 
     def _notes(self, master: MasterModel, polls: list[PollModel], off: list[str]) -> list[str]:
@@ -299,7 +299,7 @@ class _Reader:
                 f"{names(waiting)} answers at END: how its scans drift against the requests decides the "
                 "mean, so that only bounds are given"
             )
-        elif master.plc and master.pace.mean(exactly(1)) is None:
+        elif master.plc and master.master_timing.mean(exactly(1)) is None:
             notes.append(
                 "other ports of the PLC lengthen some of its scans, so that only bounds are given, no mean"
             )
@@ -315,7 +315,7 @@ def _refused(
         protocol=protocol,
         line=_line(master.timing) if master is not None else "",
         timeout=master.timeout if master is not None else 0,
-        pace=master.pace if master is not None else Direct(0),
+        master_timing=master.master_timing if master is not None else Direct(0),
         obstacles=tuple(why),
     )
 
@@ -343,7 +343,7 @@ def _ports(plc: Plc) -> list[_Port]:
 def _scan(plc: Plc) -> Span:
     """Shortest and longest scan without any transaction, under N:N if the PLC takes part in it."""
     mean, jitter = plc.scan.mean, plc.scan.jitter
-    if plc.seat is not None and not bad_parameters(plc.profile, setting_values(plc.profile, plc.registers)):
+    if plc.link is not None and not bad_parameters(plc.profile, setting_values(plc.profile, plc.registers)):
         factor = plc.profile.scan_factor
         mean, jitter = round_half_up(mean * factor), round_half_up(jitter * factor)
     return Span(max(1, mean - jitter), mean + jitter)

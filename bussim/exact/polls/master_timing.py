@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from bussim.exact.polls.whole_scans import mean_passage
+from bussim.exact.polls.whole_scans import mean_whole_scans
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ def exactly(ticks: int) -> Span:
     return Span(ticks, ticks)
 
 
-class Pace(Protocol):
+class MasterTiming(Protocol):
     """What a master's own time adds. ``interval`` is the one that it keeps after a decision."""
 
     interval: int
@@ -164,7 +164,7 @@ class Scans:
             return None
         width = self._scan.most - self._scan.least
         idle = self._scan.least
-        return mean_passage(
+        return mean_whole_scans(
             need.least, need.most - need.least, idle + self._execution, idle, width, self.interval
         )
 

@@ -102,7 +102,7 @@ class PollFigures:
             "bus": model.bus,
             "protocol": model.protocol,
             "timeout_ms": _ms(model.timeout),
-            "interval_ms": _ms(model.pace.interval),
+            "interval_ms": _ms(model.master_timing.interval),
             "cycle_ms": {**span_json(cycle), "mean": _ms(self.mean)},
             "worst_case_ms": _ms(self.worst),
             "command_ms": {"no_error": _ms(self.command), "worst": _ms(self.worst_command)},
@@ -154,7 +154,7 @@ def poll_figures(model: PollListModel) -> PollFigures:
 
 
 def _round(model: PollListModel, costs: list[Cost]) -> Round:
-    return Round(model.pace, costs, ordered=not model.commands)
+    return Round(model.master_timing, costs, ordered=not model.commands)
 
 
 def _one_poll(model: PollListModel, clean: Round, poll: PollModel) -> OnePoll:
@@ -171,14 +171,16 @@ def _command(model: PollListModel, poll: PollModel) -> OnePoll:
 
 
 def _told(model: PollListModel, poll: PollModel, refresh: int | None) -> OnePoll:
-    pace, request = model.pace, poll.request
-    taken = pace.taken(poll.need)
+    master_timing, request = model.master_timing, poll.request
+    taken = master_timing.taken(poll.need)
     return OnePoll(
         poll,
         response=Span(poll.answer.least - request, poll.answer.most - request),
         transaction=taken,
-        turn=pace.turn(poll.need),
-        on_arrival=min(taken.most - poll.served.least, poll.after + pace.late) if poll.reads else None,
+        turn=master_timing.turn(poll.need),
+        on_arrival=min(taken.most - poll.served.least, poll.after + master_timing.late)
+        if poll.reads
+        else None,
         before_refresh=refresh,
     )
 
@@ -192,7 +194,7 @@ def _dead(model: PollListModel, device: str) -> Dead:
 
 
 def _longest_turn(model: PollListModel, costs: list[Cost]) -> int | None:
-    return max((cost.alone(model.pace).most for cost in costs), default=None)
+    return max((cost.alone(model.master_timing).most for cost in costs), default=None)
 
 
 def span_json(span: Span | None) -> dict[str, object]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bussim.exact.polls.master_timing import Pace, Span
+from bussim.exact.polls.master_timing import MasterTiming, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class PollListModel:
     protocol: str
     line: str
     timeout: int
-    pace: Pace
+    master_timing: MasterTiming
     tail: int = 0
     polls: tuple[PollModel, ...] = ()
     off: tuple[str, ...] = ()

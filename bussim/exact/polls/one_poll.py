@@ -9,7 +9,7 @@ from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.framing import Framing, reply_times
 from bussim.engines.modbus.master import refusal
 from bussim.engines.modbus.pdu import MAX_PDU, READS, WRITES, Request, encode_request, response_size
-from bussim.exact.polls.master_timing import Pace, Span, exactly
+from bussim.exact.polls.master_timing import MasterTiming, Span, exactly
 from bussim.exact.polls.model import PollModel
 from bussim.exact.polls.slaves import SlaveModel
 from bussim.line.characters import LineTiming
@@ -30,7 +30,7 @@ class MasterModel:
     timing: LineTiming
     timeout: int
     turnaround: int
-    pace: Pace
+    master_timing: MasterTiming
     polls: tuple[PollSpec, ...]
     begun_holds: bool = False
     plc: bool = True
@@ -138,7 +138,7 @@ def too_hasty(master: MasterModel, slaves: list[SlaveModel]) -> list[str]:
     """Slaves to whom an answer and the next request are one frame, since the silence between is too short."""
     if master.framing.mode is not Mode.RTU or len(master.polls) < 2:
         return []
-    silence = master.framing.quiet + master.pace.gap().least
+    silence = master.framing.quiet + master.master_timing.gap().least
     found = []
     for slave in slaves:
         if slave.understands(master.framing.mode, master.timing) and slave.framing.quiet > silence:

@@ -3,7 +3,7 @@
 From the END that sends a request on, active scans follow one another until their sum has reached what the
 transaction needs; then idle ones until the interval is over as well. How many scans that takes is a first
 passage of a sum of independent uniform variables, and by Wald's identity its mean number times the mean
-scan is the mean time. The law of the sum is carried from scan to scan on a grid, all of it from positive
+scan is the mean time. The distribution of the sum is carried from scan to scan on a grid, all of it from positive
 terms, each cell's mass taken as uniform over the cell: the error falls with the square of the cell.
 """
 
@@ -17,11 +17,11 @@ from bussim.exact.scan.turnaround_sums import Floats, irwin_hall_tail
 
 #: Cells of the grid in a scan's width, and in the spread of what is needed.
 _CELLS, _SPREAD_CELLS = 64, 4_096
-#: What may be left of a law when it is done.
+#: What may be left of a distribution when it is done.
 _LEFT = 1e-13
 
 
-def mean_passage(
+def mean_whole_scans(
     need: int, spread: int, active: int, idle: int, width: int, interval: int
 ) -> tuple[float, float]:
     """Mean ticks from sending to taking over, and from there to sending the next request.
@@ -79,7 +79,7 @@ def _first_passage(need: int, spread: int, active: int, width: int, *, keep: boo
 
 
 def _boxcar(mass: Floats, cells: int) -> Floats:
-    """The law of the sum with an independent one that is uniform over so many cells."""
+    """The distribution of the sum with an independent one that is uniform over so many cells."""
     if cells == 1:
         return mass
     padded = np.concatenate((mass, np.zeros(cells - 1)))

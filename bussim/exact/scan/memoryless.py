@@ -1,12 +1,12 @@
-"""The law of one link scan on a line without memory (no bursts), in closed form.
+"""The distribution of one link scan on a line without memory (no bursts), in closed form.
 
 All attempts are then independent. A station's exchange is answered after i failed attempts with
 probability p^i × a, and in error after all attempts with p^A, where p = silent + torn and a = 1 - p.
-Stations with equal odds and times form a group, whose lobes are counted: how many of the group were
+Stations with equal odds and times form a group, whose components are counted: how many of the group were
 answered, how many attempts failed in all, and how many of these ran to their deadline.
 
 With the policy ``probe`` a station whose flag is on gets one attempt. Each station is then a chain of
-two states from scan to scan, independent of the others; its stationary law weighs the two cases.
+two states from scan to scan, independent of the others; its stationary distribution weighs the two cases.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ import numpy as np
 
 from bussim.exact.bursts.exchange import poll_path, reply_path
 from bussim.exact.link import CHAR_BITS, MASTER, LinkModel, NoiseSource, Station
-from bussim.exact.scan.mixture import FLOOR, Law
+from bussim.exact.scan.mixture import FLOOR, Distribution
 from bussim.exact.scan.turnaround_sums import Codes, Floats, TurnaroundSums, spread_of
 from bussim.plc.profiles import AbsentStation
 
 
-class Odds(NamedTuple):
+class AttemptProbabilities(NamedTuple):
     """How one attempt at a station ends: the probabilities add up to 1."""
 
     answered: float
@@ -54,17 +54,19 @@ class Fails:
     flagged: float
 
 
-def odds_of(model: LinkModel) -> tuple[Odds, ...]:
+def probabilities_of(model: LinkModel) -> tuple[AttemptProbabilities, ...]:
     """The odds of one attempt at each station, in order."""
     if not model.noise.memoryless:
         raise ValueError("a link with bursts has no odds that are the same for every attempt")
-    known: dict[tuple[object, ...], Odds] = {}
+    known: dict[tuple[object, ...], AttemptProbabilities] = {}
     found = []
     for station in model.stations:
         poll, path = poll_path(model, station.number), reply_path(model, station, MASTER)
         key = (station.alive, station.loss, poll, path)
         if key not in known:
-            known[key] = _odds(model, station.loss, _log_clean(poll), _log_clean(path), alive=station.alive)
+            known[key] = _probabilities(
+                model, station.loss, _log_clean(poll), _log_clean(path), alive=station.alive
+            )
         found.append(known[key])
     return tuple(found)
 
@@ -77,32 +79,34 @@ def _log_clean(sources: Sequence[NoiseSource]) -> float:
     return -math.inf if rate >= 1.0 else math.log1p(-rate)
 
 
-def _odds(model: LinkModel, loss: float, poll: float, reply: float, *, alive: bool) -> Odds:
+def _probabilities(
+    model: LinkModel, loss: float, poll: float, reply: float, *, alive: bool
+) -> AttemptProbabilities:
     """See :mod:`bussim.exact.bursts.exchange`; the same with numbers instead of matrices."""
     if not alive:
-        return Odds(0.0, 1.0, 0.0)
+        return AttemptProbabilities(0.0, 1.0, 0.0)
     bits, head = model.data_bits, CHAR_BITS
     polled, sent = math.exp(model.poll_bits * poll), 1.0 - loss
     whole = polled * sent
     silent = -math.expm1(model.poll_bits * poll) + polled * loss - whole * math.expm1(head * reply)
     torn = -whole * math.exp(head * reply) * math.expm1((bits - head) * reply)
-    return Odds(whole * math.exp(bits * reply), silent, torn)
+    return AttemptProbabilities(whole * math.exp(bits * reply), silent, torn)
 
 
-def fails_of(odds: Odds, attempts: int, absent: AbsentStation) -> Fails:
+def fails_of(probabilities: AttemptProbabilities, attempts: int, absent: AbsentStation) -> Fails:
     """The stationary chances of a station with these odds."""
-    all_fail = odds.failed**attempts
+    all_fail = probabilities.failed**attempts
     if absent is AbsentStation.FULL:
-        return Fails(all_fail, all_fail * _answered_once(odds, attempts), 0.0)
+        return Fails(all_fail, all_fail * _answered_once(probabilities, attempts), 0.0)
     # On → on with p, off → on with p^A.
-    flagged = all_fail / (odds.answered + all_fail)
-    off = odds.answered / (odds.answered + all_fail)
+    flagged = all_fail / (probabilities.answered + all_fail)
+    off = probabilities.answered / (probabilities.answered + all_fail)
     return Fails(flagged, off * all_fail, flagged)
 
 
-def _answered_once(odds: Odds, attempts: int) -> float:
+def _answered_once(probabilities: AttemptProbabilities, attempts: int) -> float:
     """1 - p^A without cancellation."""
-    return odds.answered * sum(odds.failed**i for i in range(attempts))
+    return probabilities.answered * sum(probabilities.failed**i for i in range(attempts))
 
 
 class MeanExchange(NamedTuple):
@@ -112,16 +116,20 @@ class MeanExchange(NamedTuple):
     fixed: float
 
 
-def mean_exchange(model: LinkModel, station: Station, odds: Odds) -> MeanExchange:
+def mean_exchange(model: LinkModel, station: Station, probabilities: AttemptProbabilities) -> MeanExchange:
     """The mean of an exchange in a stationary scan, whatever the timeout."""
     if not station.alive:
         waits = model.attempts_at(flagged=True)
         return MeanExchange(float(waits), float(waits * (model.gap + model.poll)))
-    fails = fails_of(odds, model.attempts, model.absent)
-    before = sum(odds.failed**i for i in range(model.attempts))  # attempts of an exchange, on average
+    fails = fails_of(probabilities, model.attempts, model.absent)
+    before = sum(
+        probabilities.failed**i for i in range(model.attempts)
+    )  # attempts of an exchange, on average
     attempts = (1 - fails.flagged) * before + fails.flagged
     whole = model.answered(station) + station.average - station.extra
-    silent, torn, answered = (attempts * chance for chance in (odds.silent, odds.torn, odds.answered))
+    silent, torn, answered = (
+        attempts * chance for chance in (probabilities.silent, probabilities.torn, probabilities.answered)
+    )
     fixed = silent * (model.gap + model.poll) + torn * (whole + model.quiet) + answered * whole
     return MeanExchange(silent, fixed)
 
@@ -133,9 +141,9 @@ def any_flag(fails: Sequence[Fails]) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanTerms:
-    """The lobes of a link scan before its timeout is known.
+    """The components of a link scan before its timeout is known.
 
-    One entry a lobe: ``waits`` attempts ran to their deadline, ``fixed`` ticks come on top of these
+    One entry a component: ``waits`` attempts ran to their deadline, ``fixed`` ticks come on top of these
     timeouts, ``code`` names the spreads, ``flagged`` tells whether some flag is on at the end (the
     parameter frame that this costs is in ``fixed``).
     """
@@ -148,14 +156,14 @@ class ScanTerms:
     sums: TurnaroundSums
     lost: float
 
-    def law(self, timeout: int) -> Law:
-        """The law for one timeout in ticks."""
+    def distribution(self, timeout: int) -> Distribution:
+        """The distribution for one timeout in ticks."""
         shift = self.fixed + self.waits * float(timeout)
-        return Law(shift, self.code, self.weight, self.sums, self.lost)
+        return Distribution(shift, self.code, self.weight, self.sums, self.lost)
 
 
 class _Part(NamedTuple):
-    """Lobes of some of the stations."""
+    """Components of some of the stations."""
 
     waits: Codes
     fixed: Floats
@@ -167,22 +175,22 @@ class _Part(NamedTuple):
 def scan_terms(
     model: LinkModel,
     floor: float = FLOOR,
-    odds: Sequence[Odds] | None = None,
+    probabilities: Sequence[AttemptProbabilities] | None = None,
     sums: TurnaroundSums | None = None,
 ) -> ScanTerms:
-    """The lobes of a scan; those lighter than ``floor`` are dropped and counted in ``lost``.
+    """The components of a scan; those lighter than ``floor`` are dropped and counted in ``lost``.
 
     ``odds`` of the stations may be given where they are known already, and ``sums`` whose codes to use.
     """
-    odds = odds_of(model) if odds is None else odds
+    probabilities = probabilities_of(model) if probabilities is None else probabilities
     sums = sums or TurnaroundSums(station.turnaround for station in model.alive)
     parts = [_dead(model, len(model.dead))] if model.dead else []
-    pairs = [(s, o) for s, o in zip(model.stations, odds, strict=True) if s.alive]
+    pairs = [(s, o) for s, o in zip(model.stations, probabilities, strict=True) if s.alive]
 
-    def same(pair: tuple[Station, Odds]) -> tuple[object, ...]:
+    def same(pair: tuple[Station, AttemptProbabilities]) -> tuple[object, ...]:
         station, odd = pair
-        law = station.turnaround
-        return odd, spread_of(law)[0], station.extra, station.reply, sums.unit(law)
+        distribution = station.turnaround
+        return odd, spread_of(distribution)[0], station.extra, station.reply, sums.unit(distribution)
 
     for _, group in groupby(sorted(pairs, key=same), key=same):
         members = list(group)
@@ -219,7 +227,7 @@ def _together(one: _Part, two: _Part, floor: float) -> _Part:
             one.flagged[i] | two.flagged[j],
             weight[keep],
         )
-    # Equal lobes are put together; what tells them apart goes through one pair of keys.
+    # Equal components are put together; what tells them apart goes through one pair of keys.
     flagged = one.flagged[i] | two.flagged[j]
     waits = 2 * (one.waits[i] + two.waits[j]) + flagged
     fixed = one.fixed[i] + two.fixed[j]
@@ -241,15 +249,20 @@ def _together(one: _Part, two: _Part, floor: float) -> _Part:
 
 
 def _group(
-    model: LinkModel, station: Station, odds: Odds, count: int, sums: TurnaroundSums, floor: float
+    model: LinkModel,
+    station: Station,
+    probabilities: AttemptProbabilities,
+    count: int,
+    sums: TurnaroundSums,
+    floor: float,
 ) -> _Part:
-    """The lobes of ``count`` stations like this one."""
-    p = odds.failed
-    flagged = fails_of(odds, model.attempts, model.absent).flagged
+    """The components of ``count`` stations like this one."""
+    p = probabilities.failed
+    flagged = fails_of(probabilities, model.attempts, model.absent).flagged
     ways = _ways(count, model.attempts, flagged)
     fails = np.arange(ways.shape[1])
     answered = np.arange(count + 1)
-    weight = ways * np.power(odds.answered, answered)[:, None] * np.power(p, fails)
+    weight = ways * np.power(probabilities.answered, answered)[:, None] * np.power(p, fails)
     c, i = np.nonzero(weight >= floor)
     weight = weight[c, i]
     # Of i failed attempts, a ran to their deadline.
@@ -259,7 +272,12 @@ def _group(
     c, i = c[row], i[row]
     b = i - a
     if p > 0:
-        weight = weight[row] * _pascal()[i, a] * np.power(odds.silent / p, a) * np.power(odds.torn / p, b)
+        weight = (
+            weight[row]
+            * _pascal()[i, a]
+            * np.power(probabilities.silent / p, a)
+            * np.power(probabilities.torn / p, b)
+        )
     else:
         weight = weight[row]
     keep = weight >= floor
@@ -305,6 +323,6 @@ def _pascal() -> Floats:
     return table
 
 
-def scan_law(model: LinkModel, floor: float = FLOOR) -> Law:
-    """The law of a scan on a line without memory."""
-    return scan_terms(model, floor).law(model.timeout)
+def scan_distribution(model: LinkModel, floor: float = FLOOR) -> Distribution:
+    """The distribution of a scan on a line without memory."""
+    return scan_terms(model, floor).distribution(model.timeout)

@@ -1,9 +1,9 @@
-"""A law as lobes: weighted, shifted sums of turnarounds.
+"""A distribution as components: weighted, shifted sums of turnarounds.
 
 A link scan in which so many attempts failed in such ways lasts a fixed time plus the spreads of the
-turnarounds in it. So the law is a sum of *lobes*, each with a weight, a shift and a code that names
+turnarounds in it. So the distribution is a sum of *components*, each with a weight, a shift and a code that names
 its sum of spreads (:mod:`bussim.exact.scan.turnaround_sums`). A probability is a sum of positive terms; nothing is
-subtracted from 1, and no transform of the whole law rounds its tail away.
+subtracted from 1, and no transform of the whole distribution rounds its tail away.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bussim.exact.scan.turnaround_sums import Codes, Floats, TurnaroundSums
 
-#: Lobes lighter than this are dropped.
+#: Components lighter than this are dropped.
 FLOOR = 1e-30
 
 #: A search cuts its bracket into so many parts at once. First tables narrow it down to a part of
@@ -27,16 +27,16 @@ _CUTS = np.arange(1, 48) / 48
 _ENDS = np.arange(9) / 8
 _ROUGH, _REACH = 1 / 128, 1 / 64
 _STRAIGHT, _NARROW = 0.01, 1e-3
-#: Pairs of (x, lobe) looked at together.
+#: Pairs of (x, component) looked at together.
 _PAIRS = 2_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Law:
-    """The law of a duration in ticks.
+class Distribution:
+    """The distribution of a duration in ticks.
 
-    ``shift`` (ticks), ``code`` and ``weight`` have one entry a lobe; ``sums`` knows the codes. The
-    weights add up to 1 but for ``lost``, the weight of lobes that were dropped.
+    ``shift`` (ticks), ``code`` and ``weight`` have one entry a component; ``sums`` knows the codes. The
+    weights add up to 1 but for ``lost``, the weight of components that were dropped.
     """
 
     shift: Floats
@@ -47,12 +47,12 @@ class Law:
 
     @property
     def upper(self) -> Floats:
-        """The greatest value of each lobe, in ticks; the least is its shift."""
+        """The greatest value of each component, in ticks; the least is its shift."""
         return self.shift + self.sums.widths(self.code)
 
     @property
     def middle(self) -> Floats:
-        """The mean of each lobe, in ticks."""
+        """The mean of each component, in ticks."""
         return self.shift + self.sums.means(self.code)
 
     @property
@@ -90,17 +90,17 @@ class Law:
         return (np.maximum(beyond, 0.0) + self._within(flat, self.sums.excess)).reshape(x.shape)
 
     def _within(self, x: Floats, part: Callable[[int, Floats], Floats]) -> Floats:
-        """The sum of weight × ``part`` over the lobes that x lies in."""
+        """The sum of weight × ``part`` over the components that x lies in."""
         total = np.zeros(x.size)
         upper = self.upper
         for begin in range(0, x.size, step := max(1, _PAIRS // self.shift.size)):
             block = x[begin : begin + step, None]
-            places, lobes = np.nonzero((self.shift <= block) & (block < upper))
-            codes = self.code[lobes]
+            places, components = np.nonzero((self.shift <= block) & (block < upper))
+            codes = self.code[components]
             for code in set(codes.tolist()):
                 chosen = codes == code
-                at, lobe = places[chosen] + begin, lobes[chosen]
-                values = self.weight[lobe] * part(code, x[at] - self.shift[lobe])
+                at, component = places[chosen] + begin, components[chosen]
+                values = self.weight[component] * part(code, x[at] - self.shift[component])
                 total += np.bincount(at, weights=values, minlength=x.size)
         return total
 
@@ -109,7 +109,7 @@ class Law:
     def quantile(self, q: float) -> float:
         """The least x, in ticks, with P(duration > x) <= q (0 < q < 1).
 
-        Between two lobes the tail is flat; there it is the upper end of the lower lobe.
+        Between two components the tail is flat; there it is the upper end of the lower component.
         """
         if not 0.0 < q < 1.0:
             raise ValueError(f"q is {q!r}, allowed are numbers between 0 and 1")
@@ -118,7 +118,7 @@ class Law:
         high = _edge(upper, self.weight, q)
         if low >= high:
             return high
-        # The lightest lobes change the tail by less than 1e-10 of q.
+        # The lightest components change the tail by less than 1e-10 of q.
         heavy = self.weight > q * 1e-10 / self.shift.size
         left, right = self._stretch(low, high, upper, heavy).rough(q, low, high)
         while True:
@@ -140,10 +140,10 @@ class Law:
                 if right - left <= max(_NARROW, 4 * np.spacing(right)):
                     return right
 
-    def _stretch(self, low: float, high: float, upper: Floats, heavy: NDArray[np.bool_]) -> _Stretch:
+    def _stretch(self, low: float, high: float, upper: Floats, heavy: NDArray[np.bool_]) -> _Segment:
         above = self.shift >= high
         chosen = np.nonzero(heavy & ~above & (upper > low))[0]
-        return _Stretch(
+        return _Segment(
             float(self.weight[above].sum()),
             self.shift[chosen],
             self.code[chosen],
@@ -153,7 +153,7 @@ class Law:
 
 
 def _edge(edges: Floats, weight: Floats, q: float) -> float:
-    """The edge (upper or lower ends of lobes) at and above which lobes of more than q lie, but not above it.
+    """The edge (upper or lower ends of components) at and above which components of more than q lie, but not above it.
 
     Taken from the lower ends it is a lower bound of the quantile, from the upper ends an upper one.
     """
@@ -162,8 +162,8 @@ def _edge(edges: Floats, weight: Floats, q: float) -> float:
     return float(edges[order[min(int(np.searchsorted(beyond, q, side="right")), order.size - 1)]])
 
 
-class _Stretch(NamedTuple):
-    """A law between two x: lobes that lie beyond count whole, those before it not at all."""
+class _Segment(NamedTuple):
+    """A distribution between two x: components that lie beyond count whole, those before it not at all."""
 
     whole: float
     shift: Floats
@@ -202,7 +202,7 @@ def _sum_beyond(edges: Floats, values: Floats, x: Floats) -> Floats:
 
 
 def merged(shift: Floats, code: Codes, weight: Floats) -> tuple[Floats, Codes, Floats]:
-    """Lobes with equal shift and code put together. ``weight`` may have further axes after the first."""
+    """Components with equal shift and code put together. ``weight`` may have further axes after the first."""
     if shift.size == 0:
         return shift, code, weight
     order = np.lexsort((code, shift))

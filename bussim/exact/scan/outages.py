@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bussim.exact.link import LinkModel, Station
-from bussim.exact.scan.memoryless import mean_exchange, odds_of
-from bussim.exact.scan.mixture import Law
+from bussim.exact.scan.memoryless import mean_exchange, probabilities_of
+from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
 
@@ -88,8 +88,10 @@ class Detection:
     quantiles: dict[float, float]
 
 
-def detection(model: LinkModel, law: Law, station: Station, levels: tuple[float, ...] = ()) -> Detection:
-    """The time to detect that a station died; ``law`` is that of the link scan while it lives.
+def detection(
+    model: LinkModel, distribution: Distribution, station: Station, levels: tuple[float, ...] = ()
+) -> Detection:
+    """The time to detect that a station died; ``distribution`` is that of the link scan while it lives.
 
     It dies uniformly in time, so in a scan of length T with probability in proportion to T, and the
     instant is uniform over the scan, counted from the end of its last reply. If that is before its
@@ -99,14 +101,14 @@ def detection(model: LinkModel, law: Law, station: Station, levels: tuple[float,
     """
     attempts, wait = model.attempts, model.silent_cost
     slot = model.answered(station) + station.average - station.extra
-    mean, square = law.mean, law.variance + law.mean**2
+    mean, square = distribution.mean, distribution.variance + distribution.mean**2
     average = detection_means(model, station, attempts, np.full(1, float(model.timeout)), mean, square)
     others = clean_scan(model, slowest=True) - (model.answered(station) - station.extra + station.slowest)
     return Detection(
         station.number,
         float(average[0]),
         others + attempts * wait,
-        {level: _residual(law, level, station.reply) + attempts * wait - slot for level in levels},
+        {level: _residual(distribution, level, station.reply) + attempts * wait - slot for level in levels},
     )
 
 
@@ -123,13 +125,13 @@ def detection_means(
     return np.asarray((before + unseen + torn + cut * (attempts - 1) * wait) / mean, dtype=np.float64)
 
 
-def _residual(law: Law, level: float, least: int) -> float:
+def _residual(distribution: Distribution, level: float, least: int) -> float:
     """What is left of the scan at a random instant and exceeded with a probability; at least ``least``."""
-    mean = law.mean
-    low, high = 0.0, law.support[1]
+    mean = distribution.mean
+    low, high = 0.0, distribution.support[1]
     while high - low > 1.0:
         cuts = np.linspace(low, high, 34)[1:-1]
-        above = law.excess(cuts) > level * mean
+        above = distribution.excess(cuts) > level * mean
         place = int(np.count_nonzero(above))
         low, high = (
             (float(cuts[place - 1]) if place else low),
@@ -150,10 +152,10 @@ def dead_means(solved: Solved, count: int) -> float | None:
     choices = combinations(alive, count)
     if not model.noise.memoryless:
         numbers = [tuple(station.number for station in chosen) for chosen in choices]
-        return max(Solved(model.with_dead(*chosen)).law.mean for chosen in numbers)
+        return max(Solved(model.with_dead(*chosen)).distribution.mean for chosen in numbers)
     means = {
-        station: mean_exchange(model, station, odds)
-        for station, odds in zip(model.stations, odds_of(model), strict=True)
+        station: mean_exchange(model, station, probabilities)
+        for station, probabilities in zip(model.stations, probabilities_of(model), strict=True)
     }
     total = sum(mean.fixed + mean.waits * model.timeout for mean in means.values())
     dead = model.attempts_at(flagged=True) * model.silent_cost

@@ -1,7 +1,7 @@
 """Laws of sums of independent turnarounds, the continuous part of a link scan.
 
 A turnaround is its least value plus a *spread*, from 0 to a width. Sums are named by a code that
-counts how many spreads of each kind they have; the least values belong to the lobes' shifts.
+counts how many spreads of each kind they have; the least values belong to the components' shifts.
 Everything is computed from positive terms, so that a tail is as exact, relatively, as the middle.
 """
 
@@ -31,11 +31,11 @@ _MASK = (1 << DIGIT) - 1
 _FINE, _COARSE, _FINE_CELLS = TICKS_PER_US, 10 * TICKS_PER_US, 2_000
 
 
-def spread_of(law: Turnaround) -> tuple[int, int]:
+def spread_of(distribution: Turnaround) -> tuple[int, int]:
     """Least value and width of a turnaround, in ticks."""
-    if law.values:
-        return min(law.values), max(law.values) - min(law.values)
-    return law.mean - law.jitter, 2 * law.jitter
+    if distribution.values:
+        return min(distribution.values), max(distribution.values) - min(distribution.values)
+    return distribution.mean - distribution.jitter, 2 * distribution.jitter
 
 
 def irwin_hall_tail(count: int, z: ArrayLike) -> Floats:
@@ -102,27 +102,29 @@ class _Kind:
 
 
 @lru_cache(maxsize=64)
-def _kind_of(law: Turnaround) -> _Kind:
-    least, width = spread_of(law)
-    if not law.values:
+def _kind_of(distribution: Turnaround) -> _Kind:
+    least, width = spread_of(distribution)
+    if not distribution.values:
         # Whole ticks are drawn, which makes the variance larger by a factor 1 + 2/width: neglected.
         return _Kind(float(width), width / 2, width * width / 12, ())
-    total = sum(law.weights)
+    total = sum(distribution.weights)
     chances: dict[int, float] = {}
-    for value, weight in zip(law.values, law.weights, strict=True):
+    for value, weight in zip(distribution.values, distribution.weights, strict=True):
         chances[value - least] = chances.get(value - least, 0.0) + weight / total
     mean = sum(value * chance for value, chance in chances.items())
     variance = sum((value - mean) ** 2 * chance for value, chance in chances.items())
     return _Kind(float(width), mean, variance, tuple(sorted(chances.items())))
 
 
-def _kinds_of(laws: Iterable[Turnaround]) -> tuple[_Kind, ...]:
-    return tuple(dict.fromkeys(kind for law in laws if (kind := _kind_of(law)).width > 0))
+def _kinds_of(distributions: Iterable[Turnaround]) -> tuple[_Kind, ...]:
+    return tuple(
+        dict.fromkeys(kind for distribution in distributions if (kind := _kind_of(distribution)).width > 0)
+    )
 
 
-def count_kinds(laws: Iterable[Turnaround]) -> int:
+def count_kinds(distributions: Iterable[Turnaround]) -> int:
     """How many kinds of spread these turnarounds have, constant ones left out."""
-    return len(_kinds_of(laws))
+    return len(_kinds_of(distributions))
 
 
 class TurnaroundSums:
@@ -131,16 +133,16 @@ class TurnaroundSums:
     A code has 12 bits for each kind's count, so that codes add as the sums do.
     """
 
-    def __init__(self, laws: Iterable[Turnaround]) -> None:
-        self._kinds = _kinds_of(laws)
+    def __init__(self, distributions: Iterable[Turnaround]) -> None:
+        self._kinds = _kinds_of(distributions)
         if len(self._kinds) > MAX_KINDS:
             raise ValueError(f"{len(self._kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
         self._units = {kind: 1 << (DIGIT * place) for place, kind in enumerate(self._kinds)}
         self._grid: _Grid | None = None
 
-    def unit(self, law: Turnaround) -> int:
-        """The code of one turnaround of this law, 0 if it is constant."""
-        return self._units.get(_kind_of(law), 0)
+    def unit(self, distribution: Turnaround) -> int:
+        """The code of one turnaround of this distribution, 0 if it is constant."""
+        return self._units.get(_kind_of(distribution), 0)
 
     def counts(self, codes: Codes) -> list[Codes]:
         """How often each kind occurs."""

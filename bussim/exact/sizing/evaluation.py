@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.metrics import YEAR
-from bussim.exact.refresh import gap_laws
+from bussim.exact.refresh import gap_distributions
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.grid import Grid, evaluate
@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 
 #: With bursts, timeouts at which a heartbeat is looked at, for each number of attempts.
 _BURST_SAMPLES = 8
-#: Lobes lighter than this are dropped from the gaps: a few a year are looked for, of 1e9.
+#: Components lighter than this are dropped from the gaps: a few a year are looked for, of 1e9.
 _GAP_FLOOR = 1e-14
 
 
@@ -47,11 +47,11 @@ def timeout_floor(model: LinkModel) -> int:
     return math.ceil((longest + 10 * TICKS_PER_MS) / TIMEOUT_UNIT) * TIMEOUT_UNIT
 
 
-class Judged:
+class Checked:
     """A grid by attempts and timeout, and for each goal where it is met.
 
     ``met`` and ``values`` (what each goal looks at) have an entry for every goal but the heartbeat,
-    which takes a law per setting and is asked for one by one: :meth:`heartbeat_met`.
+    which takes a distribution per setting and is asked for one by one: :meth:`heartbeat_met`.
     """
 
     def __init__(self, grid: Grid, goals: Goals) -> None:
@@ -99,11 +99,11 @@ class Judged:
         return bool(self.missed[row, column] <= most)
 
 
-def least(views: Sequence[tuple[Judged, Sequence[int]]]) -> tuple[int, int] | None:
+def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | None:
     """The least setting that meets all goals in every view, as (retries, column of the timeout), or None.
 
     Least is the shortest scan with a dead station, the longest of the views'; then the soonest
-    noticed, then the fewest errors. A view is a judged grid and its row for each number of retries.
+    noticed, then the fewest errors. A view is a checked grid and its row for each number of retries.
     """
     met = np.logical_and.reduce([(view.candidates & view.looked_at)[list(rows)] for view, rows in views])
     retries, columns = np.nonzero(met)
@@ -120,12 +120,12 @@ def least(views: Sequence[tuple[Judged, Sequence[int]]]) -> tuple[int, int] | No
     return None
 
 
-def rows_of(judged: Judged, reading: Attempts) -> list[int]:
+def rows_of(checked: Checked, reading: Attempts) -> list[int]:
     """The row of a grid for D8179 = 0, 1, … 10."""
-    return [judged.grid.attempts.index(attempts_of(reading, r)) for r in range(MAX_RETRIES + 1)]
+    return [checked.grid.attempts.index(attempts_of(reading, r)) for r in range(MAX_RETRIES + 1)]
 
 
-def judge(model: LinkModel, goals: Goals, absent: AbsentStation | None = None) -> Judged:
+def evaluate_goals(model: LinkModel, goals: Goals, absent: AbsentStation | None = None) -> Checked:
     """All settings from the timeout floor on, for 1 to 11 attempts."""
     if absent is not None:
         model = replace(model, absent=absent)
@@ -133,7 +133,9 @@ def judge(model: LinkModel, goals: Goals, absent: AbsentStation | None = None) -
     low = max(timeout_floor(model), model.timeout_range[0] * TIMEOUT_UNIT)
     timeouts = tuple(range(low, top + 1, TIMEOUT_UNIT))
     deadlines = () if goals.scan is None else (goals.scan[0],)
-    return Judged(evaluate(model, range(1, MAX_RETRIES + 2), timeouts, levels=(), deadlines=deadlines), goals)
+    return Checked(
+        evaluate(model, range(1, MAX_RETRIES + 2), timeouts, levels=(), deadlines=deadlines), goals
+    )
 
 
 def missed_per_year(solved: Solved, preset: int) -> float:
@@ -145,11 +147,11 @@ def missed_per_year(solved: Solved, preset: int) -> float:
     model = solved.model
     worst = 0.0
     known: dict[tuple[int, int], float] = {}
-    for gap in gap_laws(solved, _GAP_FLOOR, by_place=False).values():
+    for gap in gap_distributions(solved, _GAP_FLOOR, by_place=False).values():
         scans = model.scans_between(gap.source, gap.receiver)
-        key = (id(gap.law), scans)
+        key = (id(gap.distribution), scans)
         if key not in known:
-            beyond = float(gap.law.tail(float(preset - scans))) + gap.law.lost
-            known[key] = beyond * gap.per_scan * YEAR / solved.law.mean
+            beyond = float(gap.distribution.tail(float(preset - scans))) + gap.distribution.lost
+            known[key] = beyond * gap.per_scan * YEAR / solved.distribution.mean
         worst = max(worst, known[key])
     return worst

@@ -1,7 +1,7 @@
 """Figures of one link for all its settings at once: attempts × timeouts.
 
-On a line without memory the odds of an attempt do not depend on the setting, and the lobes of a scan
-depend on the number of attempts only; a timeout moves them. Lobes with equally many timeouts in them
+On a line without memory the odds of an attempt do not depend on the setting, and the components of a scan
+depend on the number of attempts only; a timeout moves them. Components with equally many timeouts in them
 form a *row*, whose tail is put on a grid of 10 µs once; a quantile for any timeout is then found by
 moving the rows. With bursts the chances depend on the timeout as well: see
 :mod:`bussim.exact.sizing.grid_bursts`.
@@ -22,7 +22,7 @@ from bussim.exact.scan.memoryless import (
     any_flag,
     fails_of,
     mean_exchange,
-    odds_of,
+    probabilities_of,
     scan_terms,
 )
 from bussim.exact.scan.outages import clean_scan, detection_means, ride_throughs
@@ -34,7 +34,7 @@ from bussim.units import TICKS_PER_US
 
 #: Step of a row's grid in ticks, and the most cells that all rows have together.
 _STEP, _CELLS = 10.0 * TICKS_PER_US, 4_000_000
-#: Lobes and ends of rows lighter than these parts of a level do not move its quantile.
+#: Components and ends of rows lighter than these parts of a level do not move its quantile.
 _LIGHT = 1e-5
 #: A quantile is searched until it is known to so many ticks (0.5 µs).
 _NEAR = TICKS_PER_US / 2
@@ -97,7 +97,7 @@ def evaluate(
     """All settings of a link, whose own setting does not matter.
 
     ``levels`` are probabilities of exceeding, ``deadlines`` ticks. Without ``details`` only mean,
-    errors and quantiles are worked out. With bursts, quantiles and deadlines take a law per setting
+    errors and quantiles are worked out. With bursts, quantiles and deadlines take a distribution per setting
     (milliseconds each); pass no levels where they are not needed. Raises ValueError where the closed
     form holds for no setting (:attr:`LinkModel.obstacles`).
     """
@@ -139,18 +139,18 @@ class _Memoryless:
 
     def __init__(self, model: LinkModel, tau: Floats) -> None:
         self.model, self.tau = model, tau
-        self.odds = odds_of(model)
+        self.probabilities = probabilities_of(model)
 
     def fill(self, grid: Grid, row: int, count: int, *, details: bool) -> None:
         """One number of attempts."""
         model, tau = self.model.with_setting(count, 0), self.tau
         waits = fixed = 0.0
         all_fails, exchanges = [], []
-        for station, odds in zip(model.stations, self.odds, strict=True):
-            mean = mean_exchange(model, station, odds)
+        for station, probabilities in zip(model.stations, self.probabilities, strict=True):
+            mean = mean_exchange(model, station, probabilities)
             waits, fixed = waits + mean.waits, fixed + mean.fixed
             exchanges.append(mean)
-            all_fails.append(fails_of(odds, count, model.absent))
+            all_fails.append(fails_of(probabilities, count, model.absent))
         errors = [f.error for f, s in zip(all_fails, model.stations, strict=True) if s.alive]
         parameters = model.parameters_cost
         grid.mean[row] = model.base + fixed + waits * tau + parameters * any_flag(all_fails)
@@ -169,7 +169,7 @@ class _Memoryless:
         wanted = [*grid.quantiles, *([1e-6] if details or grid.over else [])]
         if not wanted:
             return
-        terms = scan_terms(model, _LIGHT * min(wanted), self.odds)
+        terms = scan_terms(model, _LIGHT * min(wanted), self.probabilities)
         if details:
             _fill_outages(grid, row, count, grid.mean[row], _mean_square(terms, tau))
         if grid.quantiles or grid.over:
@@ -190,7 +190,7 @@ def _mean_square(terms: ScanTerms, tau: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rows:
-    """Tails of the lobes with 0, 1, … timeouts in them, on a grid from ``first`` on.
+    """Tails of the components with 0, 1, … timeouts in them, on a grid from ``first`` on.
 
     ``tails`` has one row each: entry i is the weight beyond ``first`` + i × ``step``.
     """
@@ -213,7 +213,7 @@ class _Rows:
         for code in np.unique(terms.code).tolist():
             chosen = np.nonzero(terms.code == code)[0]
             reach = int(widths[chosen[0]] / step) + 2
-            # Weight in each cell that a lobe touches: differences of its tail at the cells' edges.
+            # Weight in each cell that a component touches: differences of its tail at the cells' edges.
             edges = (np.arange(reach + 1) - (place[chosen] - index[chosen])[:, None]) * step
             beyond = terms.sums.rough_tail(terms.code[chosen][:, None], edges)
             parts = (beyond[:, :-1] - beyond[:, 1:]) * terms.weight[chosen][:, None]
@@ -302,8 +302,8 @@ class _Bursts:
         for column, timeout in enumerate(grid.timeouts):
             if not grid.valid[column]:
                 continue
-            law = Solved(self.model.with_setting(count, timeout)).law
+            distribution = Solved(self.model.with_setting(count, timeout)).distribution
             for level, values in grid.quantiles.items():
-                values[row, column] = law.quantile(level)
+                values[row, column] = distribution.quantile(level)
             for deadline, values in grid.over.items():
-                values[row, column] = float(law.tail(float(deadline)))
+                values[row, column] = float(distribution.tail(float(deadline)))

@@ -81,7 +81,7 @@ class BurstStacks:
         plain = model.overhead + model.gap
         short, long = self._fixed(plain), self._fixed(plain + model.parameters_cost)
         data = self._fixed(model.data)
-        # First the chain from scan to scan, for its stationary law; then the moments from it.
+        # First the chain from scan to scan, for its stationary distribution; then the moments from it.
         clean, marked = data.zero, np.zeros_like(data.zero)
         before = []
         for answered, error in ends:
@@ -201,15 +201,15 @@ class _Row:
 
 
 def _stationary(step: Stack) -> Floats:
-    """The stationary law of each chain of a stack, whose rows need not add up to 1 to the last bit."""
+    """The stationary distribution of each chain of a stack, whose rows need not add up to 1 to the last bit."""
     step = step / step.sum(axis=2, keepdims=True)
     size = step.shape[1]
     system = np.swapaxes(step, 1, 2) - np.eye(size)
     system[:, -1] = 1.0
     right = np.zeros((step.shape[0], size, 1))
     right[:, -1] = 1.0
-    law = np.maximum(np.linalg.solve(system, right)[..., 0], 0.0)
+    distribution = np.maximum(np.linalg.solve(system, right)[..., 0], 0.0)
     # Subtraction left errors near 1e-16; a few steps of the chain wash them out of small weights.
     for _ in range(4):
-        law = np.einsum("ts,tsu->tu", law, step)
-    return np.asarray(law / law.sum(axis=1, keepdims=True), dtype=np.float64)
+        distribution = np.einsum("ts,tsu->tu", distribution, step)
+    return np.asarray(distribution / distribution.sum(axis=1, keepdims=True), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What to assume where the noise is not known: a ladder of levels and outages, always shown as assumed.
+"""What to assume where the noise is not known: a noise levels of levels and outages, always shown as assumed.
 
 A scenario without noise says nothing about retries: on a perfect line none would ever be needed. So
 every number of retries is shown against three levels of noise, each the chance that one attempt
@@ -24,7 +24,7 @@ OUTAGE = OUTAGES[1]
 
 
 @dataclass(frozen=True, slots=True)
-class Rung:
+class NoiseLevel:
     """One number of retries.
 
     ``dead``: mean scan with a dead station, ``ride``: ride-through, in ticks; ``errors``: false
@@ -40,11 +40,11 @@ class Rung:
 
 
 @dataclass(frozen=True, slots=True)
-class Ladder:
+class NoiseLevels:
     """The table for one timeout (ticks)."""
 
     timeout: int
-    rungs: tuple[Rung, ...]
+    rungs: tuple[NoiseLevel, ...]
 
     def to_json(self) -> dict[str, object]:
         """The table, times in ms."""
@@ -73,12 +73,12 @@ def with_failing(model: LinkModel, chance: float) -> LinkModel:
 
 
 def under_bad_noise(model: LinkModel) -> LinkModel:
-    """The link under the ladder's bad level."""
+    """The link under the noise levels's bad level."""
     return with_failing(model, LEVELS[BAD])
 
 
-def ladder_of(model: LinkModel, reading: Attempts, timeout: int) -> Ladder:
-    """The ladder of a link for one timeout in ticks, D8179 0…10 read as given."""
+def noise_levels_of(model: LinkModel, reading: Attempts, timeout: int) -> NoiseLevels:
+    """The noise levels of a link for one timeout in ticks, D8179 0…10 read as given."""
     clean = evaluate(model.without_noise(), timeouts=(timeout,), levels=())
     grids = {
         name: evaluate(with_failing(model, chance), timeouts=(timeout,), levels=(), details=False)
@@ -90,7 +90,7 @@ def ladder_of(model: LinkModel, reading: Attempts, timeout: int) -> Ladder:
         i, j = clean.at(attempts, timeout)
         ride = float(clean.silence[i, j])
         rungs.append(
-            Rung(
+            NoiseLevel(
                 retries,
                 attempts,
                 float(clean.one_dead[i, j]),
@@ -99,4 +99,4 @@ def ladder_of(model: LinkModel, reading: Attempts, timeout: int) -> Ladder:
                 tuple(outage for outage in OUTAGES if ride >= outage),
             )
         )
-    return Ladder(timeout, tuple(rungs))
+    return NoiseLevels(timeout, tuple(rungs))

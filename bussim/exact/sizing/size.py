@@ -8,16 +8,16 @@ import numpy as np
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.sizing.evaluation import (
-    Judged,
+    Checked,
     attempts_of,
-    judge,
+    evaluate_goals,
     least,
     reading_of,
     rows_of,
     timeout_floor,
 )
 from bussim.exact.sizing.goals import Goals
-from bussim.exact.sizing.noise_levels import OUTAGE, Ladder, ladder_of, under_bad_noise
+from bussim.exact.sizing.noise_levels import OUTAGE, NoiseLevels, noise_levels_of, under_bad_noise
 from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
 from bussim.exact.text import ms
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts
@@ -93,9 +93,9 @@ class Robust:
 class Sizing:
     """A recommendation for one link, or why there is none.
 
-    ``floor`` is the least timeout considered (ticks). ``ladder`` is there where the link has no
-    noise: its goals are then judged under the ladder's bad level. ``front`` are the settings that no
-    other one beats in errors, dead-station scan and detection together. ``judged`` has the grid.
+    ``floor`` is the least timeout considered (ticks). ``noise_levels`` is there where the link has no
+    noise: its goals are then checked under the noise levels's bad level. ``front`` are the settings that no
+    other one beats in errors, dead-station scan and detection together. ``checked`` has the grid.
     """
 
     model: LinkModel
@@ -108,14 +108,14 @@ class Sizing:
     front: tuple[Choice, ...] = ()
     unmet: tuple[Unmet, ...] = ()
     robust_unmet: tuple[str, ...] = ()
-    ladder: Ladder | None = None
-    judged: Judged | None = field(default=None, compare=False)
+    noise_levels: NoiseLevels | None = None
+    checked: Checked | None = field(default=None, compare=False)
 
     def choice(self, retries: int, timeout: int) -> Choice | None:
         """The figures of any setting of the grid, None outside it."""
-        if self.judged is None or timeout not in self.judged.grid.timeouts:
+        if self.checked is None or timeout not in self.checked.grid.timeouts:
             return None
-        return _choice(self.judged, reading_of(self.model), retries, timeout)
+        return _choice(self.checked, reading_of(self.model), retries, timeout)
 
     def apart(self) -> str:
         """How far the robust setting lies from the recommended one, in words."""
@@ -149,7 +149,7 @@ class Sizing:
     def neighbours(self) -> list[tuple[int, int]]:
         """The chosen (retries, timeout in ticks) and two settings beside it, for a check by simulation."""
         best = self.recommended
-        if best is None or self.judged is None:
+        if best is None or self.checked is None:
             return []
         fewer = best.retries - 1 if best.retries > 0 else best.retries + 2
         more = best.retries + 1 if best.retries < MAX_RETRIES else best.retries - 2
@@ -161,7 +161,7 @@ class Sizing:
             "valid": self.valid,
             "reasons": list(self.reasons),
             "notes": list(self.model.notes),
-            "assumed_noise": None if self.ladder is None else "ladder",
+            "assumed_noise": None if self.noise_levels is None else "ladder",
             "goals": list(self.goals.texts().values()),
             "timeout_floor_ms": _ms(self.floor),
             "recommended": None if self.recommended is None else self.recommended.to_json(),
@@ -170,7 +170,7 @@ class Sizing:
             "apart": self.apart(),
             "pareto": [choice.to_json() for choice in self.front],
             "unmet": [unmet.to_json() for unmet in self.unmet],
-            "ladder": None if self.ladder is None else self.ladder.to_json(),
+            "ladder": None if self.noise_levels is None else self.noise_levels.to_json(),
             "mov": self.mov_lines(),
         }
 
@@ -178,8 +178,8 @@ class Sizing:
 def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     """Choose D8179 and D8180 of a link; the setting that the model has does not matter.
 
-    Without noise nothing could be concluded from the errors, so the goals are judged under the
-    ladder's bad level, and an outage of 100 ms must pass (:mod:`bussim.exact.sizing.noise_levels`).
+    Without noise nothing could be concluded from the errors, so the goals are checked under the
+    noise levels's bad level, and an outage of 100 ms must pass (:mod:`bussim.exact.sizing.noise_levels`).
     """
     goals = goals or Goals()
     if model.obstacles:
@@ -199,20 +199,20 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         goals = replace(goals, ride=max(goals.ride or 0, OUTAGE))
         judged_model = under_bad_noise(model)
     reading = reading_of(model)
-    views = {absent: judge(judged_model, goals, absent) for absent in AbsentStation}
-    judged = views[model.absent]
-    chosen = least([(judged, rows_of(judged, reading))])
+    views = {absent: evaluate_goals(judged_model, goals, absent) for absent in AbsentStation}
+    checked = views[model.absent]
+    chosen = least([(checked, rows_of(checked, reading))])
     recommended = None
     if chosen is not None:
-        recommended = _choice(judged, reading, chosen[0], judged.grid.timeouts[chosen[1]])
+        recommended = _choice(checked, reading, chosen[0], checked.grid.timeouts[chosen[1]])
     robust, why_not = _robust(views)
     unmet: tuple[Unmet, ...] = ()
     if recommended is None:
-        unmet = unmet_goals(judged_model, goals, judged, reading)
-    ladder = None
+        unmet = unmet_goals(judged_model, goals, checked, reading)
+    noise_levels = None
     if assumed:
-        timeout = recommended.timeout if recommended else judged.grid.timeouts[0]
-        ladder = ladder_of(model, reading, timeout)
+        timeout = recommended.timeout if recommended else checked.grid.timeouts[0]
+        noise_levels = noise_levels_of(model, reading, timeout)
     return Sizing(
         model,
         goals,
@@ -221,16 +221,16 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         floor=floor,
         recommended=recommended,
         robust=robust,
-        front=_front(judged, reading),
+        front=_front(checked, reading),
         unmet=unmet,
         robust_unmet=why_not,
-        ladder=ladder,
-        judged=judged,
+        noise_levels=noise_levels,
+        checked=checked,
     )
 
 
-def _choice(judged: Judged, reading: Attempts, retries: int, timeout: int) -> Choice:
-    grid = judged.grid
+def _choice(checked: Checked, reading: Attempts, retries: int, timeout: int) -> Choice:
+    grid = checked.grid
     attempts = attempts_of(reading, retries)
     i, j = grid.at(attempts, timeout)
     figures = (
@@ -244,7 +244,7 @@ def _choice(judged: Judged, reading: Attempts, retries: int, timeout: int) -> Ch
     return Choice(retries, timeout, attempts, *(float(values[i, j]) for values in figures))
 
 
-def _robust(views: dict[AbsentStation, Judged]) -> tuple[Robust | None, tuple[str, ...]]:
+def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[str, ...]]:
     """The least setting that meets all goals under every reading; else the readings that stand in its way."""
     readings = {
         (reading, absent): (views[absent], rows_of(views[absent], reading))
@@ -264,14 +264,14 @@ def _robust(views: dict[AbsentStation, Judged]) -> tuple[Robust | None, tuple[st
     return None, failing or ("each reading has settings that meet the goals, but no setting does under all",)
 
 
-def _front(judged: Judged, reading: Attempts) -> tuple[Choice, ...]:
+def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
     """The settings that no other beats in errors, dead-station scan and detection, shortest scan first.
 
     Errors that differ by less than a quarter count as equal: a longer timeout makes scans longer and
     so fewer, which is no merit. Of settings with the same attempts (D8179 0 and 1, read as exactly
     D8179) the lower one stands.
     """
-    grid = judged.grid
+    grid = checked.grid
     rows = {attempts_of(reading, r): r for r in range(MAX_RETRIES, -1, -1)}
     points = []
     for attempts, retries in sorted(rows.items()):
@@ -286,7 +286,7 @@ def _front(judged: Judged, reading: Attempts) -> tuple[Choice, ...]:
         if any(d <= detect and e <= _EQUAL * errors for d, e in best):
             continue
         best.append((detect, errors))
-        front.append(_choice(judged, reading, retries, timeout))
+        front.append(_choice(checked, reading, retries, timeout))
     return tuple(front)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from bussim.engines.nn.frames import data_chars
 from bussim.exact.link import TIMEOUT_UNIT, LineNoise, LinkModel, frame_ticks
-from bussim.exact.sizing.evaluation import Judged, Mask, judge, least, rows_of
+from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals
 from bussim.plc.profiles import Attempts
 from bussim.units import TICKS_PER_MS
@@ -36,63 +36,63 @@ class Unmet:
         return {"goals": list(self.goals), "text": self.text, "helps": list(self.helps)}
 
 
-def unmet_goals(model: LinkModel, goals: Goals, judged: Judged, reading: Attempts) -> tuple[Unmet, ...]:
+def unmet_goals(model: LinkModel, goals: Goals, checked: Checked, reading: Attempts) -> tuple[Unmet, ...]:
     """Why no setting meets all goals: each goal that fails alone, else the fewest that fail together."""
-    index = sorted(set(rows_of(judged, reading)))
-    met = {name: mask[index] & judged.grid.valid for name, mask in judged.met.items()}
+    index = sorted(set(rows_of(checked, reading)))
+    met = {name: mask[index] & checked.grid.valid for name, mask in checked.met.items()}
     if goals.heartbeat is not None:
-        met["heartbeat"] = _heartbeats(judged, index, np.logical_and.reduce(list(met.values())))
+        met["heartbeat"] = _heartbeats(checked, index, np.logical_and.reduce(list(met.values())))
     texts = goals.texts()
-    helps = tuple(_helps(model, goals, judged, reading))
+    helps = tuple(_helps(model, goals, checked, reading))
     alone = [name for name, mask in met.items() if not mask.any()]
     if alone:
-        every = np.broadcast_to(judged.grid.valid, next(iter(met.values())).shape)
+        every = np.broadcast_to(checked.grid.valid, next(iter(met.values())).shape)
         return tuple(
-            Unmet((name,), f"{texts[name]}: no setting does; {_best(judged, index, name, every)}", helps)
+            Unmet((name,), f"{texts[name]}: no setting does; {_best(checked, index, name, every)}", helps)
             for name in alone
         )
     for size in range(2, len(met) + 1):
         for names in combinations(met, size):
             if not np.logical_and.reduce([met[name] for name in names]).any():
-                return (Unmet(names, _conflict(judged, index, names, met, texts), helps),)
+                return (Unmet(names, _conflict(checked, index, names, met, texts), helps),)
     return ()
 
 
-def _heartbeats(judged: Judged, index: list[int], others: Mask) -> Mask:
+def _heartbeats(checked: Checked, index: list[int], others: Mask) -> Mask:
     """Where a heartbeat is met, looked at with two timeouts for each number of attempts.
 
     These are the shortest one, and the shortest one that meets the other goals.
     """
     met = np.zeros(others.shape, dtype=np.bool_)
     for row, attempts in enumerate(index):
-        columns = {int(np.argmax(judged.grid.valid)), *np.nonzero(others[row])[0][:1].tolist()}
+        columns = {int(np.argmax(checked.grid.valid)), *np.nonzero(others[row])[0][:1].tolist()}
         for column in columns:
-            met[row, column] = judged.heartbeat_met(attempts, column)
+            met[row, column] = checked.heartbeat_met(attempts, column)
     return met
 
 
 def _conflict(
-    judged: Judged, index: list[int], names: tuple[str, ...], met: dict[str, Mask], texts: dict[str, str]
+    checked: Checked, index: list[int], names: tuple[str, ...], met: dict[str, Mask], texts: dict[str, str]
 ) -> str:
     parts = []
     for name in names:
         others = np.logical_and.reduce([met[other] for other in names if other != name])
         given = " and ".join(texts[other] for other in names if other != name)
-        parts.append(f"with {given}, {_best(judged, index, name, others)}")
+        parts.append(f"with {given}, {_best(checked, index, name, others)}")
     return f"{' and '.join(texts[name] for name in names)}: not together; {'; '.join(parts)}"
 
 
-def _best(judged: Judged, index: list[int], name: str, among: Mask) -> str:
+def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
     """The best value that a goal's figure has among settings, and where."""
-    every = judged.missed if name == "heartbeat" else judged.values[name]
+    every = checked.missed if name == "heartbeat" else checked.values[name]
     values = np.where(among, every[index], np.nan)
     if np.isnan(values).all():
         return "nothing better was found"
     place = int(np.nanargmax(values) if name == "ride" else np.nanargmin(values))
     row, column = divmod(place, values.shape[1])
     value = float(values[row, column])
-    attempts = judged.grid.attempts[index[row]]
-    d8180 = judged.grid.timeouts[column] // TIMEOUT_UNIT
+    attempts = checked.grid.attempts[index[row]]
+    d8180 = checked.grid.timeouts[column] // TIMEOUT_UNIT
     shown = {
         "errors": lambda: f"{about(value)} false station errors a year",
         "scan": lambda: f"a probability of {value:.1e}",
@@ -106,7 +106,7 @@ def _best(judged: Judged, index: list[int], name: str, among: Mask) -> str:
 # -- what would help ------------------------------------------------------------------------------
 
 
-def _helps(model: LinkModel, goals: Goals, judged: Judged, reading: Attempts) -> Iterator[str]:
+def _helps(model: LinkModel, goals: Goals, checked: Checked, reading: Attempts) -> Iterator[str]:
     """Each single change that makes all goals possible, the smallest of its kind, with a setting."""
     for count in range(len(model.stations) - 1, 0, -1):
         fewer = replace(model, stations=model.stations[:count])
@@ -122,20 +122,20 @@ def _helps(model: LinkModel, goals: Goals, judged: Judged, reading: Attempts) ->
             yield f"{factor:,} times less noise ({found})"
             break
     if goals.ride is not None:
-        index = rows_of(judged, reading)
-        others = [mask for name, mask in judged.met.items() if name != "ride"]
-        among = (np.logical_and.reduce(others) & judged.grid.valid)[index]
-        if among.any() and (ride := float(judged.grid.silence[index][among].max())) > 0:
+        index = rows_of(checked, reading)
+        others = [mask for name, mask in checked.met.items() if name != "ride"]
+        among = (np.logical_and.reduce(others) & checked.grid.valid)[index]
+        if among.any() and (ride := float(checked.grid.silence[index][among].max())) > 0:
             less, wanted = about(ride / TICKS_PER_MS), about(goals.ride / TICKS_PER_MS)
             yield f"outages of at most {less} ms instead of {wanted} ms"
 
 
 def _possible(model: LinkModel, goals: Goals, reading: Attempts) -> str | None:
-    judged = judge(model, goals)
-    chosen = least([(judged, rows_of(judged, reading))])
+    checked = evaluate_goals(model, goals)
+    chosen = least([(checked, rows_of(checked, reading))])
     if chosen is None:
         return None
-    return f"then D8179 {chosen[0]}, D8180 {judged.grid.timeouts[chosen[1]] // TIMEOUT_UNIT}"
+    return f"then D8179 {chosen[0]}, D8180 {checked.grid.timeouts[chosen[1]] // TIMEOUT_UNIT}"
 
 
 def with_mode(model: LinkModel, mode: int) -> LinkModel:

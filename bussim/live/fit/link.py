@@ -11,7 +11,7 @@ from math import log
 from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
 from bussim.line.characters import NN_LINE
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
-from bussim.live.fit.turnaround import Law, law_of
+from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.heard import Heard
 from bussim.units import TICKS_PER_MS
 
@@ -38,12 +38,12 @@ class Outage:
 
 @dataclass(frozen=True, slots=True)
 class StationEstimate:
-    """One slave. ``law`` and ``turnaround`` are None where it never answered."""
+    """One slave. ``distribution`` and ``turnaround`` are None where it never answered."""
 
     station: int
     polls: int
     turnaround: Estimate | None  # ticks
-    law: Law | None
+    distribution: TurnaroundDistribution | None
     loss: Estimate | None
     outages: tuple[Outage, ...]
 
@@ -191,13 +191,13 @@ class LinkObserver:
         outages, lost, trials = self._losses()
         stations = []
         for number, seen in sorted(self._stations.items()):
-            law = law_of(seen.turnarounds) if seen.turnarounds else None
+            distribution = distribution_of(seen.turnarounds) if seen.turnarounds else None
             stations.append(
                 StationEstimate(
                     number,
                     len(seen.outcomes),
                     mean(seen.turnarounds) if seen.turnarounds else None,
-                    law,
+                    distribution,
                     proportion(lost[number], trials[number]) if trials[number] else None,
                     tuple(outages[number]),
                 )

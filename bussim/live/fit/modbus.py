@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from bussim.engines.modbus.adu import BROADCAST
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
-from bussim.live.fit.turnaround import Law, law_of
+from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.heard import Heard, Protocol
 from bussim.trace.records import TransactionRecord
 
@@ -46,7 +46,7 @@ class SlaveEstimate:
     station: int
     requests: int
     delay: Estimate | None
-    law: Law | None
+    distribution: TurnaroundDistribution | None
     loss: Estimate | None
     exceptions: dict[int, int]
 
@@ -188,7 +188,7 @@ def _slave(number: int, slave: _Slave) -> SlaveEstimate:
         number,
         slave.requests,
         mean(slave.delays) if slave.delays else None,
-        law_of(slave.delays) if slave.delays else None,
+        distribution_of(slave.delays) if slave.delays else None,
         proportion(slave.lost, slave.requests) if slave.requests else None,
         dict(sorted(slave.exceptions.items())),
     )

@@ -3,7 +3,7 @@
 Written here because what is needed of scipy are four formulas: the regularised incomplete beta
 function (continued fraction, Numerical Recipes, 6.4), Clopper and Pearson's interval (Biometrika 26,
 1934), a likelihood interval for one parameter, and the Kolmogorov-Smirnov distance with its
-asymptotic law (Numerical Recipes, 14.3).
+asymptotic distribution (Numerical Recipes, 14.3).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Estimate:
 
 
 def mean(values: Sequence[float]) -> Estimate:
-    """The mean of many values, with the normal law's interval. Raises ValueError without any."""
+    """The mean of many values, with the normal distribution's interval. Raises ValueError without any."""
     count = len(values)
     if not count:
         raise ValueError("no values")
@@ -57,9 +57,9 @@ def proportion(hits: int, trials: int) -> Estimate:
     tail = (1 - CONFIDENCE) / 2
     low, high = 0.0, 1.0
     if hits:
-        low = _solve(lambda p: beta_law(p, hits, trials - hits + 1) - tail)
+        low = _solve(lambda p: beta_distribution(p, hits, trials - hits + 1) - tail)
     if hits < trials:
-        high = _solve(lambda p: beta_law(p, hits + 1, trials - hits) - (1 - tail))
+        high = _solve(lambda p: beta_distribution(p, hits + 1, trials - hits) - (1 - tail))
     return Estimate(hits / trials, low, high, trials)
 
 
@@ -75,7 +75,7 @@ def _solve(rising: Callable[[float], float]) -> float:
     return (low + high) / 2
 
 
-def beta_law(x: float, a: float, b: float) -> float:
+def beta_distribution(x: float, a: float, b: float) -> float:
     """The regularised incomplete beta function: P(B <= x) for B ~ Beta(a, b)."""
     if x <= 0:
         return 0.0
@@ -162,7 +162,7 @@ def _crossing(rising: Callable[[float], float], low: float, high: float) -> floa
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """How well two samples, or a sample and a law, agree: their largest distance and how likely it is."""
+    """How well two samples, or a sample and a distribution, agree: their largest distance and how likely it is."""
 
     distance: float
     p: float
@@ -171,7 +171,7 @@ class Fit:
 def compare(first: Sequence[float], second: Sequence[float]) -> Fit:
     """The Kolmogorov-Smirnov distance of two samples. Raises ValueError if one is empty.
 
-    ``p`` is the probability of at least this distance if both came from one law (for independent
+    ``p`` is the probability of at least this distance if both came from one distribution (for independent
     samples; with many equal values it is too large, never too small).
     """
     if not first or not second:
@@ -185,13 +185,13 @@ def compare(first: Sequence[float], second: Sequence[float]) -> Fit:
 
 
 def against_uniform(values: Sequence[float], low: float, high: float) -> Fit:
-    """The distance of a sample from the uniform law over ``low`` … ``high``."""
+    """The distance of a sample from the uniform distribution over ``low`` … ``high``."""
     ordered, count = sorted(values), len(values)
     span = high - low
     distance = 0.0
     for place, value in enumerate(ordered):
-        law = min(1.0, max(0.0, (value - low) / span)) if span > 0 else 1.0
-        distance = max(distance, abs(law - place / count), abs((place + 1) / count - law))
+        distribution = min(1.0, max(0.0, (value - low) / span)) if span > 0 else 1.0
+        distance = max(distance, abs(distribution - place / count), abs((place + 1) / count - distribution))
     return Fit(distance, _kolmogorov(distance, count))
 
 

@@ -1,4 +1,4 @@
-"""The law of a station's turnaround, from measured ones."""
+"""The distribution of a station's turnaround, from measured ones."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 from bussim.live.fit.statistics import Fit, against_uniform
 
-#: A uniform law is kept unless a sample is less likely than this under it.
+#: A uniform distribution is kept unless a sample is less likely than this under it.
 _DOUBT = 0.01
-#: Values of a measured law.
+#: Values of a measured distribution.
 _VALUES = 32
-#: So many are compared at most: with more every real sample differs from every law.
+#: So many are compared at most: with more every real sample differs from every distribution.
 _COMPARED = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
-    """Mean and jitter in ticks, or, where a uniform law does not describe it, ``values`` of equal weight.
+class TurnaroundDistribution:
+    """Mean and jitter in ticks, or, where a uniform distribution does not describe it, ``values`` of equal weight.
 
-    ``fit`` is the distance of the sample from the uniform law.
+    ``fit`` is the distance of the sample from the uniform distribution.
     """
 
     mean: int
@@ -28,10 +28,10 @@ class Law:
     fit: Fit
 
 
-def law_of(turnarounds: Sequence[int]) -> Law:
-    """The law of at least one turnaround (ticks).
+def distribution_of(turnarounds: Sequence[int]) -> TurnaroundDistribution:
+    """The distribution of at least one turnaround (ticks).
 
-    The ends of a uniform law are those of the sample, moved outwards by what its size hides on the average;
+    The ends of a uniform distribution are those of the sample, moved outwards by what its size hides on the average;
     its middle is the sample's mean.
     """
     count = len(turnarounds)
@@ -45,4 +45,4 @@ def law_of(turnarounds: Sequence[int]) -> Law:
     if fit.p < _DOUBT and low < high:
         ordered = sorted(turnarounds)
         values = tuple(ordered[(2 * number + 1) * count // (2 * _VALUES)] for number in range(_VALUES))
-    return Law(round(middle), round(half), values, fit)
+    return TurnaroundDistribution(round(middle), round(half), values, fit)

@@ -1,6 +1,6 @@
 """pcapng files with the frames of a serial line.
 
-Each packet is the characters of one frame or lump: link types DLT_USER0 to DLT_USER3 (147 Modbus RTU,
+Each packet is the characters of one frame or chunk: link types DLT_USER0 to DLT_USER3 (147 Modbus RTU,
 148 N:N, 149 Modbus ASCII, 150 free, as this program's own export writes them; bit 7 of a character of
 148 and 149 marks one whose parity or stop bit was wrong), or RTAC serial, 250, whose header is
 skipped. Block layout: draft-ietf-opsawg-pcapng, sections 3 and 4. Written here because what is needed

@@ -1,4 +1,4 @@
-"""Raw bytes with timestamps: a text file, one lump of bytes a line.
+"""Raw bytes with timestamps: a text file, one chunk of bytes a line.
 
 ::
 
@@ -7,8 +7,8 @@
     0.012500   0103140000
 
 The first field is a time in seconds, never less than the one before; the rest of the line are
-bytes, with or without spaces. The time is that of the lump's last stop bit, which is what a program
-that reads a port can know; with ``# time: start`` on a line of its own before the first lump it is
+bytes, with or without spaces. The time is that of the chunk's last stop bit, which is what a program
+that reads a port can know; with ``# time: start`` on a line of its own before the first chunk it is
 that of the first edge. Empty lines and what follows a ``#`` are ignored. CSV works as well: commas
 and semicolons count as spaces.
 """
@@ -31,7 +31,7 @@ LONGEST_LINE = 200_000
 _LATEST = Decimal(100 * 366 * 86400)
 
 
-class Lump(NamedTuple):
+class Chunk(NamedTuple):
     """Bytes that came together. ``tick`` is their first edge (``from_start``) or their last stop bit."""
 
     tick: int
@@ -39,8 +39,8 @@ class Lump(NamedTuple):
     from_start: bool
 
 
-def read_raw(lines: Iterable[str], name: str) -> Iterator[Lump]:
-    """The lumps of such a file, in order. Raises RecordingError with ``name`` and line."""
+def read_raw(lines: Iterable[str], name: str) -> Iterator[Chunk]:
+    """The chunks of such a file, in order. Raises RecordingError with ``name`` and line."""
     from_start = False
     before = Decimal(0)
     for number, line in enumerate(lines, 1):
@@ -57,7 +57,7 @@ def read_raw(lines: Iterable[str], name: str) -> Iterator[Lump]:
         before = seconds
         data = _bytes(fields[1] if len(fields) > 1 else "", f"{name}:{number}")
         if data:
-            yield Lump(int(seconds * TICKS_PER_SECOND), data, from_start)
+            yield Chunk(int(seconds * TICKS_PER_SECOND), data, from_start)
 
 
 def _seconds(text: str, place: str) -> Decimal:

@@ -102,7 +102,7 @@ class SigrokFile:
         self._capture = section["capturefile"].strip()
 
     def characters(self, timing: LineTiming) -> Iterator[list[Timed]]:
-        """What a UART of this rate and format hears on the line, in lumps."""
+        """What a UART of this rate and format hears on the line, in chunks."""
         if self.rate < _LEAST_SAMPLES * timing.baud:
             raise RecordingError(
                 f"{self._name}: {self.rate:,} samples a second are too few for {timing.baud:,} bps; "
@@ -110,15 +110,15 @@ class SigrokFile:
             )
         wave = Wave([self._lows()])
         uart, ready = Uart(timing), 0
-        lump: list[Timed] = []
+        chunk: list[Timed] = []
         while (heard := uart.next_character(wave, ready)) is not None:
-            lump.append((RxChar(heard.value, heard.parity_ok, heard.stop_ok), heard.start, heard.end))
+            chunk.append((RxChar(heard.value, heard.parity_ok, heard.stop_ok), heard.start, heard.end))
             ready = heard.ready
-            if len(lump) >= 256:
-                yield lump
-                lump = []
-        if lump:
-            yield lump
+            if len(chunk) >= 256:
+                yield chunk
+                chunk = []
+        if chunk:
+            yield chunk
 
     def _lows(self) -> list[tuple[int, int]]:
         """When the line was low, in ticks."""

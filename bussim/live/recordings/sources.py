@@ -1,4 +1,4 @@
-"""Opens a recording by its content and gives the characters in it, in lumps."""
+"""Opens a recording by its content and gives the characters in it, in chunks."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def kind_of(path: Path) -> Kind:
 def characters(
     path: Path, kind: Kind, timing: LineTiming, *, channel: str | None = None
 ) -> Iterator[list[Timed]]:
-    """The characters of a recording that is no trace, in lumps. Raises RecordingError where it is damaged.
+    """The characters of a recording that is no trace, in chunks. Raises RecordingError where it is damaged.
 
     ``timing`` is the line's rate and format; ``channel`` the logic channel (of sigrok) or the
     interface (of pcapng) that is the line, None for the first.
@@ -118,7 +118,7 @@ def _raw(path: Path, timing: LineTiming) -> Iterator[list[Timed]]:
                 if from_start:
                     yield placed(data, tick, timing)
                 else:
-                    yield arrivals.lump(data, tick)
+                    yield arrivals.chunk(data, tick)
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from error
 

@@ -25,7 +25,7 @@ def station_name(number: int) -> str:
     return f"station {number}"
 
 
-class LinkWatcher:
+class LinkDecoder:
     """Tells a sink what happens on one N:N link, from the frames that are heard.
 
     ``names`` are those of stations that are known; others are called by their number.
@@ -249,7 +249,7 @@ class LinkWatcher:
         names = {station: self._names[station] for station in range(slaves + 1)}
         return LinkTotals(
             bus=self._bus,
-            seats=tuple(names.values()),
+            plc_names=tuple(names.values()),
             station_names=names,
             master=names[0],
             slaves=slaves,

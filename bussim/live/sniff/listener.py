@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
 from bussim.live.sniff.heard import Heard, Protocol
-from bussim.live.sniff.link import LinkWatcher
-from bussim.live.sniff.modbus import ModbusWatcher
+from bussim.live.sniff.link import LinkDecoder
+from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.live.sniff.recognise import Recogniser
 from bussim.trace.records import BusTotals, LinkTotals, PlcTotals, RunTotals, Sink
 
@@ -35,7 +35,7 @@ class Listener:
         self._sink = sink
         self._recogniser = Recogniser(timing, tolerance, protocol)
         self._settled = protocol
-        self.watcher: LinkWatcher | ModbusWatcher | None = None
+        self.decoder: LinkDecoder | ModbusDecoder | None = None
         #: Characters so far.
         self.characters = 0
         self.last = 0
@@ -64,19 +64,19 @@ class Listener:
     def close(self) -> list[Heard]:
         """Nothing more will be heard."""
         heard = self._watch(self._recogniser.close())
-        if isinstance(self.watcher, ModbusWatcher):
-            self.watcher.close(self.last)
+        if isinstance(self.decoder, ModbusDecoder):
+            self.decoder.close(self.last)
         return heard
 
     def _watch(self, frames: list[Heard]) -> list[Heard]:
         for heard in frames:
-            if self.watcher is None:
+            if self.decoder is None:
                 baud, fmt = self.timing.baud, str(self.timing.format)
                 if heard.protocol is Protocol.NN:
-                    self.watcher = LinkWatcher(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
+                    self.decoder = LinkDecoder(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
                 else:
-                    self.watcher = ModbusWatcher(self.bus, self._sink, baud=baud, fmt=fmt)
-            self.watcher.heard(heard)
+                    self.decoder = ModbusDecoder(self.bus, self._sink, baud=baud, fmt=fmt)
+            self.decoder.heard(heard)
             self.last = max(self.last, heard.end)
         return frames
 
@@ -84,9 +84,9 @@ class Listener:
         """What a run's totals are, as far as a listener knows them."""
         links: tuple[LinkTotals, ...] = ()
         buses: tuple[BusTotals, ...] = ()
-        if isinstance(self.watcher, LinkWatcher):
-            links = (self.watcher.totals(),)
-        elif self.watcher is not None:
-            buses = (self.watcher.totals(),)
+        if isinstance(self.decoder, LinkDecoder):
+            links = (self.decoder.totals(),)
+        elif self.decoder is not None:
+            buses = (self.decoder.totals(),)
         plcs: tuple[PlcTotals, ...] = ()
         return RunTotals(duration, links, plcs, warnings, buses)

@@ -45,7 +45,7 @@ class _Open:
     attempt: int
 
 
-class ModbusWatcher:
+class ModbusDecoder:
     """Tells a sink of the transactions and frames on one bus."""
 
     def __init__(self, bus: str, sink: Sink, *, baud: int, fmt: str) -> None:

@@ -1,6 +1,6 @@
 """Cut what a listener hears into frames.
 
-A listener on a PC cannot trust silences: the system hands request and reply over in one lump. So
+A listener on a PC cannot trust silences: the system hands request and reply over in one chunk. So
 frames are found by their content (header and sum, length and CRC, colon and LF); silence only ends
 what is unfinished.
 """

@@ -30,7 +30,7 @@ PortEngine = Master | Slave | FreePort
 Maps = Callable[[Memory], RegisterMap]
 
 
-class PortBoard:
+class PortRegisters:
     """One port of a PLC. All times are ticks.
 
     ``polls`` are its instructions where no program drives it: those that fit the protocol in its

@@ -21,9 +21,9 @@ def longest_scan(program: Program, times: InstructionTimes) -> int | None:
     """
     if any(at.spec.name in _RETURNING for at in program.instructions):
         return None
-    for here, stretch in enumerate(program.stretches):
-        at = stretch.exit
-        if at is not None and at.instruction.spec.name == "CJ" and 0 <= stretch.target <= here:
+    for here, block in enumerate(program.blocks):
+        at = block.exit
+        if at is not None and at.instruction.spec.name == "CJ" and 0 <= block.target <= here:
             return None
     total = sum(
         max(standing_time(times, at), time_when_on(times, at)) + times.each * _devices(at)

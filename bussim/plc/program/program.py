@@ -1,4 +1,4 @@
-"""A checked program: its instructions, cut into stretches, with warnings."""
+"""A checked program: its instructions, cut into blocks, with warnings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bussim.plc.memory import Device
 from bussim.plc.program.machine import BACKWARDS
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.check import Extent, extents
-from bussim.plc.program.text.flow import FlowCheck, Stretch, cut
+from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
 from bussim.plc.program.text.ladder import Ladder
 from bussim.plc.program.text.source import Source
 from bussim.plc.program.text.specials import not_simulated
@@ -26,7 +26,7 @@ class Program:
     text: str = field(repr=False)
     name: str
     instructions: tuple[Instruction, ...] = field(repr=False)
-    stretches: tuple[Stretch, ...] = field(repr=False)
+    blocks: tuple[BasicBlock, ...] = field(repr=False)
     warnings: tuple[Problem, ...] = field(repr=False)
 
     @classmethod
@@ -45,8 +45,8 @@ class Program:
             raise ProgramError(problems)
         instructions = source.instructions
         warnings = tuple(_warnings(instructions, source_name))
-        stretches = tuple(cut(ladder.items, instructions))
-        return cls(text, source_name, tuple(instructions), stretches, warnings)
+        blocks = tuple(cut(ladder.items, instructions))
+        return cls(text, source_name, tuple(instructions), blocks, warnings)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Program) and (self.text, self.name) == (other.text, other.name)

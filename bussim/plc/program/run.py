@@ -42,7 +42,7 @@ from bussim.plc.program.machine import (
 )
 from bussim.plc.program.program import LINK_SETTINGS, Program
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.flow import MAX_CALLS, Stretch
+from bussim.plc.program.text.flow import MAX_CALLS, BasicBlock
 from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes, ticks_of
 from bussim.units import TICKS_PER_MS
 
@@ -51,7 +51,7 @@ WATCHDOG = 200
 #: D8061 when the watchdog has expired.
 WATCHDOG_CODE = 6105
 #: Stretches that a scan may go through (a program with a WDT in an endless loop would never end).
-MAX_STRETCHES = 1_000_000
+MAX_BLOCKS = 1_000_000
 
 _NS_PER_MS = 1_000_000
 _CLEARED_TIMERS = range(FIRST_RETENTIVE_TIMER)
@@ -96,7 +96,7 @@ class ProgramRun:
         self._machine = Machine(memory, times, ports, size=len(program.instructions), origin=power_on)
         self._m, self._d = memory.bits("M"), memory.words("D")
         self._calls: list[int] = []
-        self._loops = [0] * len(program.stretches)
+        self._loops = [0] * len(program.blocks)
         self._watched = 0
         self._begun = 0  # the latest scan, since power-on
         self._shortest = self._longest = 0  # scans since RUN, in 0.1 ms
@@ -107,20 +107,20 @@ class ProgramRun:
     def _bind(self, program: Program) -> None:
         machine = self._machine
         builder = Builder(machine)
-        for stretch in program.stretches:
-            for item in stretch.rungs:
+        for block in program.blocks:
+            for item in block.rungs:
                 if item.condition is not None:
                     builder.conditions.reserve(item.condition)
-            if stretch.exit is not None and stretch.exit.condition is not None:
-                builder.conditions.reserve(stretch.exit.condition)
-        self._stretches: list[tuple[tuple[Step, ...], int, Exit]] = []
-        for here, stretch in enumerate(program.stretches):
-            steps = (builder.step(item) for item in stretch.rungs)
-            time = sum(standing_time(machine.times, at) for at in stretch.instructions)
-            self._stretches.append(
-                (tuple(step for step in steps if step is not None), time, self._exit(builder, here, stretch))
+            if block.exit is not None and block.exit.condition is not None:
+                builder.conditions.reserve(block.exit.condition)
+        self._blocks: list[tuple[tuple[Step, ...], int, Exit]] = []
+        for here, block in enumerate(program.blocks):
+            steps = (builder.step(item) for item in block.rungs)
+            time = sum(standing_time(machine.times, at) for at in block.instructions)
+            self._blocks.append(
+                (tuple(step for step in steps if step is not None), time, self._exit(builder, here, block))
             )
-        first = program.stretches[0].exit
+        first = program.blocks[0].exit
         self._has_masters = any(at.name == "MC" for at in program.instructions)
         self._straight = first is not None and first.instruction.name in ("END", "FEND")
 
@@ -207,7 +207,7 @@ class ProgramRun:
         m[8014] = time % (60_000 * TICKS_PER_MS) < 30_000 * TICKS_PER_MS
         spent = machine.spent
         if self._straight:
-            steps, fixed, _ = self._stretches[0]
+            steps, fixed, _ = self._blocks[0]
             spent[0] = fixed
             for step in steps:
                 step()
@@ -220,32 +220,32 @@ class ProgramRun:
         return ticks_of(total)
 
     def _wander(self) -> None:
-        """Go through the stretches as the program's jumps say."""
-        spent, stretches = self._machine.spent, self._stretches
+        """Go through the blocks as the program's jumps say."""
+        spent, blocks = self._machine.spent, self._blocks
         spent[0] = self._watched = self.unwatched = 0
         self._calls.clear()
         at = left = 0
         while at != _END:
-            steps, fixed, go_on = stretches[at]
+            steps, fixed, go_on = blocks[at]
             spent[0] += fixed
             for step in steps:
                 step()
             at = go_on()
             left += 1
-            if left > MAX_STRETCHES or spent[0] - self._watched > self._d[8000] * _NS_PER_MS:
+            if left > MAX_BLOCKS or spent[0] - self._watched > self._d[8000] * _NS_PER_MS:
                 self.unwatched = max(self.unwatched, spent[0] - self._watched)
                 self.halt()
-                if left > MAX_STRETCHES:
+                if left > MAX_BLOCKS:
                     self.endless, self.halted_after = True, ticks_of(spent[0])
                 return
         self.unwatched = max(self.unwatched, spent[0] - self._watched)
 
-    # -- where a stretch leads ---------------------------------------------------------------------
+    # -- where a block leads ---------------------------------------------------------------------
 
-    def _exit(self, builder: Builder, here: int, stretch: Stretch) -> Exit:
-        control, target, following = stretch.exit, stretch.target, here + 1
+    def _exit(self, builder: Builder, here: int, block: BasicBlock) -> Exit:
+        control, target, following = block.exit, block.target, here + 1
         if control is None:
-            last = following >= len(self.program.stretches)
+            last = following >= len(self.program.blocks)
             return lambda: _END if last else following
         match control.instruction.spec.name:
             case "CJ":

@@ -262,17 +262,17 @@ class Collector:
             return self._links.setdefault(bus, _Link())
 
     def _record(self, totals: LinkTotals) -> LinkRecord:
-        link, bus, seats = self._link(totals.bus), totals.bus, totals.seats
+        link, bus, plc_names = self._link(totals.bus), totals.bus, totals.plc_names
         # Slaves report what they overhear; the link's flags are those of its master.
         in_error = link.in_error.get(totals.master or bus) or Spans()
         return LinkRecord(
-            seats=seats,
+            plc_names=plc_names,
             scan_times=link.times,
             after_startup=link.after_startup,
             refresh={
                 (name, other): self._meter.pair(bus, source, receiver)
-                for source, name in enumerate(seats)
-                for receiver, other in enumerate(seats)
+                for source, name in enumerate(plc_names)
+                for receiver, other in enumerate(plc_names)
                 if source != receiver
             },
             timeline=link.timeline.cells,

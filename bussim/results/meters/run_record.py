@@ -72,7 +72,7 @@ class LinkRecord:
     failed attempts with that code (only scans that had one).
     """
 
-    seats: tuple[str, ...]
+    plc_names: tuple[str, ...]
     scan_times: ScanTimes
     after_startup: ScanTimes
     refresh: dict[tuple[str, str], Refresh] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class LinkRecord:
     def to_json(self) -> dict[str, Any]:
         """Plain data, times in ticks."""
         return {
-            "seats": list(self.seats),
+            "seats": list(self.plc_names),
             "scan_times": self.scan_times.to_json(),
             "after_startup": self.after_startup.to_json(),
             "refresh": [
@@ -102,7 +102,7 @@ class LinkRecord:
     def from_json(cls, data: Mapping[str, Any]) -> LinkRecord:
         """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
         return cls(
-            seats=tuple(map(str, data["seats"])),
+            plc_names=tuple(map(str, data["seats"])),
             scan_times=ScanTimes.from_json(data["scan_times"]),
             after_startup=ScanTimes.from_json(data["after_startup"]),
             refresh={

@@ -1,4 +1,4 @@
-"""Pictures of exact laws and of sizings, from plain numbers: who worked them out does not matter here."""
+"""Pictures of exact distributions and of sizings, from plain numbers: who worked them out does not matter here."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.plots.style import (
+    DISTRIBUTION,
     GREY,
     IN_ERROR,
-    LAW,
     SIMULATED,
     Picture,
     finish_picture,
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 _LEAST = 5
 
 
-def law_and_histogram(
+def distribution_and_histogram(
     bus: str, x: Floats, tail: Floats, simulated: Histogram | None, description: str, lowest: float
 ) -> Picture:
     """P(link scan > x) as a line, with the simulated relative frequency as steps, on a log axis.
@@ -37,12 +37,12 @@ def law_and_histogram(
     picture = new_picture(7.5, 4.6, description)
     with style():
         axes = picture.subplots()
-        axes.plot(x / TICKS_PER_MS, tail, color=LAW, linewidth=1.6, zorder=3)
-        handles = [Line2D([], [], color=LAW, label="exact law")]
+        axes.plot(x / TICKS_PER_MS, tail, color=DISTRIBUTION, linewidth=1.6, zorder=3)
+        handles = [Line2D([], [], color=DISTRIBUTION, label="exact law")]
         if simulated is not None and simulated.count:
             times, share = _frequencies(simulated)
             axes.step(times / TICKS_PER_MS, share, where="post", color=SIMULATED, linewidth=4)
-            # Broad, for where both agree the law lies over it.
+            # Broad, for where both agree the distribution lies over it.
             label = f"simulated, {simulated.count:,} link scans (points of at least {_LEAST})"
             handles.append(Line2D([], [], color=SIMULATED, linewidth=4, label=label))
         axes.set_yscale("log")

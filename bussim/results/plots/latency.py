@@ -18,8 +18,8 @@ from bussim.results.meters.run_record import RunRecord
 from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
 from bussim.results.plots.scan_times import caption, run_labels
 from bussim.results.plots.style import (
+    DISTRIBUTION,
     GREY,
-    LAW,
     PARTS_OF_LATENCY,
     RUNS,
     Picture,
@@ -163,13 +163,13 @@ def _heading(name: str, records: Sequence[LatencyRecord]) -> str:
 def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[_Mark]:
     near = shown_bounds(summary, milliseconds(record.histogram.maximum or 0))
     marks = [
-        _Mark(bound, f"at worst with {case}: {bound:.3f} ms", LAW, "-", 2 if number == 0 else 1)
+        _Mark(bound, f"at worst with {case}: {bound:.3f} ms", DISTRIBUTION, "-", 2 if number == 0 else 1)
         for number, (case, bound) in enumerate(near.items())
     ]
     return (
         marks
         + [
-            _Mark(bound, f"at worst with {case}: {bound:.3f} ms, beyond this axis", LAW, "", 0)
+            _Mark(bound, f"at worst with {case}: {bound:.3f} ms, beyond this axis", DISTRIBUTION, "", 0)
             for case, bound in told_bounds(summary).items()
             if case not in near
         ]
@@ -180,7 +180,7 @@ def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[
 def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
     """Lines of text: what must be told beside the bounds, each once."""
     found = dict.fromkeys(said for summary in summaries for said in _said(summary))
-    return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), LAW, "", 0) for said in found]
+    return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), DISTRIBUTION, "", 0) for said in found]
 
 
 def _said(summary: Mapping[str, object]) -> list[str]:

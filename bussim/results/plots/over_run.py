@@ -128,7 +128,7 @@ def _between(span: Span, end: float) -> tuple[float, float]:
 def _fault_lanes(run: RunRecord, link: LinkRecord, bus: str) -> list[_Lane]:
     """Faults of the bus and of its PLCs, those with the same words on one line."""
     lanes: dict[str, list[Span]] = {}
-    for text, span in fault_spans(run.notes, {bus, *link.seats}):
+    for text, span in fault_spans(run.notes, {bus, *link.plc_names}):
         lanes.setdefault(text, []).append(span)
     if len(lanes) > _MOST_FAULTS:
         rest = list(lanes)[_MOST_FAULTS - 1 :]

@@ -26,7 +26,7 @@ GREY = "#6b6b6b"
 # A thing has the same colour in every picture and in the report. Seven colours do not reach for one
 # meaning each; within one picture they do.
 SIMULATED = _BLUE  # what a run counted
-LAW = _GREEN  # what the exact law says
+DISTRIBUTION = _GREEN  # what the exact distribution says
 FAULT = _ORANGE  # a fault acts
 IN_ERROR = _VERMILLION  # a failed attempt, a damaged character, a station in error
 #: Of runs on one axis, in order; the colours of faults and errors come last.

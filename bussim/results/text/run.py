@@ -108,7 +108,7 @@ def _stations(record: RunRecord, link: dict[str, Any], names: Mapping[int, str])
 
 def _show_registers(console: Console, record: RunRecord, bus: str) -> None:
     words = []
-    for name in record.links[bus].seats:
+    for name in record.links[bus].plc_names:
         registers = _registers(record, name)
         if "D8201" in registers and "D8202" in registers:
             words.append(f"{name} {registers['D8201']}/{registers['D8202']}")

@@ -78,13 +78,13 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
     if "turnaround" in profile and "mean" in profile["turnaround"]:
         profile["turnaround"].setdefault("jitter", format_time(0))
     raw = raw_registers(plc)
-    for seat in member.ports:
-        port = written["ports"][seat.name]
-        for key, value in written_keys(seat, member.registers, raw).items():
+    for config in member.ports:
+        port = written["ports"][config.name]
+        for key, value in written_keys(config, member.registers, raw).items():
             port[key] = format_time(value) if key in ("timeout", "interval") else value
-        if seat.name not in member.logic.first.ports:  # else its program says it
-            port["cpavl"] = {"words": str(seat.words), "bits": str(seat.bits)}
-        written["ports"][seat.name] = in_order(seat.given, port)
+        if config.name not in member.logic.first.ports:  # else its program says it
+            port["cpavl"] = {"words": str(config.words), "bits": str(config.bits)}
+        written["ports"][config.name] = in_order(config.given, port)
     for key in ("registers", "sources", "inputs"):
         written[key] = {device_name(name) or name: value for name, value in written[key].items()}
     for key in ("registers", "ports", "polls", "sources", "inputs"):

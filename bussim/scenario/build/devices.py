@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.registers import BY_NAME
-from bussim.devices.scripted import Saying
+from bussim.devices.scripted import Message
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
@@ -20,7 +20,7 @@ from bussim.scenario.schema.devices import (
     HmiIn,
     LxIn,
     MapIn,
-    SayingIn,
+    MessageIn,
     SlaveIn,
     StepperIn,
     V80In,
@@ -82,7 +82,7 @@ def settings_of(given: DeviceIn, polls: Sequence[TransactionIn], code: Code) -> 
         specs = [transaction(name, "", poll) for name, poll in named_polls(polls)]
         return HmiSettings(tuple(specs), given.timeout, given.interval, given.turnaround)
     if isinstance(given, FreeIn):
-        return FreeSettings(tuple(_saying(saying) for saying in given.says))
+        return FreeSettings(tuple(_message(message) for message in given.says))
     raise AssertionError(f"no device is made of model {given.model}")
 
 
@@ -99,9 +99,9 @@ def _items(given: V80In) -> dict[tuple[Space, int], int]:
     }
 
 
-def _saying(given: SayingIn) -> Saying:
+def _message(given: MessageIn) -> Message:
     heard = given.reply_to
-    return Saying(
+    return Message(
         data=given.text or given.bytes or b"",
         at=given.at or 0,
         every=given.every,
@@ -117,7 +117,7 @@ def _saying(given: SayingIn) -> Saying:
 
 def polls_of(member: Member, polls: Sequence[TransactionIn]) -> tuple[PollSpec | FreeSpec, ...]:
     """The polls of a PLC."""
-    free = {seat.name for seat in member.ports if seat.protocol == FREE}
+    free = {config.name for config in member.ports if config.protocol == FREE}
     return tuple(
         _free(name, poll) if poll.port in free else transaction(name, poll.port, poll)
         for name, poll in named_polls(polls)

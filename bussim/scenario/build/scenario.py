@@ -39,7 +39,7 @@ from bussim.scenario.model import (
     ReplyLoss,
     Scan,
     Scenario,
-    Seat,
+    LinkAttachment,
     Slow,
     Stop,
     Target,
@@ -49,7 +49,7 @@ from bussim.scenario.model import (
 from bussim.scenario.resolve.nodes import Directory, Node, lines_of
 from bussim.scenario.yaml.source_map import Path
 from bussim.scenario.schema.programs import LatencyIn
-from bussim.scenario.rules.check import Judged
+from bussim.scenario.rules.check import Checked
 from bussim.scenario.schema.document import SourceIn
 from bussim.scenario.resolve.members import Member, device_name, line_of
 from bussim.scenario.schema.draft import Draft, Entry
@@ -62,9 +62,9 @@ if TYPE_CHECKING:
 Polls = Mapping[Path, Sequence["TransactionIn"]]
 
 
-def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
+def build(draft: Draft, checked: Checked, warnings: tuple[str, ...]) -> Scenario:
     """The scenario of a draft in which no mistake was found."""
-    members, nodes = judged.members, judged.nodes
+    members, nodes = checked.members, checked.nodes
     document = draft.document
     if document is None:
         raise AssertionError("a draft without mistakes has a document")
@@ -97,7 +97,7 @@ def build(draft: Draft, judged: Judged, warnings: tuple[str, ...]) -> Scenario:
             )
             for member in members
         ),
-        devices=_devices(devices, draft, polls, power_on, judged),
+        devices=_devices(devices, draft, polls, power_on, checked),
         noise=tuple(_noise(name, entry, nodes) for name, entry in zip(noise_names, noise, strict=True)),
         faults=tuple(_fault(name, fault, nodes) for name, fault in zip(fault_names, acting, strict=True)),
         warnings=warnings,
@@ -145,7 +145,7 @@ def _devices(
     draft: Draft,
     polls: Polls,
     power_on: Mapping[str, int],
-    judged: Judged,
+    checked: Checked,
 ) -> tuple[BusDevice, ...]:
     if not devices:
         return ()
@@ -158,7 +158,7 @@ def _devices(
             polls.get(entry.path, ()),
             lines[entry.value.bus],
             power_on.get(entry.value.name, 0),
-            judged.code,
+            checked.code,
         )
         for entry in devices
         if entry.value is not None
@@ -179,12 +179,12 @@ def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int, observed
         name=plc.name,
         profile=member.profile,
         scan=Scan(plc.scan.mean, plc.scan.jitter),
-        seat=Seat(member.bus, member.port) if member.bus is not None else None,
+        link=LinkAttachment(member.bus, member.port) if member.bus is not None else None,
         registers=member.registers,
         sources={device_name(name) or name: _source(source) for name, source in plc.sources.items()},
         phase=plc.phase,
         power_on=power_on,
-        ports=tuple(PortSpec(seat.name, seat.bus, seat.words, seat.bits) for seat in member.ports),
+        ports=tuple(PortSpec(link.name, link.bus, link.words, link.bits) for link in member.ports),
         polls=_polls(member, polls),
         program=member.logic.program,
         inputs=dict(member.logic.inputs),

@@ -25,7 +25,7 @@ def _bus(bus: Bus, scenario: Scenario) -> TraceBus:
     nodes: list[str] = []
     stations: dict[str, int] = {}
     for plc in scenario.plcs:
-        if plc.seat is not None and plc.seat.bus == bus.name:
+        if plc.link is not None and plc.link.bus == bus.name:
             nodes.append(plc.name)
             stations[plc.name] = plc.registers.get(f"D{D_STATION}", 0)
         nodes += [plc.port_node(port.name) for port in plc.ports if port.bus == bus.name]

@@ -44,9 +44,9 @@ from bussim.scenario.model.noise import (
     Window,
 )
 from bussim.scenario.model.plc import (
+    LinkAttachment,
     Plc,
     Scan,
-    Seat,
 )
 from bussim.scenario.model.scenario import (
     Edge,
@@ -76,6 +76,7 @@ __all__ = [
     "Jabber",
     "LateRelease",
     "Latency",
+    "LinkAttachment",
     "LoseChar",
     "LxSettings",
     "MapSettings",
@@ -86,7 +87,6 @@ __all__ = [
     "ReplyLoss",
     "Scan",
     "Scenario",
-    "Seat",
     "Slow",
     "StepperSettings",
     "Stop",

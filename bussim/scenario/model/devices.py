@@ -13,7 +13,7 @@ from bussim.plc.ports.spec import PollSpec
 from bussim.scenario.model.plc import Scan
 
 if TYPE_CHECKING:  # what only a scenario with devices pays
-    from bussim.devices.scripted import Saying
+    from bussim.devices.scripted import Message
     from bussim.devices.stepper.axis import Switch
     from bussim.devices.user import Entry
 
@@ -71,7 +71,7 @@ class HmiSettings:
 class FreeSettings:
     """A device that speaks a protocol of its own: a barcode reader, a scale, a display."""
 
-    sayings: tuple[Saying, ...]
+    messages: tuple[Message, ...]
 
 
 DeviceSettings = LxSettings | V80Settings | StepperSettings | MapSettings | HmiSettings | FreeSettings

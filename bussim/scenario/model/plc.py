@@ -25,7 +25,7 @@ class Scan:
 
 
 @dataclass(frozen=True, slots=True)
-class Seat:
+class LinkAttachment:
     """Where a PLC is connected to an N:N link: the bus and the port that M8179 selects."""
 
     bus: str
@@ -37,7 +37,7 @@ class Plc:
     """One PLC.
 
     ``registers`` are the special and data devices set at power-on, by their name on this PLC: the
-    raw ``registers:`` of the scenario together with what ``nn:`` stands for. ``seat`` is None for
+    raw ``registers:`` of the scenario together with what ``nn:`` stands for. ``link`` is None for
     a PLC that takes no part in N:N. ``phase`` is the time from RUN to the first END, None for a
     random one. ``power_on`` is when it is switched on (tick).
     """
@@ -45,7 +45,7 @@ class Plc:
     name: str
     profile: Profile
     scan: Scan
-    seat: Seat | None
+    link: LinkAttachment | None
     registers: dict[str, int] = field(default_factory=dict)
     sources: dict[str, Source] = field(default_factory=dict)
     phase: int | None = None
@@ -71,7 +71,7 @@ class Plc:
 
         A program whose instructions have no bound counts with its watchdog's time (D8000 at power-on).
         """
-        factor = self.profile.scan_factor if self.seat is not None else Fraction(1)
+        factor = self.profile.scan_factor if self.link is not None else Fraction(1)
         scan = sum(round_half_up(part * factor) for part in (Fraction(self.scan.mean), self.scan.jitter))
         spent = self.instruction_time
         if spent is None:
@@ -82,4 +82,4 @@ class Plc:
 
     def port_node(self, port: str) -> str:
         """The name of one of its ports as a node of a bus: ``press1.COM3``; the link's port: ``press1``."""
-        return self.name if self.seat is not None and self.seat.port == port else f"{self.name}.{port}"
+        return self.name if self.link is not None and self.link.port == port else f"{self.name}.{port}"

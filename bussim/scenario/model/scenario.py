@@ -68,8 +68,8 @@ class Scenario:
         names: list[str] = []
         for plc in self.plcs:
             ports = [spec.name for spec in plc.ports if spec.bus == bus]
-            if plc.seat is not None and plc.seat.bus == bus:
-                ports.append(plc.seat.port)
+            if plc.link is not None and plc.link.bus == bus:
+                ports.append(plc.link.port)
             names += [plc.port_node(port) for port in sorted(ports)]
         return (*names, *(device.name for device in self.devices if device.bus == bus))
 

@@ -1,4 +1,4 @@
-"""What a PLC's entry means: its profile, its registers, its seat on a link, its other ports.
+"""What a PLC's entry means: its profile, its registers, its config on a link, its other ports.
 
 Rules judge these values and the builder puts them into the scenario, so that both mean the same.
 """
@@ -24,7 +24,7 @@ from bussim.plc.link_registers import (
 from bussim.plc.memory import parse_device
 from bussim.plc.profiles import Profile
 from bussim.scenario.resolve.plc_logic import PlcLogic
-from bussim.scenario.resolve.port_configuration import PortSeat, is_set_up, seat_port
+from bussim.scenario.resolve.port_configuration import PortConfiguration, configure_port, is_set_up
 from bussim.scenario.resolve.profiles import profile_of
 from bussim.scenario.schema.document import BusIn, NNIn, PlcIn
 from bussim.scenario.yaml.source_map import Path
@@ -95,7 +95,7 @@ class Member:
     takes_part: bool
     port: str
     bus: str | None
-    ports: tuple[PortSeat, ...] = ()
+    ports: tuple[PortConfiguration, ...] = ()
     logic: PlcLogic = field(default_factory=PlcLogic)
 
     @property
@@ -180,7 +180,7 @@ def member_of(
     bus = plc.nn.bus if plc.nn is not None else None
     if bus is None and takes_part and port in plc.ports:
         bus = plc.ports[port].bus
-    seats = []
+    configs = []
     for found in logic.first.ports.values():
         registers.update(found.registers)
     raw = registers
@@ -188,7 +188,7 @@ def member_of(
         programmed = logic.first.ports.get(name)
         if (programmed or is_set_up(name, given_port)) and not (takes_part and name == port):
             line = lines.get(given_port.bus, PLAIN_LINE)
-            seat, added = seat_port(
+            config, added = configure_port(
                 (*path, "ports", name),
                 plc.name,
                 name,
@@ -199,6 +199,6 @@ def member_of(
                 com2_station=profile.com2_station,
             )
             registers = {**registers, **added}
-            seats.append(seat)
+            configs.append(config)
     ordered = dict(sorted(registers.items()))
-    return Member(path, plc, profile, ordered, takes_part, port, bus, tuple(seats), logic)
+    return Member(path, plc, profile, ordered, takes_part, port, bus, tuple(configs), logic)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.scenario.resolve.members import PLAIN_LINE, Member, line_of
-from bussim.scenario.resolve.port_configuration import FREE, PortSeat, own_line
+from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration, own_line
 from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.yaml.source_map import Path
 from bussim.scenario.yaml.wording import show, suggest
@@ -43,7 +43,7 @@ class Node:
     station: int | None
     path: Path
     member: Member | None = None
-    seat: PortSeat | None = None
+    config: PortConfiguration | None = None
     device: DeviceIn | None = None
 
     @property
@@ -62,16 +62,18 @@ def link_node(member: Member) -> Node | None:
     )
 
 
-def port_node(member: Member, seat: PortSeat, line: LineTiming) -> Node:
+def port_node(member: Member, config: PortConfiguration, line: LineTiming) -> Node:
     """A PLC's node on another bus."""
-    role = Role.MASTER if seat.is_master else Role.SLAVE if seat.is_slave else Role.SILENT
-    if seat.protocol == FREE:
+    role = Role.MASTER if config.is_master else Role.SLAVE if config.is_slave else Role.SILENT
+    if config.protocol == FREE:
         role = Role.FREE
     timing, station = line, None
-    if seat.valid is not None:
-        timing = seat.valid.timing
-        station = seat.valid.station if seat.is_slave else None
-    return Node(seat.node, member.name, seat.bus, role, timing, seat.mode, station, seat.path, member, seat)
+    if config.valid is not None:
+        timing = config.valid.timing
+        station = config.valid.station if config.is_slave else None
+    return Node(
+        config.node, member.name, config.bus, role, timing, config.mode, station, config.path, member, config
+    )
 
 
 def device_node(path: Path, device: DeviceIn, line: LineTiming) -> Node:
@@ -103,7 +105,9 @@ class Directory:
         self._links: dict[str, str] = {}
         owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
         for member in members:
-            own = [(seat.name, port_node(member, seat, _line(lines, seat.bus))) for seat in member.ports]
+            own = [
+                (config.name, port_node(member, config, _line(lines, config.bus))) for config in member.ports
+            ]
             link = link_node(member)
             if link is not None:
                 own.append((member.port, link))

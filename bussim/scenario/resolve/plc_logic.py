@@ -48,7 +48,7 @@ class Origin:
         plain = _LINE.sub(r"at line \1 of the program", found.message)
         if self.path is not None:
             where = "" if warning else f"line {found.line} of the program: "
-            placed = report.places.remark(self.path, f"{where}{plain}")
+            placed = report.source_map.remark(self.path, f"{where}{plain}")
         elif self.line == 0:
             placed = Problem(self.file, found.line, found.column, found.message)
         else:
@@ -110,8 +110,8 @@ def _program(
     else:
         text = given.text or ""
         at = _inner(path, "text", report)
-        block = report.places.blocks.get(at)
-        origin = Origin(report.places.file, *block) if block is not None else Origin("", path=at)
+        block = report.source_map.blocks.get(at)
+        origin = Origin(report.source_map.file, *block) if block is not None else Origin("", path=at)
         if len(text.encode()) > MAX_PROGRAM:
             report.error(at, f"has more than {MAX_PROGRAM >> 10} KiB")
             return None, origin
@@ -134,7 +134,7 @@ def _program(
 def _inner(path: Path, key: str, report: Report) -> Path:
     """Where a value stands that may have been written without its key."""
     inner = (*path, key)
-    return inner if inner in report.places.values else path
+    return inner if inner in report.source_map.values else path
 
 
 # -- inputs --------------------------------------------------------------------------------------------

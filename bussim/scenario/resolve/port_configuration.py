@@ -1,6 +1,6 @@
 """What an entry of a PLC's ``ports`` means: CPAVL's words, and what they make of the port.
 
-As with ``nn``, the friendly keys are another way to write registers of the PLC: what is judged and
+As with ``nn``, the friendly keys are another way to write registers of the PLC: what is checked and
 built is read back from the registers, whoever gave them.
 """
 
@@ -60,7 +60,7 @@ def keys_of(protocol: str | None) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class PortSeat:
+class PortConfiguration:
     """One port of a PLC beside its link port, as its words describe it.
 
     ``settings`` are what the PLC reads in them at STOP→RUN, or why it refuses them. ``explicit`` are
@@ -139,7 +139,7 @@ def is_set_up(name: str, port: PortIn) -> bool:
     return name in CPAVL_PORTS and (port.protocol is not None or port.cpavl is not None or name == "COM2")
 
 
-def seat_port(
+def configure_port(
     path: Path,
     plc: str,
     name: str,
@@ -149,7 +149,7 @@ def seat_port(
     programmed: tuple[Device, Device] | None = None,
     *,
     com2_station: int,
-) -> tuple[PortSeat, dict[str, int]]:
+) -> tuple[PortConfiguration, dict[str, int]]:
     """The meaning of a port's entry, and the registers that its friendly keys and their defaults add.
 
     ``raw`` are the PLC's other registers by their proper names, which win over defaults. A port
@@ -171,7 +171,7 @@ def seat_port(
         added.setdefault(register_of(name, words, "format"), cpavl.format_word(line, eight_bit=False))
     added = {register: value for register, value in added.items() if register not in raw}
     settings = _read(name, words, {str(cpavl.COM2_STATION): com2_station, **added, **raw})
-    return PortSeat(path, plc, name, given, words, bits, settings, explicit), added
+    return PortConfiguration(path, plc, name, given, words, bits, settings, explicit), added
 
 
 def _read(name: str, words: Device, registers: Mapping[str, int]) -> cpavl.PortSettings | cpavl.BadSettings:
@@ -207,14 +207,16 @@ def _explicit(name: str, words: Device, given: PortIn, line: LineTiming) -> dict
     return found
 
 
-def written_keys(seat: PortSeat, registers: Mapping[str, int], raw: Mapping[str, int]) -> dict[str, int]:
+def written_keys(
+    config: PortConfiguration, registers: Mapping[str, int], raw: Mapping[str, int]
+) -> dict[str, int]:
     """The keys with defaults that a port leaves open and that no raw register gives, with their values."""
-    if seat.given.protocol is None:
+    if config.given.protocol is None:
         return {}
     return {
-        key: registers[seat.register(key)] * _UNITS.get(key, 1)
-        for key in keys_of(seat.given.protocol)
-        if (key in _DEFAULTS or _is_com2_station(seat.name, key))
-        and getattr(seat.given, key) is None
-        and seat.register(key) not in raw
+        key: registers[config.register(key)] * _UNITS.get(key, 1)
+        for key in keys_of(config.given.protocol)
+        if (key in _DEFAULTS or _is_com2_station(config.name, key))
+        and getattr(config.given, key) is None
+        and config.register(key) not in raw
     }

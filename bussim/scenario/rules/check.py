@@ -42,7 +42,7 @@ from bussim.units import format_time
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class Checked:
     """What the rules have made of a draft, for the builder."""
 
     members: list[Member]
@@ -50,7 +50,7 @@ class Judged:
     code: Code
 
 
-def check_rules(draft: Draft, report: Report, code: Code, files: Files) -> Judged:
+def check_rules(draft: Draft, report: Report, code: Code, files: Files) -> Checked:
     """Judge a draft. PLCs and devices that cannot be read are left out of what is returned."""
     owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]  # both name nodes of buses
     sections: list[Iterable[Entry[Any]]] = [draft.buses, owners, draft.noise, draft.faults, draft.latency]
@@ -89,7 +89,7 @@ def check_rules(draft: Draft, report: Report, code: Code, files: Files) -> Judge
     duration = draft.document.duration if draft.document is not None else None
     check_noise(draft, nodes, duration, report)
     check_faults(draft, nodes, duration, report)
-    return Judged(members, nodes, code)
+    return Checked(members, nodes, code)
 
 
 def _check_owners(buses: Iterable[Entry[Any]], owners: Iterable[Entry[Any]], report: Report) -> None:
@@ -114,7 +114,7 @@ def _check_names(section: Iterable[Entry[Any]], report: Report) -> None:
         if first is entry:
             continue
         path = (*entry.path, "name")
-        where = report.places.where((*first.path, "name"))
+        where = report.source_map.where((*first.path, "name"))
         if first.name == name:
             report.error(path, f"is {show(name)}, which is used already ({where})")
         else:

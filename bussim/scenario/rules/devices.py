@@ -229,7 +229,7 @@ def _check_map(entry: Entry[DeviceIn], device: DeviceIn, code: Code, report: Rep
                 )
             for start, stop, other in taken:
                 if start < end and item.address < stop:
-                    where = report.places.where(other)
+                    where = report.source_map.where(other)
                     report.error(
                         (*path, "address"),
                         f"is {item.address}, where the item at {start} already lies ({where})",

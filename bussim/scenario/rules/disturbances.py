@@ -63,7 +63,7 @@ def _check_start(
     entry: Entry[NoiseIn] | Entry[FaultIn], at: int, duration: int | None, report: Report
 ) -> None:
     if duration is not None and at >= duration:
-        name = report.places.full_name(entry.path)
+        name = report.source_map.full_name(entry.path)
         report.warn(
             (*entry.path, "at"),
             f"{name} begins at {format_time(at)}, after the end of the run ({format_time(duration)})",
@@ -128,7 +128,7 @@ def _check_power_on(
             what = "no PLC and no device" if nodes.devices else "no PLC"
             report.error(path, f"is {what}; {suggest(name, known)}", key=True)
         elif name in switched_on:
-            where = report.places.where(switched_on[name])
+            where = report.source_map.where(switched_on[name])
             report.error(path, f"is given twice, first {where}", key=True)
         else:
             switched_on[name] = path

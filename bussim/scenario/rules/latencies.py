@@ -25,8 +25,8 @@ def check_way(
     if any(member.unread for member in members):
         return  # its program may be what connects them
     net = _net(members, source.bus if source.takes_part else None)
-    places = [net.named(member.name) for member in (source, target)]
-    question = Question(net, places[0], Key.of(start.device), places[1], Key.of(end.device))
+    source_map = [net.named(member.name) for member in (source, target)]
+    question = Question(net, source_map[0], Key.of(start.device), source_map[1], Key.of(end.device))
     finding = question.answer()
     if finding.lead is Lead.NONE:
         hint = f"; {finding.meant}" if finding.meant else ""
@@ -51,7 +51,7 @@ def _net(members: Sequence[Member], bus: str | None) -> Net:
 
 
 def _station(member: Member, bus: str | None) -> Station:
-    buses = {seat.bus for seat in member.ports}
+    buses = {config.bus for config in member.ports}
     on_link = member.takes_part and member.bus == bus and bus is not None
     if member.takes_part and member.bus is not None and not on_link:
         buses.add(member.bus)

@@ -9,7 +9,7 @@ from bussim.engines.modbus.pdu import READS
 from bussim.plc.memory import BIT_RANGES, WORD_RANGES, Device
 from bussim.plc.ports import cpavl
 from bussim.scenario.resolve.members import Member
-from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL, PortSeat
+from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL, PortConfiguration
 from bussim.scenario.rules.links import foreign_blocks
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.schema.polls import PollIn, TransactionIn
@@ -24,7 +24,7 @@ class Placed:
     """The PLC and the port that a poll belongs to, among all PLCs."""
 
     member: Member
-    seat: PortSeat
+    config: PortConfiguration
     members: Sequence[Member]
 
 
@@ -106,9 +106,9 @@ def _check_span(
             f"{name} writes {what} to {span}, into the shared block of another station: the link overwrites "
             "them",
         )
-    for seat in place.member.ports:
-        if _overlaps(first, end, seat.bits.address, cpavl.BITS, seat.words.address, cpavl.WORDS):
-            report.warn(path, f"{name} writes {what} to {span}, over the parameters (CPAVL) of {seat.name}")
+    for config in place.member.ports:
+        if _overlaps(first, end, config.bits.address, cpavl.BITS, config.words.address, cpavl.WORDS):
+            report.warn(path, f"{name} writes {what} to {span}, over the parameters (CPAVL) of {config.name}")
 
 
 def _blocks(place: Placed) -> list[tuple[int, int, int, int]]:
@@ -144,7 +144,7 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
         )
     if not send_count and not count and not entry.lost("send_count", "count", "data", "text"):
         report.error(entry.path, "neither sends nor receives; expected send_count, data, text or count")
-    settings = place.seat.valid
+    settings = place.config.valid
     eight_bit = settings is not None and settings.eight_bit
     for key, device, size in (("send", poll.send, send_count), ("to", poll.to, count)):
         if device is None:
@@ -163,5 +163,5 @@ def check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, re
         key = "data" if poll.data is not None else "text"
         report.warn(
             (*entry.path, key),
-            f"{place.seat.node} sends 7 bits a character ({timing.format}): 80H on lose one",
+            f"{place.config.node} sends 7 bits a character ({timing.format}): 80H on lose one",
         )

@@ -9,7 +9,7 @@ from bussim.engines.modbus.pdu import FUNCTIONS, READS, STANDARD_LIMITS
 from bussim.engines.modbus.server import SPACES
 from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.nodes import Directory, Role
-from bussim.scenario.resolve.port_configuration import FREE, PortSeat
+from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
 from bussim.scenario.rules.answers import Answers
 from bussim.scenario.rules.poll_data import Placed, check_coils, check_free_data, check_registers
 from bussim.scenario.schema.draft import Draft, Entry
@@ -38,11 +38,11 @@ def check_polls(
             poll = entry.value
             if isinstance(poll, PollIn):
                 polled.add(f"{member.name}.{poll.port}")
-                seat = _seat(entry, poll, member, nodes, report)
-                if seat is not None:
-                    _check_poll(entry, poll, Placed(member, seat, members), nodes, answers, report)
+                config = _config(entry, poll, member, nodes, report)
+                if config is not None:
+                    _check_poll(entry, poll, Placed(member, config, members), nodes, answers, report)
             else:
-                polled |= {seat.node for seat in member.ports}  # who knows for which
+                polled |= {config.node for config in member.ports}  # who knows for which
     for node in nodes.nodes:
         if node.device is not None and node.role is Role.MASTER:
             polls = draft.polls.get(node.path, [])
@@ -63,26 +63,26 @@ def _check_names(polls: Polls, report: Report) -> None:
             continue
         first = seen.setdefault(entry.name.casefold(), entry)
         if first is not entry:
-            where = report.places.where((*first.path, "name"))
+            where = report.source_map.where((*first.path, "name"))
             report.error((*entry.path, "name"), f"is {entry.name!r}, which is used already ({where})")
 
 
-def _seat(
+def _config(
     entry: Entry[TransactionIn], poll: PollIn, member: Member, nodes: Directory, report: Report
-) -> PortSeat | None:
+) -> PortConfiguration | None:
     """The port that drives a poll, if it is one that can."""
-    seat = next((seat for seat in member.ports if seat.name == poll.port), None)
+    config = next((config for config in member.ports if config.name == poll.port), None)
     usable = [s.name for s in member.ports if s.is_master or s.protocol == FREE]
-    if seat is not None and seat.name in usable:
-        return seat
+    if config is not None and config.name in usable:
+        return config
     if not nodes.sure(member.name):
         return None
-    if seat is not None and (seat.valid is None or seat.given.protocol not in (None, seat.protocol)):
+    if config is not None and (config.valid is None or config.given.protocol not in (None, config.protocol)):
         return None  # what is wrong with the port was said there
     if member.takes_part and poll.port == member.port:
         what = "runs N:N"
-    elif seat is not None and seat.protocol is not None:
-        what = f"is {seat.protocol}"
+    elif config is not None and config.protocol is not None:
+        what = f"is {config.protocol}"
     else:
         what = "has no protocol" if poll.port in member.plc.ports else "is not in ports"
     near = f"; {suggest(poll.port, usable)}" if usable else ""
@@ -99,10 +99,10 @@ def _check_poll(
     answers: Answers,
     report: Report,
 ) -> None:
-    free = place.seat.protocol == FREE
+    free = place.config.protocol == FREE
     for key in _MODBUS_KEYS if free else _FREE_KEYS:
         if getattr(poll, key) is not None:
-            text = f"has no meaning on {poll.port}, whose protocol is {place.seat.protocol}"
+            text = f"has no meaning on {poll.port}, whose protocol is {place.config.protocol}"
             report.error((*entry.path, key.rstrip("_")), text, key=True)
     if free:
         check_free_data(entry, poll, place, report)
@@ -110,13 +110,13 @@ def _check_poll(
     _check_values(entry, poll, report)
     if not _check_request(entry, poll, report) or poll.function is None:
         return
-    node = next((node for node in nodes.nodes if node.seat is place.seat), None)
+    node = next((node for node in nodes.nodes if node.config is place.config), None)
     if SPACES[poll.function].is_bit:
         check_coils(entry, poll, place, poll.quantity, report)
     else:
         check_registers(entry, poll, place, poll.quantity, report)
     if node is not None:
-        answers.check(entry, poll, node, place.seat.valid.timeout if place.seat.valid is not None else 0)
+        answers.check(entry, poll, node, place.config.valid.timeout if place.config.valid is not None else 0)
 
 
 def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:

@@ -26,7 +26,7 @@ from bussim.scenario.resolve.port_configuration import (
     HMI,
     MODES,
     SLAVES,
-    PortSeat,
+    PortConfiguration,
     is_set_up,
     keys_of,
     own_line,
@@ -51,7 +51,7 @@ def protocols_of(port: str) -> list[str]:
 
 def check_ports(entry: Entry[PlcIn], member: Member, buses: Buses, report: Report) -> None:
     """Judge every entry of a PLC's ``ports``."""
-    seats = {seat.name: seat for seat in member.ports}
+    configs = {config.name: config for config in member.ports}
     for name, port in member.plc.ports.items():
         path = (*entry.path, "ports", name)
         if name not in ALL_PORTS:
@@ -66,8 +66,8 @@ def check_ports(entry: Entry[PlcIn], member: Member, buses: Buses, report: Repor
             _check_link_port(path, member, port, bus, buses, report)
         elif bus is not None and bus.nn:
             _check_beside_link(path, member, port, bus, report)
-        if name in seats:
-            _check_seat(entry, seats[name], member, bus, buses, report)
+        if name in configs:
+            _check_config(entry, configs[name], member, bus, buses, report)
         elif not is_set_up(name, port):
             _check_bare(entry, path, member, port, bus, report)
     _check_places(member, report)
@@ -141,70 +141,75 @@ def _check_bare(
         report.warn(path, f"port {name} of {member.name} has no protocol: it does nothing")
 
 
-def _check_seat(
-    entry: Entry[PlcIn], seat: PortSeat, member: Member, bus: BusIn | None, buses: Buses, report: Report
+def _check_config(
+    entry: Entry[PlcIn],
+    config: PortConfiguration,
+    member: Member,
+    bus: BusIn | None,
+    buses: Buses,
+    report: Report,
 ) -> None:
-    path, given = seat.path, seat.given
+    path, given = config.path, config.given
     sure = not entry.lost("registers", "ports")
     before = len(report.errors)
-    if given.protocol is not None and given.protocol not in protocols_of(seat.name):
-        allowed = ", ".join(protocols_of(seat.name))
+    if given.protocol is not None and given.protocol not in protocols_of(config.name):
+        allowed = ", ".join(protocols_of(config.name))
         report.error((*path, "protocol"), f"is {given.protocol}, which only COM2 has; allowed {allowed}")
         return
-    _check_keys(seat, given.protocol or (seat.protocol if sure else None), report)
-    _check_units(seat, report)
-    _check_contradictions(entry, seat, report)
-    if given.protocol in SLAVES and seat.register("station") not in member.registers and sure:
+    _check_keys(config, given.protocol or (config.protocol if sure else None), report)
+    _check_units(config, report)
+    _check_contradictions(entry, config, report)
+    if given.protocol in SLAVES and config.register("station") not in member.registers and sure:
         report.error((*path, "station"), "is missing")
     if bus is not None and not bus.nn and sure:
-        _check_line(seat, member, bus, buses, report)
+        _check_line(config, member, bus, buses, report)
     if sure and len(report.errors) == before:
-        _check_settings(seat, report)
+        _check_settings(config, report)
 
 
-def _check_settings(seat: PortSeat, report: Report) -> None:
+def _check_settings(config: PortConfiguration, report: Report) -> None:
     """What becomes of words that the PLC refuses, or that set up nothing that is simulated."""
-    settings = seat.settings
+    settings = config.settings
     if isinstance(settings, BadSettings):
-        code = serial_error(seat.name, settings.error)
+        code = serial_error(config.name, settings.error)
         report.warn(
-            seat.path,
-            f"{seat.plc} refuses the parameters of {seat.name} ({settings.text}): M8063 on, D8063 = {code}, "
+            config.path,
+            f"{config.plc} refuses the parameters of {config.name} ({settings.text}): M8063 on, D8063 = {code}, "
             "and the port stays silent",
         )
     elif settings.protocol is None:
-        word = seat.register("protocol")
+        word = config.register("protocol")
         codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)
         report.warn(
-            seat.path,
-            f"{word} of {seat.plc} is 0: port {seat.name} does nothing (give it a protocol, or {word} one of "
+            config.path,
+            f"{word} of {config.plc} is 0: port {config.name} does nothing (give it a protocol, or {word} one of "
             f"{codes})",
         )
     elif settings.protocol == HMI:
         report.warn(
-            seat.path,
-            f"the monitoring protocol of an HMI is not simulated: {seat.node} stays silent "
+            config.path,
+            f"the monitoring protocol of an HMI is not simulated: {config.node} stays silent "
             "(an HMI that speaks Modbus needs protocol: modbus-rtu-slave)",
         )
 
 
-def _check_keys(seat: PortSeat, protocol: str | None, report: Report) -> None:
+def _check_keys(config: PortConfiguration, protocol: str | None, report: Report) -> None:
     """Keys that the protocol has no use for."""
     if protocol is None:
         return
     allowed = keys_of(protocol)
-    for key in _given(seat.given):
+    for key in _given(config.given):
         if key in ("protocol", "cpavl") or key in allowed:
             continue
         report.error(
-            (*seat.path, key), f"has no meaning for {protocol}, which has {', '.join(allowed)}", key=True
+            (*config.path, key), f"has no meaning for {protocol}, which has {', '.join(allowed)}", key=True
         )
 
 
-def _check_units(seat: PortSeat, report: Report) -> None:
+def _check_units(config: PortConfiguration, report: Report) -> None:
     """Times that the words cannot hold."""
     for key, unit in (("timeout", TIMEOUT_UNIT), ("interval", INTERVAL_UNIT)):
-        value = getattr(seat.given, key)
+        value = getattr(config.given, key)
         if value is None:
             continue
         below = value - value % unit
@@ -213,53 +218,53 @@ def _check_units(seat: PortSeat, report: Report) -> None:
             if key == "timeout" and not below:
                 near = format_time(unit)
             report.error(
-                (*seat.path, key),
+                (*config.path, key),
                 f"is {format_time(value)}, allowed are multiples of {format_time(unit)}, here {near}",
             )
-    if seat.given.interval == 0 and seat.is_master:
+    if config.given.interval == 0 and config.is_master:
         report.warn(
-            (*seat.path, "interval"),
-            f"interval of {seat.node} is 0, which the PLC takes as 5 ms (CPAVL word +2)",
+            (*config.path, "interval"),
+            f"interval of {config.node} is 0, which the PLC takes as 5 ms (CPAVL word +2)",
         )
 
 
-def _check_contradictions(entry: Entry[PlcIn], seat: PortSeat, report: Report) -> None:
+def _check_contradictions(entry: Entry[PlcIn], config: PortConfiguration, report: Report) -> None:
     """The same word in ``registers`` and in a friendly key, with different values."""
     if entry.value is None:
         return
-    wanted = {register: (key, value) for key, (register, value) in seat.explicit.items()}
+    wanted = {register: (key, value) for key, (register, value) in config.explicit.items()}
     for name, value in entry.value.registers.items():
         key, friendly = wanted.get(device_name(name) or "", ("", value & 0xFFFF))
         if value & 0xFFFF != friendly:
             report.error(
                 (*entry.path, "registers", name),
-                f"is {value}, but ports.{seat.name}.{key} makes it {friendly} ({friendly:04X}H)",
+                f"is {value}, but ports.{config.name}.{key} makes it {friendly} ({friendly:04X}H)",
             )
 
 
-def _check_line(seat: PortSeat, member: Member, bus: BusIn, buses: Buses, report: Report) -> None:
+def _check_line(config: PortConfiguration, member: Member, bus: BusIn, buses: Buses, report: Report) -> None:
     """Rate and format against the protocol and the bus."""
     if any(entry.value is bus and entry.lost("baud", "format") for entry in buses):
         return
-    line, given = line_of(bus), seat.given
+    line, given = line_of(bus), config.given
     own = own_line(given, line)
     if MODES.get(given.protocol or "") is Mode.RTU and own.format.data_bits != 8:
-        word = seat.register("format")
+        word = config.register("format")
         needs = "Modbus RTU needs 8 data bits"
         if given.format is not None:
-            report.error((*seat.path, "format"), f"is {own.format}, but {needs}")
+            report.error((*config.path, "format"), f"is {own.format}, but {needs}")
             return
         if member.registers.get(word) == format_word(own, eight_bit=False):
             report.error(
-                (*seat.path, "protocol"),
+                (*config.path, "protocol"),
                 f"is {given.protocol}, but the format of {bus.name} is {own.format}: {needs}",
             )
             return
-    timing = seat.valid.timing if seat.valid is not None and seat.protocol is not None else line
+    timing = config.valid.timing if config.valid is not None and config.protocol is not None else line
     if (timing.baud, timing.format) != (line.baud, line.format):
         report.warn(
-            seat.path,
-            f"{seat.node} runs at {timing.baud} {timing.format}, {bus.name} at {line.baud} {line.format}: "
+            config.path,
+            f"{config.node} runs at {timing.baud} {timing.format}, {bus.name} at {line.baud} {line.format}: "
             "nobody there understands it",
         )
 
@@ -267,12 +272,12 @@ def _check_line(seat: PortSeat, member: Member, bus: BusIn, buses: Buses, report
 def _check_places(member: Member, report: Report) -> None:
     """CPAVL's words and bits must lie in the memory, and apart."""
     for kind, size in (("words", WORDS), ("bits", BITS)):
-        taken: list[tuple[Device, PortSeat]] = []
-        for seat in member.ports:
-            first: Device = getattr(seat, kind)
+        taken: list[tuple[Device, PortConfiguration]] = []
+        for config in member.ports:
+            first: Device = getattr(config, kind)
             wanted = "D" if kind == "words" else "M"
             shown = f"is {first}, the first of {size} {kind}"
-            path = (*seat.path, "cpavl", kind)
+            path = (*config.path, "cpavl", kind)
             last = FIRST_SPECIAL - 1 if kind == "words" else BIT_RANGES["M"][0][1]
             if first.letter != wanted or first.address + size - 1 > last:
                 most = Device(wanted, last - size + 1)
@@ -281,18 +286,18 @@ def _check_places(member: Member, report: Report) -> None:
             for other, owner in taken:
                 if abs(other.address - first.address) < size:
                     report.error(path, f"{shown}, which overlap those of {owner.name} ({other} on)")
-            taken.append((first, seat))
+            taken.append((first, config))
 
 
 def check_port_use(nodes: Directory, polled: set[str], report: Report) -> None:
     """Masters and free ports that nothing drives; ``polled`` are the nodes with polls."""
     for node in nodes.nodes:
-        seat = node.seat
-        if seat is None or node.name in polled or not nodes.sure(node.owner):
+        config = node.config
+        if config is None or node.name in polled or not nodes.sure(node.owner):
             continue
         if node.member is not None and node.member.drives_ports:
             continue
-        if seat.is_master:
-            report.warn(seat.path, f"{node.name} is a Modbus master without polls: it sends nothing")
-        elif seat.protocol == FREE:
-            report.warn(seat.path, f"no poll drives {node.name}: it neither sends nor receives")
+        if config.is_master:
+            report.warn(config.path, f"{node.name} is a Modbus master without polls: it sends nothing")
+        elif config.protocol == FREE:
+            report.warn(config.path, f"no poll drives {node.name}: it neither sends nor receives")

@@ -108,16 +108,16 @@ def _check_ports(member: Member, report: Report) -> None:
                     f"write ports: {{{port}: {{bus: …}}}}"
                 )
                 _warn_at(member, at, message, report)
-    for seat in member.ports:
-        found = member.logic.first.ports.get(seat.name)
+    for config in member.ports:
+        found = member.logic.first.ports.get(config.name)
         if found is None:
             continue
-        for key, (register, value) in seat.explicit.items():
+        for key, (register, value) in config.explicit.items():
             if found.registers.get(register, 0) != value:
                 report.warn(
-                    (*seat.path, key),
+                    (*config.path, key),
                     f"the program of {member.name} sets {register} to {found.registers.get(register, 0)}: "
-                    f"ports.{seat.name}.{key}, which makes it {value}, is lost",
+                    f"ports.{config.name}.{key}, which makes it {value}, is lost",
                 )
 
 
@@ -128,13 +128,13 @@ def _check_writes(member: Member, link: list[Member], report: Report) -> None:
         return
     from bussim.plc.program.text.check import extents  # what only a scenario with programs pays
 
-    places, turns = foreign_blocks(member, link), program.turns_bmov
+    source_map, turns = foreign_blocks(member, link), program.turns_bmov
     found = [
         (at, shared, place)
         for at in program.instructions
         for extent in extents(at, both_ways=turns)
         if extent.writes
-        for place in places
+        for place in source_map
         if (shared := _shared(extent, place)) is not None
     ]
     for at, (letter, first, last), place in found[:MAX_FOREIGN]:

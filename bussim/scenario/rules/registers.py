@@ -34,5 +34,5 @@ def named_device(path: Path, name: str, report: Report) -> Device | None:
     try:
         return parse_device(name)
     except ValueError as error:
-        report.mistake(path, f"a device of {report.places.short_name(path[:-1])} {error}", key=True)
+        report.mistake(path, f"a device of {report.source_map.short_name(path[:-1])} {error}", key=True)
         return None

@@ -29,7 +29,7 @@ from bussim.scenario.schema.form import Model, only_one
 from bussim.scenario.schema.polls import Hex, Text, Times
 from bussim.units import TICKS_PER_SECOND
 
-MAX_ENTRIES, MAX_SAYINGS = 1000, 1000
+MAX_ENTRIES, MAX_MESSAGES = 1000, 1000
 _LONG = (-(1 << 31), (1 << 32) - 1)
 _Long = Annotated[int, whole(*_LONG)]
 _Word = Annotated[int, whole(-32768, 0xFFFF)]
@@ -214,7 +214,7 @@ class HeardIn(BytesIn):
     shorthand = "text"
 
 
-class SayingIn(BytesIn):
+class MessageIn(BytesIn):
     """Something that a free-protocol device sends."""
 
     example = '{text: "ABC\\r", every: 1 s}'
@@ -227,7 +227,7 @@ class SayingIn(BytesIn):
     delay: _Delay | None = None
 
     @model_validator(mode="after")
-    def _on_its_own_or_a_reply(self) -> SayingIn:
+    def _on_its_own_or_a_reply(self) -> MessageIn:
         if self.reply_to is not None:
             for key in ("at", "every", "times", "jitter"):
                 if getattr(self, key) is not None:
@@ -242,7 +242,7 @@ class SayingIn(BytesIn):
 class FreeIn(DeviceIn):
     """A device with a protocol of its own."""
 
-    says: Annotated[list[SayingIn], Field(min_length=1, max_length=MAX_SAYINGS)]
+    says: Annotated[list[MessageIn], Field(min_length=1, max_length=MAX_MESSAGES)]
 
 
 #: The form of each model.

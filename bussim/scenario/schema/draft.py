@@ -117,8 +117,8 @@ def _check_buses_given(data: dict[Any, Any], report: Report) -> None:
             if key is not None:
                 path = (section, index, key)
                 found = "is empty" if "buses" in data else "is missing"
-                who = report.places.full_name(path)
-                report.error(("buses",), f"{found}, but {who} {report.places.where(path)} needs one")
+                who = report.source_map.full_name(path)
+                report.error(("buses",), f"{found}, but {who} {report.source_map.where(path)} needs one")
                 return
 
 

@@ -56,7 +56,7 @@ def ways(scenario: Scenario) -> tuple[Way, ...]:
 def working_master(scenario: Scenario, bus: str) -> Plc | None:
     """The PLC whose parameters hold on a link: the first one along the cable that is a master."""
     for plc in scenario.plcs:
-        if plc.seat is not None and plc.seat.bus == bus:
+        if plc.link is not None and plc.link.bus == bus:
             values = setting_values(plc.profile, plc.registers)
             if values[D_STATION] == 0 and not bad_parameters(plc.profile, values):
                 return plc
@@ -77,10 +77,10 @@ def _station(plc: Plc, bus: str | None) -> Station:
     values = setting_values(plc.profile, plc.registers)
     buses = {port.bus for port in plc.ports}
     number = None
-    if plc.seat is not None and plc.seat.bus == bus:
+    if plc.link is not None and plc.link.bus == bus:
         number = None if bad_parameters(plc.profile, values) else values[D_STATION]
-    elif plc.seat is not None:
-        buses.add(plc.seat.bus)
+    elif plc.link is not None:
+        buses.add(plc.link.bus)
     profile = plc.profile
     return Station(plc.name, number, profile.word_spacing, profile.modes, plc.program, frozenset(buses))
 
@@ -88,14 +88,14 @@ def _station(plc: Plc, bus: str | None) -> Station:
 def _way(scenario: Scenario, entry: Latency) -> Way:
     plcs = {plc.name: plc for plc in scenario.plcs}
     source, target = plcs[entry.source_plc], plcs[entry.target_plc]
-    bus = None if source.seat is None else source.seat.bus
+    bus = None if source.link is None else source.link.bus
     net = net_of(scenario, bus)
     start, end = (parse_device(name, observed=True) for name in (entry.source, entry.target))
     question = Question(net, net.named(source.name), Key.of(start), net.named(target.name), Key.of(end))
     finding = question.answer()
     if source is target or bus is None:
         return Way(entry, source, target, None, (0, 0), 0, direct=True, finding=finding)
-    names = [plc.name for plc in scenario.plcs if plc.seat is not None and plc.seat.bus == bus]
+    names = [plc.name for plc in scenario.plcs if plc.link is not None and plc.link.bus == bus]
     seats = (names.index(source.name), names.index(target.name))
     place = net.block(question.source, question.target)
     return Way(

@@ -87,7 +87,7 @@ class _Rung:
     condition: Condition
     outputs: list[Instruction]
     place: int
-    stretch: int
+    block: int
     leaves: list[_Leaf] = field(default_factory=list)
     constant: bool | None = None
     used_by: list[tuple[int, _Leaf]] = field(default_factory=list)
@@ -117,8 +117,8 @@ class Signals:
 
     def _read(self, program: Program) -> None:
         masters: dict[int, Rung] = {}
-        for here, stretch in enumerate(program.stretches):
-            for item in stretch.rungs:
+        for here, block in enumerate(program.blocks):
+            for item in block.rungs:
                 if isinstance(item, Rung):
                     self._add(item, masters, here)
                 elif item.instruction.spec.name == "MC":
@@ -126,7 +126,7 @@ class Signals:
                     masters[item.instruction.operands[0].address] = under
                     self._add(under, masters, here)
                     self._writing(item.instruction)
-            at = stretch.exit
+            at = block.exit
             if at is None:
                 continue
             if at.condition is not None:
@@ -134,16 +134,16 @@ class Signals:
                 self._add(Rung(at.condition, at.level), masters, here)
             self.steering.update(key for extent in extents(at.instruction) for key in _keys(extent))
             if at.instruction.spec.name == "CJ":
-                end = stretch.target if stretch.target >= 0 else len(program.stretches)
+                end = block.target if block.target >= 0 else len(program.blocks)
                 self._jumps.append((here, end, at.instruction))
 
-    def _add(self, rung: Rung, masters: dict[int, Rung], stretch: int) -> None:
+    def _add(self, rung: Rung, masters: dict[int, Rung], block: int) -> None:
         condition = rung.condition
         if rung.level is not None and rung.level in masters:
             condition = Both(condition, Saved(masters[rung.level]))
         place = len(self._rungs)
         self._places[rung] = place
-        known = _Rung(condition, rung.outputs, place, stretch)
+        known = _Rung(condition, rung.outputs, place, block)
         self._rungs.append(known)
         known.constant = self._constant(condition)
         for leaf in _leaves(condition):
@@ -311,7 +311,7 @@ class Signals:
         return tuple(
             f"{jump.name} {jump.operands[0].text} at line {jump.line}"
             for here, end, jump in self._jumps
-            if here < rung.stretch < end and jump.number < at.number
+            if here < rung.block < end and jump.number < at.number
         )
 
     def _names(self, conditions: Iterable[Condition]) -> tuple[str, ...]:

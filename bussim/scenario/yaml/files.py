@@ -55,11 +55,11 @@ class Files:
         return text
 
     def _find(self, name: str) -> Path | None:
-        places = [(self._folder or Path()) / name]
+        source_map = [(self._folder or Path()) / name]
         if Path(name).name == name:
-            places.append(builtin.folder() / "programs" / name)
+            source_map.append(builtin.folder() / "programs" / name)
         try:
-            return next((path for path in places if path.is_file()), None)
+            return next((path for path in source_map if path.is_file()), None)
         except (OSError, ValueError):
             return None
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from bussim.errors import UsageError
 from bussim.scenario.yaml.parser import MAX_DEPTH, read
-from bussim.scenario.yaml.source_map import Path, Places
+from bussim.scenario.yaml.source_map import Path, SourceMap
 from bussim.scenario.yaml.wording import shorten, show, suggest
 
 #: Keys whose plain value stands for a mapping, and the key that it stands for.
@@ -41,7 +41,7 @@ class Override:
         return cls(key.strip(), value, f"--set {shorten(text)}")
 
 
-def apply_overrides(data: object, places: Places, overrides: Iterable[str | Override]) -> object:
+def apply_overrides(data: object, source_map: SourceMap, overrides: Iterable[str | Override]) -> object:
     """``data`` with the values set, in order; ``places`` learns where they come from.
 
     A list element is named by its ``name``, else by its position. Missing mappings on the way are
@@ -49,12 +49,12 @@ def apply_overrides(data: object, places: Places, overrides: Iterable[str | Over
     """
     for given in overrides:
         override = Override.parse(given) if isinstance(given, str) else given
-        data = _apply(data, places, override)
-        places.data = data
+        data = _apply(data, source_map, override)
+        source_map.data = data
     return data
 
 
-def _apply(data: object, places: Places, override: Override) -> object:
+def _apply(data: object, source_map: SourceMap, override: Override) -> object:
     value = _value(override)
     parts = override.key.split(".")
     if not isinstance(data, dict):
@@ -67,7 +67,7 @@ def _apply(data: object, places: Places, override: Override) -> object:
     for number, part in enumerate(parts):
         last = number == len(parts) - 1
         if isinstance(node, list):
-            step: str | int = _position(node, part, path, places, override)
+            step: str | int = _position(node, part, path, source_map, override)
         else:
             step = part
         path = (*path, step)
@@ -76,9 +76,9 @@ def _apply(data: object, places: Places, override: Override) -> object:
         if last:
             node[step] = value
             break
-        node = _entered(node, step, part, path, places, override)
-    _forget(places, path)
-    places.labels[made or path] = override.label
+        node = _entered(node, step, part, path, source_map, override)
+    _forget(source_map, path)
+    source_map.labels[made or path] = override.label
     return data
 
 
@@ -89,21 +89,23 @@ def _value(override: Override) -> object:
     return value
 
 
-def _position(node: list[object], part: str, path: Path, places: Places, override: Override) -> int:
+def _position(node: list[object], part: str, path: Path, source_map: SourceMap, override: Override) -> int:
     known = [item["name"] for item in node if isinstance(item, dict) and isinstance(item.get("name"), str)]
     for index, item in enumerate(node):
         if isinstance(item, dict) and item.get("name") == part:
             return index
     if part.isdecimal() and int(part[:9]) < len(node):
         return int(part[:9])
-    where = places.full_name(path)
+    where = source_map.full_name(path)
     if known:
         raise UsageError(f"{override.label}: {where} has no {shorten(part)}; {suggest(part, known)}")
     count = f"allowed 0..{len(node) - 1}" if node else "it is empty"
     raise UsageError(f"{override.label}: {where} has no entry {shorten(part)}; {count}")
 
 
-def _entered(node: Any, step: str | int, part: str, path: Path, places: Places, override: Override) -> Any:
+def _entered(
+    node: Any, step: str | int, part: str, path: Path, source_map: SourceMap, override: Override
+) -> Any:
     """The mapping or list at ``step``, made if it is missing or only its shorthand is there."""
     inner = node[step] if isinstance(step, int) else node.get(step)
     if isinstance(inner, dict | list):
@@ -115,14 +117,14 @@ def _entered(node: Any, step: str | int, part: str, path: Path, places: Places, 
         node[step] = {shorthand: inner}
     else:
         raise UsageError(
-            f"{override.label}: {places.full_name(path)} is {show(inner)}, which has no keys of its own"
+            f"{override.label}: {source_map.full_name(path)} is {show(inner)}, which has no keys of its own"
         )
     return node[step]
 
 
-def _forget(places: Places, path: Path) -> None:
+def _forget(source_map: SourceMap, path: Path) -> None:
     """What stood in the file at and below ``path`` has no place any more."""
     marks: dict[Path, Any]
-    for marks in (places.keys, places.values, places.labels, places.blocks):
+    for marks in (source_map.keys, source_map.values, source_map.labels, source_map.blocks):
         for known in [known for known in marks if known[: len(path)] == path]:
             del marks[known]

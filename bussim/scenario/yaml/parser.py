@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
-from bussim.scenario.yaml.source_map import Mark, Path, Places
+from bussim.scenario.yaml.source_map import Mark, Path, SourceMap
 from bussim.scenario.yaml.wording import RawFloat, RawInt, shorten
 
 if TYPE_CHECKING:
@@ -98,22 +98,22 @@ def _text(source: bytes | str, file: str) -> str:
         raise _Stop(Problem(file, line, column, message)) from None
 
 
-def read(source: bytes | str, file: str) -> tuple[object, Places, list[Problem]]:
+def read(source: bytes | str, file: str) -> tuple[object, SourceMap, list[Problem]]:
     """The data of a YAML document, their places, and the mistakes found.
 
     ``file`` is the name for messages. After a mistake that ends the reading the data are None, as
     for an empty document. Other mistakes (a tag, a repeated key) leave usable data beside them.
     """
-    places = Places(file)
+    source_map = SourceMap(file)
     builder = _Builder(file)
     try:
         text = _text(source, file)
         builder.text = text
         root = builder.build(_events(text, file))
     except _Stop as stop:
-        return None, places, [*builder.problems, stop.problem]
-    places.data = None if root is None else _plain(root, (), places)
-    return places.data, places, builder.problems
+        return None, source_map, [*builder.problems, stop.problem]
+    source_map.data = None if root is None else _plain(root, (), source_map)
+    return source_map.data, source_map, builder.problems
 
 
 def _mark_at(text: str, position: int) -> Mark:
@@ -326,7 +326,7 @@ class _Builder:
             parent.merged.extend(source for source in sources if source.entries is not None)
         elif key in entries:
             first = entries[key][0][0]
-            name = Places(self.file).short_name((*self._path(), key))
+            name = SourceMap(self.file).short_name((*self._path(), key))
             self._complain(mark, f"{name} is given twice, first in line {first}")
         else:
             entries[key] = (mark, node)
@@ -363,17 +363,17 @@ def _resolve(text: str) -> Scalar:
     return text
 
 
-def _plain(node: _Node, path: Path, places: Places) -> object:
+def _plain(node: _Node, path: Path, source_map: SourceMap) -> object:
     """The data of a node; enters the places of all that is in it."""
-    places.values[path] = node.mark
+    source_map.values[path] = node.mark
     if node.block is not None:
-        places.blocks[path] = node.block
+        source_map.blocks[path] = node.block
     if node.entries is not None:
         result: dict[str, object] = {}
         for key, (mark, child) in node.entries.items():
-            places.keys[(*path, key)] = mark
-            result[key] = _plain(child, (*path, key), places)
+            source_map.keys[(*path, key)] = mark
+            result[key] = _plain(child, (*path, key), source_map)
         return result
     if node.items is not None:
-        return [_plain(child, (*path, i), places) for i, child in enumerate(node.items)]
+        return [_plain(child, (*path, i), source_map) for i, child in enumerate(node.items)]
     return node.scalar

@@ -7,7 +7,7 @@ from numbers import Integral, Real
 
 from bussim.errors import Problem, ScenarioError
 from bussim.scenario.yaml.parser import MAX_DEPTH, MAX_VALUES
-from bussim.scenario.yaml.source_map import Path, Places
+from bussim.scenario.yaml.source_map import Path, SourceMap
 from bussim.scenario.yaml.wording import show
 
 
@@ -18,11 +18,11 @@ def copied(data: object, file: str) -> object:
     for the schema to complain about. Raises ScenarioError for data that are too large, too deep
     (or contain themselves), or have keys that are not text.
     """
-    places = Places(file, data=data)
+    source_map = SourceMap(file, data=data)
     count = 0
 
     def fail(path: Path, predicate: str) -> ScenarioError:
-        problem = places.problem(path, predicate) if path else Problem(file, 0, 0, predicate)
+        problem = source_map.problem(path, predicate) if path else Problem(file, 0, 0, predicate)
         return ScenarioError([problem])
 
     def copy(item: object, path: Path) -> object:

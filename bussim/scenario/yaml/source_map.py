@@ -15,7 +15,7 @@ Mark = tuple[int, int]
 
 
 @dataclass(slots=True)
-class Places:
+class SourceMap:
     """The marks of one input.
 
     ``keys`` and ``values`` hold the mark of each key and of each value by path; both are empty for
@@ -99,8 +99,8 @@ def _name(value: object) -> str | None:
 class Report:
     """The mistakes and the warnings found so far in one input."""
 
-    def __init__(self, places: Places, errors: Iterable[Problem] = ()) -> None:
-        self.places = places
+    def __init__(self, source_map: SourceMap, errors: Iterable[Problem] = ()) -> None:
+        self.source_map = source_map
         self.errors: list[Problem] = list(errors)
         self.warnings: list[Problem] = []
         #: Those of the mistakes that are keys which do not exist.
@@ -111,20 +111,20 @@ class Report:
 
     def error(self, path: Path, predicate: str, *, key: bool = False) -> None:
         """The value at ``path`` is wrong: ``predicate`` follows its name."""
-        self._add(self.places.problem(path, predicate, key=key), fatal=True)
+        self._add(self.source_map.problem(path, predicate, key=key), fatal=True)
 
     def unknown_key(self, path: Path, predicate: str) -> None:
         """There is no such key as the last of ``path``."""
-        self.unknown.append(self.places.problem(path, predicate, key=True))
+        self.unknown.append(self.source_map.problem(path, predicate, key=True))
         self._add(self.unknown[-1], fatal=True)
 
     def mistake(self, path: Path, text: str, *, key: bool = False) -> None:
         """Something at ``path`` is wrong; ``text`` is a sentence that names what it is about."""
-        self._add(self.places.remark(path, text, key=key), fatal=True)
+        self._add(self.source_map.remark(path, text, key=key), fatal=True)
 
     def warn(self, path: Path, text: str, *, key: bool = False) -> None:
         """Something at ``path`` is odd but possible; ``text`` is a sentence that names what it is about."""
-        self._add(self.places.remark(path, text, key=key), fatal=False)
+        self._add(self.source_map.remark(path, text, key=key), fatal=False)
 
     def foreign(self, problem: Problem, *, fatal: bool) -> None:
         """A problem of a file that the scenario names, or told by whoever read a part of it."""

@@ -18,13 +18,13 @@ class Code:
     """
 
     def __init__(
-        self, *, allowed: bool = False, folder: Path | None = None, places: tuple[str, ...] | None = None
+        self, *, allowed: bool = False, folder: Path | None = None, source_map: tuple[str, ...] | None = None
     ) -> None:
         self.allowed = allowed
-        if places is None:
+        if source_map is None:
             here = (folder, Path.cwd()) if allowed else ()
-            places = tuple(str(place.resolve()) for place in here if place is not None)
-        self.places = places
+            source_map = tuple(str(place.resolve()) for place in here if place is not None)
+        self.source_map = source_map
         self._found: dict[str, Callable[[int], int]] = {}
 
     def find(self, name: str) -> Callable[[int], int]:
@@ -59,11 +59,11 @@ class Code:
         if not callable(found):
             what = "has no" if found is None else "has something else as"
             raise ValueError(f"is {name}, but {module} {what} function {function}")  # noqa: TRY004
-        return found  # type: ignore[no-any-return] # what it returns is judged whenever it is called
+        return found  # type: ignore[no-any-return] # what it returns is checked whenever it is called
 
     @contextmanager
     def _path(self) -> Iterator[None]:
-        added = [place for place in self.places if place not in sys.path]
+        added = [place for place in self.source_map if place not in sys.path]
         sys.path[:0] = added
         try:
             yield

@@ -27,29 +27,29 @@ class _Histories:
         # Of receivers that joined late: since when the common history is theirs, and what was before.
         self.before: dict[int, tuple[int, tuple[Entry, ...]]] = {}
 
-    def split(self, seat: int) -> deque[Entry]:
+    def split(self, position: int) -> deque[Entry]:
         """The history of a receiver that is apart from now on."""
-        own = self.apart.get(seat)
+        own = self.apart.get(position)
         if own is None:
-            since, earlier = self.before.pop(seat, (0, ()))
-            own = self.apart[seat] = deque(earlier)
+            since, earlier = self.before.pop(position, (0, ()))
+            own = self.apart[position] = deque(earlier)
             own.extend(entry for entry in self.common if entry[0] >= since)
         return own
 
-    def entries(self, seat: int) -> Iterator[Entry]:
+    def entries(self, position: int) -> Iterator[Entry]:
         """What a receiver had, the newest first."""
-        own = self.apart.get(seat)
+        own = self.apart.get(position)
         if own is not None:
             yield from reversed(own)
             return
-        since, earlier = self.before.get(seat, (0, ()))
+        since, earlier = self.before.get(position, (0, ()))
         for entry in reversed(self.common):
             if entry[0] >= since:
                 yield entry
         yield from reversed(earlier)
 
 
-class Ledger:
+class BlockHistory:
     """Histories of a link's blocks; ``horizon`` is the longest PLC scan on it in ticks."""
 
     def __init__(self, horizon: int) -> None:
@@ -59,27 +59,27 @@ class Ledger:
         self.latest = -1
 
     def heard(self, station: int, tick: int, image: bytes, missed: Collection[int] = ()) -> None:
-        """Every seat but ``missed`` (and the sender, which ignores it) received a station's block."""
+        """Every position but ``missed`` (and the sender, which ignores it) received a station's block."""
         self.latest = tick
         histories = self._stations.get(station)
         if histories is None:
             histories = self._stations[station] = _Histories()
-        for seat in missed:
-            histories.split(seat)
+        for position in missed:
+            histories.split(position)
         common = histories.common
         common.append((tick, image))
         if len(common) > _SLACK:
             self._prune(common, tick)
         if histories.apart and len(histories.apart) > len(missed):
-            for seat in [seat for seat in histories.apart if seat not in missed]:
-                own = histories.apart.pop(seat)
+            for position in [position for position in histories.apart if position not in missed]:
+                own = histories.apart.pop(position)
                 self._prune(own, tick)
-                histories.before[seat] = (tick, tuple(own))
+                histories.before[position] = (tick, tuple(own))
 
-    def heard_alone(self, station: int, tick: int, image: bytes, seat: int) -> None:
-        """One seat received a block that the others did not (or not as a whole frame)."""
+    def heard_alone(self, station: int, tick: int, image: bytes, position: int) -> None:
+        """One position received a block that the others did not (or not as a whole frame)."""
         self.latest = tick
-        own = self._stations.setdefault(station, _Histories()).split(seat)
+        own = self._stations.setdefault(station, _Histories()).split(position)
         own.append((tick, image))
         if len(own) > _SLACK:
             self._prune(own, tick)
@@ -88,18 +88,18 @@ class Ledger:
         while len(history) > 1 and history[1][0] <= tick - self._horizon:
             history.popleft()
 
-    def forget(self, seat: int) -> None:
+    def forget(self, position: int) -> None:
         """A PLC lost its memory: nothing received so far reaches it any more."""
         for histories in self._stations.values():
-            histories.before.pop(seat, None)
-            histories.apart[seat] = deque()
+            histories.before.pop(position, None)
+            histories.apart[position] = deque()
 
-    def visible(self, seat: int, end: int, since: int = -1) -> Iterator[tuple[int, bytes]]:
-        """The newest block of each station that a seat received after ``since``, by its END at ``end``."""
+    def visible(self, position: int, end: int, since: int = -1) -> Iterator[tuple[int, bytes]]:
+        """The newest block of each station that a position received after ``since``, by its END at ``end``."""
         for station, histories in self._stations.items():
             if not histories.apart and histories.common[-1][0] <= since:
                 continue  # nothing since, whoever it is
-            for tick, image in histories.entries(seat):
+            for tick, image in histories.entries(position):
                 if tick <= end:
                     if tick > since:
                         yield station, image

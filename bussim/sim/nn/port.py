@@ -37,10 +37,10 @@ class LinkPort(Node):
         "reporter",
     )
 
-    def __init__(self, plc: Plc, bus: LinkBus, seat: int, kernel: Kernel, streams: Streams) -> None:
+    def __init__(self, plc: Plc, bus: LinkBus, position: int, kernel: Kernel, streams: Streams) -> None:
         self.plc = plc
         self.bus = bus
-        super().__init__(plc.name, bus, seat, kernel)
+        super().__init__(plc.name, bus, position, kernel)
         #: The link's engine; None unless the PLC is in RUN with good parameters.
         self.engine: LinkEngine | None = None
         self.is_master = False
@@ -78,7 +78,7 @@ class LinkPort(Node):
         if engine is None:
             self.reporter.refused(now, self.plc)
             return
-        self.bus.audience_changed()
+        self.bus.listeners_changed()
         self.handle(engine.start(first_end if self.is_master else now), now)
         self.bus.join_midway(self, now)
 
@@ -90,7 +90,7 @@ class LinkPort(Node):
     # -- the engine's wishes -----------------------------------------------------------------------
 
     def _on_deadline(self, now: int) -> None:
-        if self not in self.bus.gallery.members:  # the gallery watches for all its members
+        if self not in self.bus.shared_listener.members:  # the shared listener watches for all its members
             super()._on_deadline(now)
 
     # -- sending -----------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ class LinkPort(Node):
         """The longest turnaround that can be drawn now, in ticks."""
         return self._longest_turnaround + self.extra_turnaround
 
-    def appoint(self, at: int, counter: int) -> None:
+    def schedule(self, at: int, counter: int) -> None:
         """A frame is to be sent from ``at`` on; a slave adds its turnaround."""
         if not self.is_master:
             at += self.turnaround()
@@ -117,7 +117,7 @@ class LinkPort(Node):
                 self._waits.append((at, counter))
                 at = self.plc.cycle.next_end(at, self._kernel.now)
         if self.pending:
-            super().appoint(at, counter)
+            super().schedule(at, counter)
             return
         # Nearly always nothing else waits; eight times a link scan a call is worth saving.
         now = self._kernel.now
@@ -134,7 +134,7 @@ class LinkPort(Node):
         counter = pending.pop(0)[2]
         if self._waits:
             self._waits.remove(next(wait for wait in self._waits if wait[1] == counter))
-        if self.is_master and bus.lane.exchange(self, now):
+        if self.is_master and bus.fast_path.exchange(self, now):
             return
         if pending:
             self._start_timer.set(max(pending[0][0], now))
@@ -142,14 +142,14 @@ class LinkPort(Node):
             return
         image = self.plc.image_at(now) if engine.wants_image else _IDLE
         frame = engine.begin_transmit(now, image, counter)
-        if self.tail or self.ear.is_open:
+        if self.tail or self.receiver.is_open:
             self._begin(frame, now)
         else:  # as _begin does it; the ordinary way is worth a call
             self.sending = tx = bus.begin(self, frame, now)
             self._end_timer.chain(tx.end)
 
     def _ends_moved(self, end: int) -> None:
-        """The PLC's scans after ``end`` take another time: replies that wait for END are appointed anew."""
+        """The PLC's scans after ``end`` take another time: replies that wait for END are scheduled anew."""
         waits, now = self._waits, self._kernel.now
         if not waits:
             return

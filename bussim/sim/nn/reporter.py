@@ -179,7 +179,7 @@ class Reporter:
 
     # -- totals ------------------------------------------------------------------------------------
 
-    def retire(self, port: LinkPort) -> None:
+    def detach(self, port: LinkPort) -> None:
         """An engine ends: add up what the primary master counted."""
         engine = port.engine
         if isinstance(engine, Master) and port.name == self._primary:

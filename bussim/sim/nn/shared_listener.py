@@ -2,7 +2,7 @@
 
 Nearly always every slave of a link has heard the same frames, all of them ordinary: then what each
 has in mind of the link is the same, and one state stands for all. Anything else (a repeat, a missing
-answer, a flag, damage) dissolves the gallery, and every slave's own engine hears for itself again.
+answer, a flag, damage) dissolves the shared listener, and every slave's own engine hears for itself again.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from bussim.sim.nn.port import LinkPort
 
 
-class Gallery:
+class SharedListener:
     """The members are slaves in calm whose listening states are equal; it knows nothing of frames' origin.
 
     A member's engine lags behind until :meth:`sync`.

@@ -43,18 +43,18 @@ class SerialBus(Line):
         self._replies: deque[Reply] = deque(maxlen=_REPLIES)
 
     def connect(self, nodes: Sequence[SerialNode]) -> None:
-        """Seat the nodes, in cable order."""
-        self.seat(nodes)
+        """LinkAttachment the nodes, in cable order."""
+        self.position(nodes)
         self.ports = nodes
 
     # -- frames ------------------------------------------------------------------------------------
 
-    def luck_key(self, tx: Transmission) -> Hashable:
+    def stream_key(self, tx: Transmission) -> Hashable:
         """See the line."""
         frame = tx.frame
-        return (tx.sender.seat, frame.station) if isinstance(frame, Adu) else tx.sender.seat
+        return (tx.sender.position, frame.station) if isinstance(frame, Adu) else tx.sender.position
 
-    def luck_name(self, tx: Transmission) -> str:
+    def stream_name(self, tx: Transmission) -> str:
         """See the line."""
         frame = tx.frame
         station = f" {frame.station}" if isinstance(frame, Adu) else ""
@@ -62,7 +62,7 @@ class SerialBus(Line):
 
     def kind_name(self, tx: Transmission) -> str:
         """See the line."""
-        return self.ports[tx.sender.seat].kind
+        return self.ports[tx.sender.position].kind
 
     def what(self, frame: WireFrame) -> str:
         """See the line."""
@@ -70,7 +70,7 @@ class SerialBus(Line):
 
     def protocol_of(self, sender: Node) -> str:
         """See the line."""
-        return self.ports[sender.seat].tongue
+        return self.ports[sender.position].protocol_name
 
     def _numbers(self, frame: WireFrame) -> tuple[int | None, int | None]:
         return (frame.station if isinstance(frame, Adu) else None), None
@@ -78,8 +78,8 @@ class SerialBus(Line):
     # -- silences ----------------------------------------------------------------------------------
 
     def listens_alone(self, port: Node) -> None:
-        """A node's ear opens: what it was told of is what the ear has heard so far."""
-        node = self.ports[port.seat]
+        """A node's receiver opens: what it was told of is what the receiver has heard so far."""
+        node = self.ports[port.position]
         if node in self.waiting:
             node.listen_on()
 
@@ -108,7 +108,7 @@ class SerialBus(Line):
         *,
         stored: bool,
     ) -> None:
-        """See the line; the frame may have been told of as a whole, and only its end heard by an ear."""
+        """See the line; the frame may have been told of as a whole, and only its end heard by an receiver."""
         if sender is None:
             for tx in self._told:
                 if tx.frame is not None and tx.start == start and tx.frame.chars == frame.chars:
@@ -135,4 +135,4 @@ class SerialBus(Line):
 
 
 def _seat(node: Node) -> int:
-    return node.seat
+    return node.position

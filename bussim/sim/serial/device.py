@@ -28,7 +28,7 @@ class DeviceNode(SerialNode):
         self,
         spec: model.BusDevice,
         bus: SerialBus,
-        seat: int,
+        position: int,
         kernel: Kernel,
         reporter: SerialReporter,
         streams: Streams,
@@ -36,7 +36,7 @@ class DeviceNode(SerialNode):
         super().__init__(
             spec.name,
             bus,
-            seat,
+            position,
             kernel,
             reporter,
             delays=streams.uniforms("turnaround", spec.name),
@@ -101,7 +101,7 @@ class DeviceNode(SerialNode):
             self._attempts.append(item)
         elif isinstance(item, PollEnded):
             name = self._poll_name(item.index)
-            self._tell_attempts(name)
+            self._record_attempts(name)
             turn = TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late)
             reporter.turn(self, turn)
         elif isinstance(item, CycleEnded):
@@ -114,7 +114,7 @@ class DeviceNode(SerialNode):
         assert isinstance(settings, model.HmiSettings)  # noqa: S101 - narrows the type; no other polls
         return settings.polls[index].name
 
-    def _tell_attempts(self, poll: str) -> None:
+    def _record_attempts(self, poll: str) -> None:
         for number, attempt in enumerate(self._attempts, 1):
             self.reporter.transaction(self, attempt, poll, number, attempt.end)
         self._attempts.clear()

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.scripted import Talker
+from bussim.devices.scripted import ScriptedDevice
 from bussim.devices.stepper.events import in_words
 from bussim.devices.user import UserMap
 from bussim.engines.modbus.master import MasterConfig
@@ -143,14 +143,14 @@ class _Free(Behaviour):
         super().__init__(spec, streams)
         settings = spec.settings
         assert isinstance(settings, model.FreeSettings)  # noqa: S101 - narrows the type; see _MODELS
-        self._sayings = settings.sayings
+        self._messages = settings.messages
         self._draws: list[Iterator[float]] = [
-            streams.uniforms("saying", spec.name, number) for number in range(len(settings.sayings))
+            streams.uniforms("saying", spec.name, number) for number in range(len(settings.messages))
         ]
 
     def power_on(self, now: int) -> tuple[Any, LineTiming]:
         del now
-        return Talker(self._sayings, self.spec.timing, self._draws), self.spec.timing
+        return ScriptedDevice(self._messages, self.spec.timing, self._draws), self.spec.timing
 
 
 _MODELS: dict[str, type[Behaviour]] = {

@@ -24,7 +24,7 @@ _MOST_SERVED = 64
 
 
 class SerialNode(Node):
-    """One seat of a serial bus.
+    """One position of a serial bus.
 
     ``kind`` names its frames ("request", "response" or "data"), ``tongue`` its protocol ("modbus-rtu",
     "modbus-ascii", "free"): both follow from its engine. ``delays``, where given, draw what is added
@@ -39,27 +39,27 @@ class SerialNode(Node):
         "_silence_timer",
         "bus",
         "kind",
+        "protocol_name",
         "reporter",
         "request_chars",
-        "tongue",
     )
 
     def __init__(
         self,
         name: str,
         bus: SerialBus,
-        seat: int,
+        position: int,
         kernel: Kernel,
         reporter: SerialReporter,
         *,
         delays: Iterator[float] | None = None,
         jitter: int = 0,
     ) -> None:
-        super().__init__(name, bus, seat, kernel)
+        super().__init__(name, bus, position, kernel)
         self.bus = bus
         self.reporter = reporter
         self.kind = "data"
-        self.tongue = "free"
+        self.protocol_name = "free"
         #: Characters of the latest request that it sent.
         self.request_chars = 0
         self._delays = delays if jitter else None
@@ -77,10 +77,10 @@ class SerialNode(Node):
         self._served.clear()
         if isinstance(engine, (Slave, Master, PollingMaster)):
             master = engine.master if isinstance(engine, PollingMaster) else engine
-            self.tongue = f"modbus-{master.config.framing.mode.value.lower()}"
+            self.protocol_name = f"modbus-{master.config.framing.mode.value.lower()}"
             self.kind = "response" if isinstance(engine, Slave) else "request"
         else:
-            self.tongue, self.kind = "free", "data"
+            self.protocol_name, self.kind = "free", "data"
         self.home_timing = timing
         self.retime(now)
 
@@ -93,15 +93,15 @@ class SerialNode(Node):
         """Whether whole frames of another node are frames of its own protocol (free: any bytes)."""
         if isinstance(self.engine, FreePort):
             return True
-        return isinstance(sender, SerialNode) and sender.tongue == self.tongue
+        return isinstance(sender, SerialNode) and sender.protocol_name == self.protocol_name
 
     # -- the engine's wishes -----------------------------------------------------------------------
 
     def handle(self, hints: int, now: int) -> None:
         """Look at what the engine asks for."""
         if hints & OPEN:
-            # An open ear watches for the silence itself.
-            if not self.ear.is_open and self not in self.bus.waiting:
+            # An open receiver watches for the silence itself.
+            if not self.receiver.is_open and self not in self.bus.waiting:
                 self._heard_until = now
                 self.bus.waiting.add(self)
                 self._silence_timer.set(now + self.quiet(self.timing))
@@ -119,10 +119,10 @@ class SerialNode(Node):
         self.bus.hear_so_far(self, now)
 
     def listen_on(self) -> None:
-        """Something begins before the silence is over: the ear takes it from where the frame ended."""
+        """Something begins before the silence is over: the receiver takes it from where the frame ended."""
         self.bus.waiting.discard(self)
         self._silence_timer.cancel()
-        self.ear.hold(self._heard_until)
+        self.receiver.hold(self._heard_until)
 
     def halt(self, now: int) -> None:
         """STOP or power-off."""
@@ -145,13 +145,13 @@ class SerialNode(Node):
 
     # -- sending -----------------------------------------------------------------------------------
 
-    def appoint(self, at: int, counter: int) -> None:
+    def schedule(self, at: int, counter: int) -> None:
         """A frame is to be sent from ``at`` on; a reply takes its own time."""
         if self.kind == "response":
             at += self.extra_turnaround
             if self._delays is not None:
                 at += int(next(self._delays) * (self._jitter + 1))
-        super().appoint(at, counter)
+        super().schedule(at, counter)
 
     def _on_start(self, now: int) -> None:
         engine = self.engine

@@ -15,7 +15,7 @@ from bussim.plc.ports.events import (
     TransactionTaken,
     TurnEnded,
 )
-from bussim.plc.ports.port_registers import PortBoard
+from bussim.plc.ports.port_registers import PortRegisters
 from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.node import SerialNode
@@ -25,14 +25,14 @@ from bussim.sim.serial.reporter import SerialReporter
 class PlcPort(SerialNode):
     """One port of a PLC: what CPAVL and RS2 make of it is its board's business."""
 
-    __slots__ = ("board", "clock", "plc")
+    __slots__ = ("clock", "plc", "port_registers")
 
     def __init__(
-        self, plc: Plc, port: str, bus: SerialBus, seat: int, kernel: Kernel, reporter: SerialReporter
+        self, plc: Plc, port: str, bus: SerialBus, position: int, kernel: Kernel, reporter: SerialReporter
     ) -> None:
-        super().__init__(f"{plc.name}.{port}", bus, seat, kernel, reporter)
+        super().__init__(f"{plc.name}.{port}", bus, position, kernel, reporter)
         self.plc = plc
-        self.board: PortBoard = plc.boards[port]
+        self.port_registers: PortRegisters = plc.port_registers[port]
         self.clock: EndClock | None = None
 
     @property
@@ -42,7 +42,7 @@ class PlcPort(SerialNode):
 
     def run(self, now: int) -> None:
         """The PLC is in RUN and its parameters were taken over."""
-        engine, settings = self.board.engine, self.board.settings
+        engine, settings = self.port_registers.engine, self.port_registers.settings
         if engine is not None and settings is not None:
             self.speak(engine, settings.timing, now)
             self.handle(engine.start(now), now)
@@ -63,14 +63,14 @@ class PlcPort(SerialNode):
         """To the board, which END concerns."""
         if isinstance(item, (RequestServed, FrameRejected, StationRefused)) and self.kind == "response":
             self.reporter.slave_event(self, item)
-        self.board.event(item, now)
+        self.port_registers.event(item, now)
         self.tell()
         self.look(now)
 
     def tell(self) -> None:
         """Report what the board has to say."""
         reporter = self.reporter
-        while (event := self.board.poll()) is not None:
+        while (event := self.port_registers.poll()) is not None:
             if isinstance(event, TransactionTaken):
                 reporter.transaction(self, event.ended, event.poll, event.attempt, event.taken)
             elif isinstance(event, TurnEnded):
@@ -90,7 +90,7 @@ class EndClock:
 
     def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort]) -> None:
         self._plc = plc
-        self._ports = {port.board.spec.name: port for port in ports}
+        self._ports = {port.port_registers.spec.name: port for port in ports}
         self._timer = kernel.timer(self._on_end, END)
         for port in self._ports.values():
             port.clock = self

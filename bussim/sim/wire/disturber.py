@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class PlacedNoise:
-    """A noise process with its target: ``seat`` None for the whole bus, ``receiver`` its direction."""
+    """A noise process with its target: ``position`` None for the whole bus, ``receiver`` its direction."""
 
     process: BitNoise
-    seat: int | None = None
+    position: int | None = None
     receiver: bool = False
 
 
 @dataclass(slots=True)
 class Loss:
-    """Replies vanish with a probability while it lasts; ``seat`` None: everybody's."""
+    """Replies vanish with a probability while it lasts; ``position`` None: everybody's."""
 
-    seat: int | None
+    position: int | None
     probability: float
     since: int
     until: int | None
@@ -35,21 +35,21 @@ class Loss:
 
 @dataclass(slots=True)
 class Drop:
-    """The next ``left`` replies of a seat vanish (None: all)."""
+    """The next ``left`` replies of a position vanish (None: all)."""
 
-    seat: int
+    position: int
     left: int | None
 
 
 @dataclass(slots=True)
 class FrameFault:
-    """Damages the next ``left`` frames (None: all) sent by a seat, or heard by it (``receiver``).
+    """Damages the next ``left`` frames (None: all) sent by a position, or heard by it (``receiver``).
 
     ``action`` is "flip", "lose" or "insert"; ``frame`` restricts it to one kind of frame.
     """
 
     action: str
-    seat: int
+    position: int
     receiver: bool
     left: int | None
     draws: Iterator[float]
@@ -97,21 +97,21 @@ class Disturber:
     def _refresh(self) -> None:
         self.active = bool(self._noises or self._frame_faults)
         self.replies_at_risk = bool(self._losses or self._drops)
-        self._line.audience_changed()
+        self._line.listeners_changed()
 
     # -- replies -----------------------------------------------------------------------------------
 
-    def reply_vanishes(self, seat: int, now: int) -> bool:
+    def reply_vanishes(self, position: int, now: int) -> bool:
         """Whether a reply that is to begin now is never sent."""
         vanishes = False
         for loss in self._losses:
-            if loss.seat not in (None, seat) or now < loss.since:
+            if loss.position not in (None, position) or now < loss.since:
                 continue
             if loss.until is not None and now >= loss.until:
                 continue
-            vanishes |= next(loss.draws[seat]) < loss.probability
+            vanishes |= next(loss.draws[position]) < loss.probability
         for drop in list(self._drops):
-            if drop.seat == seat and not vanishes:
+            if drop.position == position and not vanishes:
                 vanishes = True
                 self._used(drop)
         return vanishes
@@ -131,31 +131,31 @@ class Disturber:
         if not self._noises:
             return
         sender = tx.sender
-        place = self._line.luck_key(tx)
+        place = self._line.stream_key(tx)
         name = self._names.get(place)
         if name is None:
-            name = self._names[place] = self._line.luck_name(tx)
+            name = self._names[place] = self._line.stream_name(tx)
         bits, bit = len(tx.chars) * tx.timing.format.bits, tx.timing.bit
         for noise in self._noises:
-            if noise.seat is not None and (noise.seat == sender.seat) is noise.receiver:
+            if noise.position is not None and (noise.position == sender.position) is noise.receiver:
                 continue  # sent by others (tx), or sent by the receiver itself (rx)
             hit = noise.process.inverted(tx.start, bits, bit, name)
             if hit:
-                tx.invert(noise.seat if noise.receiver else None, hit)
+                tx.invert(noise.position if noise.receiver else None, hit)
 
     def _apply(self, fault: FrameFault, tx: Transmission) -> None:
-        sender = tx.sender.seat
-        if (fault.seat == sender) is fault.receiver:
+        sender = tx.sender.position
+        if (fault.position == sender) is fault.receiver:
             return
         if fault.receiver:
-            port = self._line.ports[fault.seat]
+            port = self._line.ports[fault.position]
             if port.engine is None or port.driving or not self._line.connected(port, tx.sender):
                 return
         if fault.frame is not None and fault.frame != self._line.kind_name(tx):
             return
         if fault.action == "flip":
             inside = tuple(bit for bit in fault.bits if bit < len(tx.chars) * tx.timing.format.bits)
-            tx.invert(fault.seat if fault.receiver else None, inside)
+            tx.invert(fault.position if fault.receiver else None, inside)
         else:
             self._recount(fault, tx)
         self._used(fault)
@@ -171,7 +171,7 @@ class Disturber:
             values = 1 << tx.timing.format.data_bits
             value = fault.value if fault.value is not None else int(next(fault.draws) * values)
         if fault.receiver:
-            tx.miscount(fault.seat, index, value)
+            tx.miscount(fault.position, index, value)
         elif value is None:
             tx.set_chars(tx.chars[:index] + tx.chars[index + 1 :])
         else:

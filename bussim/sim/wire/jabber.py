@@ -29,7 +29,7 @@ class Jabber:
             return
         port.line.cut(port, now)
         port.jabbering = True
-        port.line.audience_changed()
+        port.line.listeners_changed()
         self._send(now, first=True)
 
     def _send(self, now: int, *, first: bool) -> None:
@@ -53,6 +53,6 @@ class Jabber:
         self._timer.cancel()
         self._tx = None
         port.jabbering = False
-        port.line.audience_changed()
+        port.line.listeners_changed()
         port.line.cut_transmission(tx, now)
         port.line.join_midway(port, now)

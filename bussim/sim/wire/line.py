@@ -51,9 +51,9 @@ class Line:
         #: Drivers that are on: frames, jabber, and tails of late release.
         self.drivers = 0
         self._busy_since = 0
-        self._audiences: dict[int, Audience] = {}
+        self._listeners_by_position: dict[int, Audience] = {}
         self._segments: list[int] = []
-        self._open_ears = 0
+        self._open_receivers = 0
         #: Ticks during which some driver was on; frames; frames begun while another driver was on;
         #: transmissions that some receiver took for another frame.
         self.busy = 0
@@ -61,22 +61,22 @@ class Line:
         self.collisions = 0
         self.undetected_frames = 0
 
-    def seat(self, nodes: Sequence[Node]) -> None:
-        """Seat the nodes, in cable order."""
+    def position(self, nodes: Sequence[Node]) -> None:
+        """LinkAttachment the nodes, in cable order."""
         self.ports = nodes
         self._segments = [0] * len(nodes)
 
     def connected(self, one: Node, other: Node) -> bool:
         """Whether the cable between two nodes is whole."""
-        return self._segments[one.seat] == self._segments[other.seat]
+        return self._segments[one.position] == self._segments[other.position]
 
     # -- what a protocol's line says of its frames --------------------------------------------------
 
-    def luck_key(self, tx: Transmission) -> Hashable:
+    def stream_key(self, tx: Transmission) -> Hashable:
         """Frames with equal keys draw their noise from one stream; cheap."""
         raise NotImplementedError
 
-    def luck_name(self, tx: Transmission) -> str:
+    def stream_name(self, tx: Transmission) -> str:
         """The name of that stream: who sends what to whom."""
         raise NotImplementedError
 
@@ -110,11 +110,11 @@ class Line:
     @property
     def plain(self) -> bool:
         """Whether nothing can touch a frame, all hear whole ones, and nobody wants a record of each."""
-        return not (self.disturber.active or self.sink.traced or self._open_ears)
+        return not (self.disturber.active or self.sink.traced or self._open_receivers)
 
-    def audience_changed(self) -> None:
+    def listeners_changed(self) -> None:
         """Some node listens otherwise than before."""
-        self._audiences.clear()
+        self._listeners_by_position.clear()
 
     def listens_alone(self, port: Node) -> None:
         """A node is going to listen for itself."""
@@ -122,19 +122,19 @@ class Line:
     def _all_listen_alone(self) -> None:
         """Every node listens for itself from now on, also to what is on the line."""
 
-    def ear_opened(self) -> None:
+    def receiver_opened(self) -> None:
         """A node begins to listen character by character."""
-        self._open_ears += 1
-        self.audience_changed()
+        self._open_receivers += 1
+        self.listeners_changed()
 
-    def ear_closed(self) -> None:
+    def receiver_closed(self) -> None:
         """A node is told of whole frames again."""
-        self._open_ears -= 1
-        self.audience_changed()
+        self._open_receivers -= 1
+        self.listeners_changed()
 
-    def audience(self, sender: Node) -> Audience:
+    def listeners_of(self, sender: Node) -> Audience:
         """Who hears a frame on a line without other drivers: whole, or character by character."""
-        found = self._audiences.get(sender.seat)
+        found = self._listeners_by_position.get(sender.position)
         if found is None:
             whole: list[tuple[Node, Hear]] = []
             single: list[Node] = []
@@ -145,12 +145,12 @@ class Line:
                     continue
                 if port in members:
                     continue
-                if port.nominal and sender.nominal and not port.ear.is_open and port.understands(sender):
+                if port.nominal and sender.nominal and not port.receiver.is_open and port.understands(sender):
                     whole.append((port, engine.receive_frame))
                 else:
                     single.append(port)
-            together = len(members) - (sender in members)
-            found = self._audiences[sender.seat] = (tuple(whole), tuple(single), together)
+            shared = len(members) - (sender in members)
+            found = self._listeners_by_position[sender.position] = (tuple(whole), tuple(single), shared)
         return found
 
     # -- sending -----------------------------------------------------------------------------------
@@ -167,7 +167,9 @@ class Line:
             return tx
         # The ordinary case: an undamaged frame on a quiet line.
         self._busy_since = now
-        tx.listeners, single, tx.together = self._audiences.get(port.seat) or self.audience(port)
+        tx.listeners, single, tx.shared = self._listeners_by_position.get(port.position) or self.listeners_of(
+            port
+        )
         if single:
             self._spell_out(tx, single, now)
         self._air.append(tx)
@@ -189,7 +191,7 @@ class Line:
         if first:
             for other in self._air:
                 other.drop(port)
-            port.ear.close()
+            port.receiver.close()
         self._drive(tx, now, counted=first)
         return tx
 
@@ -202,7 +204,7 @@ class Line:
 
     def reply_vanishes(self, port: Node, now: int) -> bool:
         """Whether a reply that is to begin now is never sent."""
-        return self.disturber.reply_vanishes(port.seat, now)
+        return self.disturber.reply_vanishes(port.position, now)
 
     def _drive(self, tx: Transmission, now: int, *, counted: bool = True) -> None:
         sender = tx.sender
@@ -211,13 +213,13 @@ class Line:
             self._crowd(tx, now, counted=counted)
         else:
             self._busy_since = now
-            whole, single, _ = self.audience(sender)
-            if tx.spoilt:
+            whole, single, _ = self.listeners_of(sender)
+            if tx.corrupted:
                 self._spell_out(tx, [port for port, _ in whole], now)
             else:
                 hit = {*(tx.rx_flips or ()), *(tx.rx_chars or ())}
-                tx.listeners = tuple(pair for pair in whole if pair[0].seat not in hit)
-                self._spell_out(tx, [port for port, _ in whole if port.seat in hit], now)
+                tx.listeners = tuple(pair for pair in whole if pair[0].position not in hit)
+                self._spell_out(tx, [port for port, _ in whole if port.position in hit], now)
             if single:
                 self._spell_out(tx, single, now)
         self._air.append(tx)
@@ -226,9 +228,9 @@ class Line:
     def _spell_out(self, tx: Transmission, ports: Iterable[Node], now: int) -> None:
         """These nodes hear a transmission that begins now character by character."""
         for port in ports:
-            port.ear.open(now)
-            port.ear.hear(tx, now)
-            port.ear.replan(now)
+            port.receiver.open(now)
+            port.receiver.hear(tx, now)
+            port.receiver.replan(now)
 
     def _crowd(self, tx: Transmission, now: int, *, counted: bool) -> None:
         """A driver is switched on while others are on."""
@@ -253,19 +255,19 @@ class Line:
         ]
         for port in hearers:
             self._open_up(port, now)
-            port.ear.hear(tx, now)
-            port.ear.replan(now)
+            port.receiver.hear(tx, now)
+            port.receiver.replan(now)
 
     def _open_up(self, port: Node, now: int) -> None:
         """A node that was to be told of whole frames hears them character by character after all."""
         heard = [other for other in self._air if other.drop(port)]
         if not heard:
-            port.ear.open(now)
+            port.receiver.open(now)
             return
-        port.ear.open(min(other.start for other in heard))
+        port.receiver.open(min(other.start for other in heard))
         for other in heard:
-            port.ear.hear(other, other.start)
-        port.ear.replan(now)
+            port.receiver.hear(other, other.start)
+        port.receiver.replan(now)
 
     def hear_so_far(self, port: Node, now: int) -> None:
         """A node is told now what it has heard of a frame that it was to be told of at its end."""
@@ -276,7 +278,7 @@ class Line:
         """A frame's last stop bit has left."""
         if tx.silent or tx.cut:
             # Its driver was not on (or not to the end), but it was deaf as if it had been.
-            self.audience_changed()
+            self.listeners_changed()
             self.join_midway(port, now)
             return
         self._air.remove(tx)
@@ -292,10 +294,10 @@ class Line:
             self._deliver(frame, tx, now)
         if self.sink.traced:
             self._record(tx)
-        if self._open_ears:
+        if self._open_receivers:
             for other in self.ports:
-                if other.ear.is_open:
-                    other.ear.settle()
+                if other.receiver.is_open:
+                    other.receiver.settle()
 
     def accepted(
         self,
@@ -340,15 +342,15 @@ class Line:
         hearers = [port for port, _ in tx.listeners]
         tx.listeners = ()
         for port in hearers:
-            port.ear.open(tx.start)
-            port.ear.hear(tx, tx.start)
+            port.receiver.open(tx.start)
+            port.receiver.hear(tx, tx.start)
         self._air.remove(tx)
         self._count_driver_off(now)
-        self.audience_changed()
+        self.listeners_changed()
         for port in self.ports:
-            if port.ear.is_open:
-                port.ear.replan(now)
-                port.ear.settle()
+            if port.receiver.is_open:
+                port.receiver.replan(now)
+                port.receiver.settle()
         if self.sink.traced:
             self._record(tx)
 
@@ -372,24 +374,24 @@ class Line:
             return
         for tx in self._air:
             if tx.sender is not port and self.connected(tx.sender, port):
-                port.ear.open(now)
-                port.ear.hear(tx, now)
-        if port.ear.is_open:
-            port.ear.replan(now)
+                port.receiver.open(now)
+                port.receiver.hear(tx, now)
+        if port.receiver.is_open:
+            port.receiver.replan(now)
 
     def relisten(self, port: Node, timing: LineTiming, now: int) -> None:
         """A node's receiver starts anew, with another timing, in the middle of whatever is on the line."""
         self.listens_alone(port)
         if any(listener is port for tx in self._air for listener, _ in tx.listeners):
             self._open_up(port, now)  # the characters so far were heard
-        half_heard = port.ear.half_heard
-        port.ear.close()
-        port.ear.set_timing(timing)
+        half_heard = port.receiver.half_heard
+        port.receiver.close()
+        port.receiver.set_timing(timing)
         self.join_midway(port, now)
         if half_heard:
-            port.ear.hold(now)  # the engine's reader still waits for the line's quiet
+            port.receiver.hold(now)  # the engine's reader still waits for the line's quiet
 
-    def retire(self, port: Node) -> None:
+    def detach(self, port: Node) -> None:
         """A node's engine is about to stop: it hears nothing more."""
         self.listens_alone(port)
         for tx in self._air:
@@ -404,9 +406,9 @@ class Line:
         broken = set(cuts)
         after: list[int] = []
         segment = 0
-        for seat in range(len(self.ports)):
+        for position in range(len(self.ports)):
             after.append(segment)
-            segment += seat in broken
+            segment += position in broken
         affected = [
             (tx, port)
             for tx in self._air
@@ -414,21 +416,22 @@ class Line:
             if port.engine is not None
             and port is not tx.sender
             and not port.driving
-            and (before[port.seat] == before[tx.sender.seat]) != (after[port.seat] == after[tx.sender.seat])
+            and (before[port.position] == before[tx.sender.position])
+            != (after[port.position] == after[tx.sender.position])
         ]
         for tx, port in affected:
-            gained = after[port.seat] == after[tx.sender.seat]
+            gained = after[port.position] == after[tx.sender.position]
             self._open_up(port, now)
             if gained:
-                port.ear.hear(tx, now)
+                port.receiver.hear(tx, now)
             else:
-                port.ear.unhear(tx, now)
+                port.receiver.unhear(tx, now)
         self._segments = after
         for _, port in affected:
-            if port.ear.is_open:
-                port.ear.replan(now)
-                port.ear.settle()
-        self.audience_changed()
+            if port.receiver.is_open:
+                port.receiver.replan(now)
+                port.receiver.settle()
+        self.listeners_changed()
 
     def close(self, now: int) -> None:
         """The run is over (for now): count a driver that is still on."""
@@ -452,7 +455,9 @@ class Line:
                 counter=counter,
                 chars=tx.chars,
                 damaged_bits=tx.flips,
-                damaged_at={self.ports[seat].name: bits for seat, bits in (tx.rx_flips or {}).items()},
+                damaged_at={
+                    self.ports[position].name: bits for position, bits in (tx.rx_flips or {}).items()
+                },
                 collided=tx.collided,
                 cut=tx.cut,
                 protocol=self.protocol_of(tx.sender),

@@ -1,4 +1,4 @@
-"""One seat of a line: it runs a protocol engine in simulated time.
+"""One position of a line: it runs a protocol engine in simulated time.
 
 A node keeps its engine's appointments: deadlines, and frames at their start and end. It is also where
 a station's own faults sit. What is peculiar to a protocol stands in its subclasses.
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, Transmit
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import DEADLINES, HEARING, SENDING, Kernel
-from bussim.sim.wire.receiver import Ear
+from bussim.sim.wire.receiver import Receiver
 from bussim.sim.wire.transmission import Transmission
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ _ONLY_TRANSMIT = TRANSMIT | STORED
 
 
 class Node:
-    """One seat. ``seat`` is its place in cable order, from 0; ``name`` is unique in the scenario."""
+    """One position. ``position`` is its place in cable order, from 0; ``name`` is unique in the scenario."""
 
     __slots__ = (
         "_deadline_timer",
@@ -34,7 +34,6 @@ class Node:
         "_release_timer",
         "_sequence",
         "_start_timer",
-        "ear",
         "engine",
         "extra_turnaround",
         "home_timing",
@@ -44,17 +43,18 @@ class Node:
         "name",
         "nominal",
         "pending",
-        "seat",
+        "position",
+        "receiver",
         "sending",
         "tail",
         "timing",
         "timing_faults",
     )
 
-    def __init__(self, name: str, line: Line, seat: int, kernel: Kernel) -> None:
+    def __init__(self, name: str, line: Line, position: int, kernel: Kernel) -> None:
         self.name = name
         self.line = line
-        self.seat = seat
+        self.position = position
         self._kernel = kernel
         #: Rate, format and clock as the node is set, and as they are now with its faults.
         self.home_timing = line.timing
@@ -65,7 +65,7 @@ class Node:
         self.nominal = True
         #: None unless the node is switched on and its engine runs. Its frames are its own protocol's.
         self.engine: Any = None
-        self.ear = Ear(self, kernel, self.timing)
+        self.receiver = Receiver(self, kernel, self.timing)
         #: The frame that it is sending, if its driver is on for one.
         self.sending: Transmission | None = None
         #: Its driver is still on after a frame (late release).
@@ -115,14 +115,14 @@ class Node:
         """STOP or power-off: silent and deaf at once; a frame on the wire is cut at this tick."""
         engine = self.engine
         if engine is not None:
-            self.line.retire(self)
+            self.line.detach(self)
             engine.stop(now)
             self.drain(now)
         self.engine = None
         self.pending.clear()
         self._start_timer.cancel()
         self._deadline_timer.cancel()
-        self.ear.close()
+        self.receiver.close()
         if self.sending is not None:
             self._end_timer.cancel()
             self.line.cut(self, now)
@@ -131,7 +131,7 @@ class Node:
             self._release_timer.cancel()
             self.tail = False
             self.line.driver_off(self, now)
-        self.line.audience_changed()
+        self.line.listeners_changed()
 
     def retime(self, now: int) -> None:
         """Send and receive as it is set, with the faults that are on: the latest format, clock errors added.
@@ -146,7 +146,7 @@ class Node:
         self.timing = timing
         self.nominal = timing == self.line.timing
         self.line.relisten(self, timing, now)
-        self.line.audience_changed()
+        self.line.listeners_changed()
 
     # -- the engine's wishes -----------------------------------------------------------------------
 
@@ -157,27 +157,27 @@ class Node:
             return
         if hints | STORED == _ONLY_TRANSMIT and engine.due >= 0:
             at, engine.due = engine.due, -1
-            self.appoint(at, engine.due_counter)
+            self.schedule(at, engine.due_counter)
             return
         if hints & OPEN:
-            self.ear.hold(now)
+            self.receiver.hold(now)
         if hints & EVENTS:
             self.drain(now)
         if hints & TRANSMIT and engine.due >= 0:
             at, engine.due = engine.due, -1
-            self.appoint(at, engine.due_counter)
+            self.schedule(at, engine.due_counter)
         if hints & DEADLINE:
             self.watch()
 
     def drain(self, now: int) -> None:
-        """Report the engine's events; a transmission among them is appointed."""
+        """Report the engine's events; a transmission among them is scheduled."""
         engine = self.engine
         while engine is not None:
             item = engine.poll()
             if item is None:
                 return
             if isinstance(item, Transmit):
-                self.appoint(item.at, item.counter)
+                self.schedule(item.at, item.counter)
             else:
                 self.report(item, now)
                 engine = self.engine
@@ -211,7 +211,7 @@ class Node:
 
     # -- sending -----------------------------------------------------------------------------------
 
-    def appoint(self, at: int, counter: int) -> None:
+    def schedule(self, at: int, counter: int) -> None:
         """A frame is to be sent from ``at`` on."""
         pending = self.pending
         now = self._kernel.now
@@ -231,8 +231,8 @@ class Node:
     def _begin(self, frame: Any, now: int) -> None:
         """The driver is switched on for a frame."""
         line = self.line
-        if self.ear.is_open:
-            self.ear.close()
+        if self.receiver.is_open:
+            self.receiver.close()
         if self.tail:
             self._release_timer.cancel()
             self.tail = False

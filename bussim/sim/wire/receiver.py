@@ -1,6 +1,6 @@
 """A port's receiver at times when the line is not clean: the real UART, character by character.
 
-As long as whole undamaged frames follow each other, a port is told of frames. An ear opens when that
+As long as whole undamaged frames follow each other, a port is told of frames. An receiver opens when that
 does not hold for a port: damage, a collision, a frame that began before it listened, a wrong format.
 It then watches the line's level, and closes when the line is quiet and nothing is half heard.
 """
@@ -32,7 +32,7 @@ class _Piece:
         self.until: int | None = None
 
 
-class Ear:
+class Receiver:
     """The receiver of one node. ``is_open`` tells whether it listens character by character."""
 
     __slots__ = (
@@ -101,8 +101,8 @@ class Ear:
             self._quiet_timer.cancel()
         self.settle()
 
-    def hush(self, now: int) -> None:
-        """The line has been quiet for long enough, as somebody knows who hears more than this ear."""
+    def line_quiet(self, now: int) -> None:
+        """The line has been quiet for long enough, as somebody knows who hears more than this receiver."""
         self._half_heard = False
         self._quiet_timer.cancel()
         self._tell_quiet(now)
@@ -117,7 +117,7 @@ class Ear:
             self._ready = ready
             self._half_heard = False
             self._pieces.clear()
-            self._port.line.ear_opened()
+            self._port.line.receiver_opened()
 
     def hold(self, now: int) -> None:
         """A whole frame left the engine's reader half open: watch for the line's quiet."""
@@ -144,7 +144,7 @@ class Ear:
         if len(pieces) > 1:
             pieces[:] = [p for p in pieces if (p.tx.end if p.until is None else p.until) > ready]
         self._wave = Wave(
-            clip(piece.tx.lows(self._port.seat), piece.since, self._until(piece)) for piece in pieces
+            clip(piece.tx.lows(self._port.position), piece.since, self._until(piece)) for piece in pieces
         )
         self._plan()
         while self._next is not None and self._next.end <= now and self.is_open:
@@ -202,7 +202,7 @@ class Ear:
         """The character as the port's software gets it: a receiver fault may lose or add one."""
         heard = [RxChar(char.value, char.parity_ok, char.stop_ok)]
         tx = self._pieces[-1].tx if self._pieces else None
-        fault = tx.rx_chars.get(self._port.seat) if tx is not None and tx.rx_chars else None
+        fault = tx.rx_chars.get(self._port.position) if tx is not None and tx.rx_chars else None
         if tx is None or fault is None:
             return heard
         index, value = fault
@@ -266,4 +266,4 @@ class Ear:
             self._half_heard = False
             self._char_timer.cancel()
             self._quiet_timer.cancel()
-            self._port.line.ear_closed()
+            self._port.line.receiver_closed()

@@ -32,15 +32,15 @@ class Transmission:
 
     # What most frames never change stands here, not in each of them.
     flips: Bits = ()  # bits inverted for everybody
-    rx_flips: dict[int, Bits] | None = None  # bits inverted for one seat only
-    # Characters that one seat's receiver loses (value None) or adds: (place, value).
+    rx_flips: dict[int, Bits] | None = None  # bits inverted for one position only
+    # Characters that one position's receiver loses (value None) or adds: (place, value).
     rx_chars: dict[int, tuple[int, int | None]] | None = None
     damaged = False  # something above is set, or ``chars`` are not the frame's
     collided = False
     cut = False
     silent = False  # nothing of it reaches the wire
     believed = False  # some receiver took it for another frame
-    together = 0  # how many more hear it together, in the bus's gallery
+    shared = 0  # how many more hear it together, in the bus's shared listener
     listeners: tuple[tuple[Node, Callable[[Any, int, int], int]], ...] = ()
     _lows: dict[Bits, list[Interval]] | None = None
 
@@ -63,26 +63,26 @@ class Transmission:
         self.end = self.start + timing.bits(len(chars) * timing.format.bits)
 
     @property
-    def spoilt(self) -> bool:
+    def corrupted(self) -> bool:
         """Whether what reaches the wire is not the frame: for everybody."""
         return bool(self.flips) or self.frame is None or self.chars is not self.frame.chars
 
-    def invert(self, seat: int | None, bits: Bits) -> None:
-        """Turn bits round: for everybody (None) or in one seat's receiver."""
+    def invert(self, position: int | None, bits: Bits) -> None:
+        """Turn bits round: for everybody (None) or in one position's receiver."""
         self.damaged = True
-        if seat is None:
+        if position is None:
             self.flips = tuple(sorted(set(self.flips) ^ set(bits)))
             return
         if self.rx_flips is None:
             self.rx_flips = {}
-        self.rx_flips[seat] = tuple(sorted(set(self.rx_flips.get(seat, ())) ^ set(bits)))
+        self.rx_flips[position] = tuple(sorted(set(self.rx_flips.get(position, ())) ^ set(bits)))
 
-    def miscount(self, seat: int, index: int, value: int | None) -> None:
-        """One seat's receiver loses the character at a place (value None), or adds one before it."""
+    def miscount(self, position: int, index: int, value: int | None) -> None:
+        """One position's receiver loses the character at a place (value None), or adds one before it."""
         self.damaged = True
         if self.rx_chars is None:
             self.rx_chars = {}
-        self.rx_chars[seat] = (index, value)
+        self.rx_chars[position] = (index, value)
 
     def drop(self, port: Node) -> bool:
         """A port does not hear this as a whole frame after all; returns whether it would have."""
@@ -92,11 +92,11 @@ class Transmission:
                 return True
         return False
 
-    def lows(self, seat: int) -> list[Interval]:
-        """Where a seat's receiver sees the line pulled low by this transmission, the cut left out."""
+    def lows(self, position: int) -> list[Interval]:
+        """Where a position's receiver sees the line pulled low by this transmission, the cut left out."""
         flips = self.flips
         if self.rx_flips is not None:
-            own = self.rx_flips.get(seat)
+            own = self.rx_flips.get(position)
             if own:
                 # A bit inverted on the wire and again in the receiver is right once more.
                 flips = tuple(sorted(set(flips) ^ set(own)))

@@ -14,7 +14,7 @@ from tests.engines.wire import (
     POLL_TICKS,
     TIMEOUT_UNIT,
     TURNAROUND,
-    Seat,
+    LinkAttachment,
     Tx,
     Wire,
     master_seat,
@@ -76,7 +76,7 @@ def spoil(
     """
     before, seen = wire.spoil, []
 
-    def hook(tx: Tx, seat: Seat) -> Collection[int]:
+    def hook(tx: Tx, seat: LinkAttachment) -> Collection[int]:
         frame = tx.frame
         if frame is None or (frame.kind, frame.station, frame.counter) != (kind, station, SCAN):
             return before(tx, seat)
@@ -95,7 +95,7 @@ def in_attempt(
     poll = encode_poll(station, SCAN).chars
     before = wire.spoil
 
-    def hook(tx: Tx, seat: Seat) -> Collection[int]:
+    def hook(tx: Tx, seat: LinkAttachment) -> Collection[int]:
         if tx.chars == poll and tx.frame is not None and tx not in done:
             if len(done) in attempts:
                 wire.inject(tx.end + after, chars)
@@ -106,7 +106,7 @@ def in_attempt(
     wire.spoil = hook
 
 
-def noted(seat: Seat) -> Entries:
+def noted(seat: LinkAttachment) -> Entries:
     status = seat.engine.status
     return {
         station: (count, code)
@@ -115,7 +115,7 @@ def noted(seat: Seat) -> Entries:
     }
 
 
-def slave_of(seat: Seat) -> Slave:
+def slave_of(seat: LinkAttachment) -> Slave:
     assert isinstance(seat.engine, Slave)
     return seat.engine
 
@@ -124,10 +124,10 @@ def scans(wire: Wire) -> list[ScanEnded]:
     return [event for event in wire.seats[0].events if isinstance(event, ScanEnded)]
 
 
-def of(seat: Seat, kind: type) -> list[object]:
+def of(seat: LinkAttachment, kind: type) -> list[object]:
     return [event for event in seat.events if type(event) is kind]
 
 
-def silence(seat: Seat, *, on: bool) -> None:
+def silence(seat: LinkAttachment, *, on: bool) -> None:
     """All its replies are lost, or none."""
     seat.vanishes = lambda _reply: on

@@ -31,7 +31,7 @@ from tests.engines.wire import (
     CHAR,
     MS,
     TURNAROUND,
-    Seat,
+    LinkAttachment,
     Tx,
     Wire,
 )
@@ -73,7 +73,7 @@ def next_data_frame(wire: Wire, bit: int) -> None:
     """The data frame that follows the disturbed scan is damaged."""
     before = wire.spoil
 
-    def hook(tx: Tx, seat: Seat) -> Collection[int]:
+    def hook(tx: Tx, seat: LinkAttachment) -> Collection[int]:
         frame = tx.frame
         if frame is not None and (frame.kind, frame.station, frame.counter) == (DATA, 0, SCAN + 1):
             return [bit]

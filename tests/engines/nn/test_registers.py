@@ -33,7 +33,7 @@ from tests.engines.wire import (
     PARAMETERS_TICKS,
     POLL_TICKS,
     TURNAROUND,
-    Seat,
+    LinkAttachment,
     Tx,
     Wire,
     master_seat,
@@ -278,7 +278,7 @@ def test_a_slave_does_not_measure_over_a_data_frame_that_it_missed(whole: bool) 
     assert noted(slave) == {0: (1, 0x14)}
 
 
-def _missed(tx: Tx, seat: Seat) -> list[int]:
+def _missed(tx: Tx, seat: LinkAttachment) -> list[int]:
     frame = tx.frame
     meant = frame is not None and (frame.kind, frame.station, frame.counter) == (DATA, 0, 2)
     return [HEADER] if meant and seat.name != "master" else []

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bussim.engines.nn.events import ScanEnded
 from bussim.engines.nn.frames import DATA
 from bussim.engines.nn.master import Master
-from tests.engines.wire import CHAR, GAP, MS, TURNAROUND, Seat, Tx, Wire, master_seat, slave_seat
+from tests.engines.wire import CHAR, GAP, MS, TURNAROUND, LinkAttachment, Tx, Wire, master_seat, slave_seat
 
 SLAVES, SCANS = 3, 6
 #: At most three bits: fewer than it takes for one frame to become another (see test_patterns).
@@ -53,7 +53,7 @@ def run(plan: dict[str, object], *, whole: bool) -> Wire:
     seats += [slave_seat(k, *slow[k], on_edge=on_edge) for k in range(1, SLAVES + 1)]
     wire = Wire(*seats, whole=whole)
 
-    def spoil(tx: Tx, seat: Seat) -> Collection[int]:
+    def spoil(tx: Tx, seat: LinkAttachment) -> Collection[int]:
         who, bits = damaged.get(wire.sent.index(tx), ("nobody", ()))
         return bits if who in (None, seat.name) else ()
 

@@ -104,11 +104,11 @@ def test_turnaround_gap_and_overhead_are_found(seed: int) -> None:
     known, found = parameters(seed), fitted(seed)
     for (mean, jitter), station in zip(known["turnaround"], found.stations, strict=True):
         assert station.turnaround is not None
-        assert station.law is not None
+        assert station.distribution is not None
         assert station.turnaround.value == pytest.approx(mean * TICKS_PER_MS, rel=0.02)
-        assert station.law.mean == pytest.approx(mean * TICKS_PER_MS, rel=0.02)
-        assert station.law.jitter == pytest.approx(jitter * TICKS_PER_MS, rel=0.05)
-        assert station.law.values == ()
+        assert station.distribution.mean == pytest.approx(mean * TICKS_PER_MS, rel=0.02)
+        assert station.distribution.jitter == pytest.approx(jitter * TICKS_PER_MS, rel=0.05)
+        assert station.distribution.values == ()
     assert found.master_gap is not None
     assert found.scan_overhead is not None
     assert found.master_gap.value == parse_time(f"{known['gap']} ms")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bussim.live.fit.statistics import (
     against_uniform,
-    beta_law,
+    beta_distribution,
     bit_error_rate,
     compare,
     mean,
@@ -24,7 +24,9 @@ from bussim.live.fit.statistics import (
 @settings(max_examples=60)
 @given(st.floats(1e-6, 1 - 1e-6), st.integers(1, 3000), st.integers(1, 3000))
 def test_incomplete_beta_is_mpmaths(x: float, a: int, b: int) -> None:
-    assert beta_law(x, a, b) == pytest.approx(float(mpmath.betainc(a, b, 0, x, regularized=True)), abs=1e-9)
+    assert beta_distribution(x, a, b) == pytest.approx(
+        float(mpmath.betainc(a, b, 0, x, regularized=True)), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize(("hits", "trials"), [(0, 20), (1, 10), (7, 50), (50, 50), (13, 4000)])
@@ -93,7 +95,7 @@ def test_without_damage_the_rate_is_bounded_and_without_frames_unknown() -> None
 
 
 def test_kolmogorov_smirnov_is_uniform_under_its_own_law() -> None:
-    """p is uniform if both samples are of one law: no more than a tenth lie below a tenth."""
+    """p is uniform if both samples are of one distribution: no more than a tenth lie below a tenth."""
     rng = random.Random(8)
     below = sum(
         compare([rng.random() for _ in range(80)], [rng.random() for _ in range(120)]).p < 0.1

@@ -71,10 +71,10 @@ def test_pcapng_with_a_few_bytes_changed(blocks: list[bytes], data: st.DataObjec
 def test_raw_bytes(lines: list[str]) -> None:
     before = 0
     try:
-        for lump in read_raw(lines, "x"):
-            assert lump.data
-            assert lump.tick >= before
-            before = lump.tick
+        for chunk in read_raw(lines, "x"):
+            assert chunk.data
+            assert chunk.tick >= before
+            before = chunk.tick
     except UsageError as error:
         assert str(error).startswith("x:")
 
@@ -123,7 +123,7 @@ def test_any_file(data: bytes, head: bytes) -> None:
             pass
 
 
-lumps = st.lists(
+chunks = st.lists(
     st.tuples(
         st.one_of(
             st.binary(max_size=40),
@@ -142,7 +142,7 @@ lumps = st.lists(
 
 
 @some
-@given(lumps, st.sampled_from([None, *Protocol]), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
+@given(chunks, st.sampled_from([None, *Protocol]), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
 def test_every_character_is_told_once_and_in_order(
     pieces: list[tuple[bytes, int]], protocol: Protocol | None, tolerance: int, flawed: bool
 ) -> None:
@@ -152,7 +152,7 @@ def test_every_character_is_told_once_and_in_order(
     for place, (data, wait) in enumerate(pieces):
         now += NN_LINE.characters(len(data)) + wait
         if data:
-            chars = arrivals.lump(data, now)
+            chars = arrivals.chunk(data, now)
             if flawed and place % 3 == 0:
                 chars = [(RxChar(char.value, False, True), start, end) for char, start, end in chars]
             heard += recogniser.chars(chars)
@@ -166,7 +166,7 @@ def test_every_character_is_told_once_and_in_order(
 
 
 @some
-@given(lumps)
+@given(chunks)
 def test_a_listener_never_fails(pieces: list[tuple[bytes, int]]) -> None:
     for protocol in (None, *Protocol):
         arrivals, now = Arrivals(LINE), 0
@@ -174,7 +174,7 @@ def test_a_listener_never_fails(pieces: list[tuple[bytes, int]]) -> None:
         for data, wait in pieces:
             now += LINE.characters(len(data)) + wait
             if data:
-                listener.chars(arrivals.lump(data, now))
+                listener.chars(arrivals.chunk(data, now))
             listener.idle(now)
         listener.close()
         listener.totals(now)

@@ -24,9 +24,9 @@ from bussim.live.arrival import Arrivals, Timed
 from bussim.live.recordings.frames import heard_of
 from bussim.live.recordings.sources import placed
 from bussim.live.sniff.heard import Heard, Protocol
-from bussim.live.sniff.link import LinkWatcher
+from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
-from bussim.live.sniff.modbus import ModbusWatcher
+from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.results.meters.collector import Collector
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
@@ -87,7 +87,7 @@ def test_a_link_is_watched_as_the_master_reports_it(press_line: bussim.Result) -
 
 
 @pytest.mark.parametrize("lump", [1, 7, 100, 4000])
-def test_lumps_do_not_change_which_frames_are_heard(press_line: bussim.Result, lump: int) -> None:
+def test_lumps_do_not_change_which_frames_are_heard(press_line: bussim.Result, chunk: int) -> None:
     """As an adapter would hand them over: some characters at once, with its tolerance."""
     frames = [
         record
@@ -98,14 +98,14 @@ def test_lumps_do_not_change_which_frames_are_heard(press_line: bussim.Result, l
     sink = Noted()
     listener = Listener("link", NN_LINE, sink, tolerance=20 * TICKS_PER_MS)
     arrivals, heard, now = Arrivals(NN_LINE), [], 0
-    for at in range(0, len(raw), lump):
-        piece = raw[at : at + lump]
+    for at in range(0, len(raw), chunk):
+        piece = raw[at : at + chunk]
         now += NN_LINE.characters(len(piece))
-        heard += listener.chars(arrivals.lump(piece, now))
+        heard += listener.chars(arrivals.chunk(piece, now))
     heard += listener.close()
     assert [one.chars for one in heard] == [record.chars for record in frames]
     assert listener.protocol is Protocol.NN
-    assert isinstance(listener.watcher, LinkWatcher)
+    assert isinstance(listener.decoder, LinkDecoder)
 
 
 def exchanges(mode: Mode, seed: int, count: int = 60) -> tuple[list[tuple[bytes, bool]], list[str]]:
@@ -160,8 +160,8 @@ def test_modbus_requests_are_paired_with_what_answers_them(mode: Mode, seed: int
     waited = [r.answer_start - r.asked for r in sink.transactions if r.answer_start and r.asked]
     assert waited == pytest.approx(answers, abs=1)
     assert [frame.chars for frame in sink.frames] == [chars for chars, _ in frames]
-    assert isinstance(listener.watcher, ModbusWatcher)
-    assert listener.watcher.damaged == 0
+    assert isinstance(listener.decoder, ModbusDecoder)
+    assert listener.decoder.damaged == 0
     assert listener.totals(now).buses[0].frames == len(frames)
 
 

@@ -50,10 +50,10 @@ class Tap(Wire):
     def handle(self, engine: Any, hints: int) -> None:
         known = len(self.events)
         super().handle(engine, hints)
-        board = self._bench.board
-        if engine is board.engine:
+        port_registers = self._bench.port_registers
+        if engine is port_registers.engine:
             for _, item in self.events[known:]:
-                board.event(item, self.now)
+                port_registers.event(item, self.now)
         self._bench.appoint()
 
     def after_end(self, engine: Any, hints: int) -> None:
@@ -62,7 +62,7 @@ class Tap(Wire):
 
     def hear(self, chars: bytes | Sequence[RxChar], at: int) -> None:
         """Characters back to back for the port, from somewhere else, the first edge at a tick."""
-        engine = self._bench.board.engine
+        engine = self._bench.port_registers.engine
         ends = [at + self.timing.characters(number) for number in range(len(chars) + 1)]
         for number, value in enumerate(chars):
             char = value if isinstance(value, RxChar) else RxChar(value)
@@ -109,7 +109,7 @@ class Bench:
             maps=LxMap,
         )
         self.port = port
-        self.board = self.plc.boards[port]
+        self.port_registers = self.plc.port_registers[port]
         self.wire = Tap(line, self, whole=whole)
         self.told: list[PortEvent] = []
         self.ends: list[int] = []  # those that were carried out
@@ -122,14 +122,14 @@ class Bench:
         now = self.wire.now
         self.plc.run(now, traced=False)
         self._appointed = -1
-        if self.board.engine is not None:
-            self.wire.add(self.board.engine)
-            self.wire.handle(self.board.engine, self.board.engine.start(now))
+        if self.port_registers.engine is not None:
+            self.wire.add(self.port_registers.engine)
+            self.wire.handle(self.port_registers.engine, self.port_registers.engine.start(now))
         self.collect()
         self.appoint()
 
     def stop_plc(self) -> None:
-        engine = self.board.engine
+        engine = self.port_registers.engine
         self.plc.stop(self.wire.now)
         if engine is not None:
             self.wire.handle(engine, engine.stop(self.wire.now))
@@ -158,13 +158,13 @@ class Bench:
         if self._program is not None:
             self._program(self, at)
         hints = self.plc.end(at)
-        if self.board.engine is not None:
-            self.wire.after_end(self.board.engine, hints[self.port])
+        if self.port_registers.engine is not None:
+            self.wire.after_end(self.port_registers.engine, hints[self.port])
         self.collect()
         self.appoint()
 
     def collect(self) -> None:
-        while (item := self.board.poll()) is not None:
+        while (item := self.port_registers.poll()) is not None:
             self.told.append(item)
 
     def run(self, until: int) -> None:
@@ -174,7 +174,7 @@ class Bench:
 
     def requests(self) -> list[tuple[int, bytes]]:
         """(first edge, characters) of what the port has sent."""
-        return [(at, chars) for at, engine, chars in self.wire.sent if engine is self.board.engine]
+        return [(at, chars) for at, engine, chars in self.wire.sent if engine is self.port_registers.engine]
 
     def of(self, kind: type[PortEvent]) -> list[Any]:
         return [item for item in self.told if isinstance(item, kind)]

@@ -140,20 +140,20 @@ BAD_WORDS = [
 def test_what_bad_words_raise(port: str, code: int, protocol: str, words: dict[str, int]) -> None:
     number = {"registers": {"D8121": words["w1"]}} if port == "COM2" and "w1" in words else {}
     bench = Bench(port, protocol, [], **number, **words)
-    assert bench.board.engine is None
-    assert bench.board.settings is None
+    assert bench.port_registers.engine is None
+    assert bench.port_registers.settings is None
     assert bench.errors() == [7000 + 100 * int(port[3:]) + code]
     assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (1, bench.errors()[0])
     assert bench.plc.wanted_end(0) is None
     # Good words at the next STOP→RUN put it right.
     bench.stop_plc()
-    first = bench.board.spec.words.address
+    first = bench.port_registers.spec.words.address
     bench.plc.memory.set_word("D", first, 0)
     bench.plc.memory.set_word("D", first + 1, 5)
     bench.plc.memory.set_word("D", first + 6, 2)
     bench.plc.memory.set_word("D", 8121, 5)
     bench.run_plc()
-    assert bench.board.engine is not None
+    assert bench.port_registers.engine is not None
     assert bench.plc.read("M8063") == 0
 
 

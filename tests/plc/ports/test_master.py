@@ -312,10 +312,10 @@ def test_flags_of_an_outcome_stay_until_the_next() -> None:
     assert bench.bit(RUNNING) == 1  # executed in the scan that begins with RUN
     bench.run(45 * MS)
     assert (bench.bit(RUNNING), bench.bit(COMMUNICATION_ERROR), bench.bit(TIMED_OUT)) == (1, 0, 0)
-    assert bench.board.active
+    assert bench.port_registers.active
     bench.run(55 * MS)
     assert (bench.bit(RUNNING), bench.bit(COMMUNICATION_ERROR), bench.bit(TIMED_OUT)) == (0, 1, 1)
-    assert not bench.board.active
+    assert not bench.port_registers.active
     assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (1, 7409)
     bench.run(195 * MS)
     with_slave(bench)
@@ -332,7 +332,7 @@ def test_stop_forgets_the_transaction() -> None:
     with_slave(bench)
     bench.run(30 * MS)
     bench.stop_plc()
-    assert (bench.bit(RUNNING), bench.board.active, bench.board.engine) == (0, False, None)
+    assert (bench.bit(RUNNING), bench.port_registers.active, bench.port_registers.engine) == (0, False, None)
     bench.run(100 * MS)
     assert not bench.of(TransactionTaken)
     bench.run_plc()

@@ -17,7 +17,7 @@ from bussim.line.random_streams import Streams
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc
 from bussim.plc.ports.cpavl import default_places
-from bussim.plc.ports.port_registers import PortBoard
+from bussim.plc.ports.port_registers import PortRegisters
 from bussim.plc.ports.spec import PortSpec
 from bussim.plc.profiles import PROFILES
 from bussim.plc.sources import Counter
@@ -40,7 +40,7 @@ def test_a_request_waits_for_the_end_and_is_answered_there() -> None:
     answer = RTU.encode(1, bytes.fromhex("03 02 12 34")).chars
     assert bench.requests() == [(30 * MS, answer)]
     assert bench.ends[0] == 30 * MS
-    assert not bench.board.active
+    assert not bench.port_registers.active
 
 
 def test_the_scan_is_longer_until_the_reply_has_left() -> None:
@@ -105,7 +105,7 @@ def test_a_broadcast_is_carried_out_at_end_and_not_answered() -> None:
     bench.run(19 * MS)
     assert bench.plc.read("D1") == 0
     bench.run(100 * MS)
-    assert (bench.plc.read("D1"), bench.requests(), bench.board.active) == (0x4321, [], False)
+    assert (bench.plc.read("D1"), bench.requests(), bench.port_registers.active) == (0x4321, [], False)
 
 
 def test_stop_forgets_a_request() -> None:
@@ -140,8 +140,8 @@ def test_two_ports_share_the_plcs_scan_and_memory() -> None:
     plc.power_on()
     plc.run(0, traced=False)
     assert plc.longest_scan() == sum(plc.scan_under_link()) + 2 * PROFILES["pw10"].transaction_time
-    for name, board in plc.boards.items():
-        engine = board.engine
+    for name, port_registers in plc.port_registers.items():
+        engine = port_registers.engine
         engine.start(0)
         address = 1 if name == "COM3" else 2
         chars = RTU.encode(3, bytes((6, 0, address, 0, 9)))
@@ -155,9 +155,13 @@ def test_two_ports_share_the_plcs_scan_and_memory() -> None:
 
 def test_misuse() -> None:
     with pytest.raises(ValueError, match="20 words from D8250"):
-        PortBoard(PortSpec("COM3", "b", Device("D", 8250), default_places("COM3")[1]), [], PROFILES["pw10"])
+        PortRegisters(
+            PortSpec("COM3", "b", Device("D", 8250), default_places("COM3")[1]), [], PROFILES["pw10"]
+        )
     with pytest.raises(ValueError, match="20 bits from M3060"):
-        PortBoard(PortSpec("COM3", "b", default_places("COM3")[0], Device("M", 3060)), [], PROFILES["pw10"])
+        PortRegisters(
+            PortSpec("COM3", "b", default_places("COM3")[0], Device("M", 3060)), [], PROFILES["pw10"]
+        )
 
 
 def test_cpavl_moves_the_words_and_bits_from_the_next_run_on() -> None:
@@ -165,8 +169,8 @@ def test_cpavl_moves_the_words_and_bits_from_the_next_run_on() -> None:
     assert bench.plc.cpavl(3, Device("D", 0), Device("M", 0))
     assert not bench.plc.cpavl(4, Device("D", 0), Device("M", 0))
     assert not bench.plc.cpavl(3, Device("D", 8250), Device("M", 0))
-    assert isinstance(bench.board.engine, Slave)
+    assert isinstance(bench.port_registers.engine, Slave)
     bench.plc.memory.set_word("D", 6, 0x20)
     bench.stop_plc()
     bench.run_plc()
-    assert isinstance(bench.board.engine, Master)
+    assert isinstance(bench.port_registers.engine, Master)

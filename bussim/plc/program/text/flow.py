@@ -1,6 +1,6 @@
 """Where a program jumps: labels, CJ, CALL and SRET, FOR and NEXT, FEND and END.
 
-The checks, and the program cut into stretches that are carried out from their head to their end.
+The checks, and the program cut into blocks that are carried out from their head to their end.
 """
 
 from __future__ import annotations
@@ -102,12 +102,12 @@ class FlowCheck:
 
 
 @dataclass(slots=True)
-class Stretch:
+class BasicBlock:
     """Rungs that are carried out one after the other, and what then decides where to go on.
 
-    ``exit`` is None where the program goes on with the next stretch. ``target`` is the stretch that
+    ``exit`` is None where the program goes on with the next block. ``target`` is the block that
     the exit names: of a jump its label, of FOR what follows its NEXT, of NEXT what follows its FOR;
-    -1 is the end of the scan. ``instructions`` are all of the stretch's, for their times.
+    -1 is the end of the scan. ``instructions`` are all of the block's, for their times.
     """
 
     rungs: list[Rung | Control] = field(default_factory=list)
@@ -116,39 +116,39 @@ class Stretch:
     instructions: list[Instruction] = field(default_factory=list)
 
 
-def cut(items: list[Rung | Control], instructions: list[Instruction]) -> list[Stretch]:
-    """A checked program in stretches, in the order of its text. The first one begins the scan."""
-    stretches = [Stretch()]
+def cut(items: list[Rung | Control], instructions: list[Instruction]) -> list[BasicBlock]:
+    """A checked program in blocks, in the order of its text. The first one begins the scan."""
+    blocks = [BasicBlock()]
     labels: dict[int, int] = {END_LABEL: -1}
     loops: list[int] = []
-    opened: dict[int, int] = {}  # of each NEXT's stretch, its FOR's
-    cuts = []  # (number of the first instruction of the next stretch)
+    opened: dict[int, int] = {}  # of each NEXT's block, its FOR's
+    cuts = []  # (number of the first instruction of the next block)
     for item in items:
         if not isinstance(item, Control) or item.instruction.spec.name in ("MC", "MCR"):
-            stretches[-1].rungs.append(item)
+            blocks[-1].rungs.append(item)
             continue
         at = item.instruction
         name = at.spec.name
         if name == "P":
             cuts.append(at.number)
-            stretches.append(Stretch())
-            labels[at.operands[0].address] = len(stretches) - 1
+            blocks.append(BasicBlock())
+            labels[at.operands[0].address] = len(blocks) - 1
             continue
-        here = len(stretches) - 1
-        stretches[here].exit = item
+        here = len(blocks) - 1
+        blocks[here].exit = item
         if name == "FOR":
             loops.append(here)
         elif name == "NEXT":
             opened[here] = loops.pop()
         cuts.append(at.number + 1)
-        stretches.append(Stretch())
-    for stretch in stretches:
-        if stretch.exit is not None and stretch.exit.instruction.spec.name in ("CJ", "CALL"):
-            stretch.target = labels[stretch.exit.instruction.operands[0].address]
+        blocks.append(BasicBlock())
+    for block in blocks:
+        if block.exit is not None and block.exit.instruction.spec.name in ("CJ", "CALL"):
+            block.target = labels[block.exit.instruction.operands[0].address]
     for here, start in opened.items():
-        stretches[here].target = start + 1
-        stretches[start].target = here + 1
+        blocks[here].target = start + 1
+        blocks[start].target = here + 1
     bounds = [0, *cuts, len(instructions)]
-    for stretch, first, end in zip(stretches, bounds, bounds[1:], strict=False):
-        stretch.instructions = instructions[first:end]
-    return stretches
+    for block, first, end in zip(blocks, bounds, bounds[1:], strict=False):
+        block.instructions = instructions[first:end]
+    return blocks

@@ -72,7 +72,7 @@ class Rung:
 
 @dataclass(slots=True, eq=False)
 class Control:
-    """An instruction that ends or begins a stretch of the program: a jump, a label, FOR, END and the like."""
+    """An instruction that ends or begins a block of the program: a jump, a label, FOR, END and the like."""
 
     instruction: Instruction
     condition: Condition | None
