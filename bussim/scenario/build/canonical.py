@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from bussim.plc.link_registers import D_TIMEOUT, TIMEOUT_UNIT
 from bussim.plc.inputs import Times
-from bussim.scenario.schema.disturbances import FAULT_KINDS, FaultIn, NoiseIn
-from bussim.scenario.yaml.source_map import Path
-from bussim.scenario.resolve.port_configuration import written_keys
-from bussim.scenario.schema.programs import LatencyIn
-from bussim.scenario.schema.document import BusIn, DocumentIn, PlcIn
-from bussim.scenario.resolve.members import NN_KEYS, Member, device_name, line_of, raw_registers
+from bussim.plc.link_registers import D_TIMEOUT, TIMEOUT_UNIT
 from bussim.scenario.build.written import as_written, in_order
+from bussim.scenario.resolve.members import NN_KEYS, Member, device_name, line_of, raw_registers
+from bussim.scenario.resolve.port_configuration import written_keys
+from bussim.scenario.schema.disturbances import FAULT_KINDS, FaultIn, NoiseIn
+from bussim.scenario.schema.document import BusIn, DocumentIn, PlcIn
+from bussim.scenario.schema.programs import LatencyIn
+from bussim.scenario.yaml.source_map import Path
 from bussim.units import format_time
 
 if TYPE_CHECKING:

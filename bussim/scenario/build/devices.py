@@ -5,14 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.scripted import Message
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.registers import BY_NAME
-from bussim.devices.scripted import Message
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import FreeSpec, PollSpec
-from bussim.scenario.yaml.user_code import Code
+from bussim.scenario.model import (
+    BusDevice,
+    DeviceSettings,
+    FreeSettings,
+    HmiSettings,
+    LxSettings,
+    MapSettings,
+    Scan,
+    StepperSettings,
+    V80Settings,
+)
+from bussim.scenario.resolve.map_entries import entries, functions, stepper_profile
+from bussim.scenario.resolve.members import Member, raw_devices
+from bussim.scenario.resolve.port_configuration import FREE, own_line
 from bussim.scenario.rules.devices import SPACES, reference
 from bussim.scenario.schema.devices import (
     DeviceIn,
@@ -25,21 +38,8 @@ from bussim.scenario.schema.devices import (
     StepperIn,
     V80In,
 )
-from bussim.scenario.resolve.map_entries import entries, functions, stepper_profile
-from bussim.scenario.model import (
-    BusDevice,
-    DeviceSettings,
-    FreeSettings,
-    HmiSettings,
-    LxSettings,
-    MapSettings,
-    Scan,
-    StepperSettings,
-    V80Settings,
-)
 from bussim.scenario.schema.polls import PollIn, TransactionIn
-from bussim.scenario.resolve.port_configuration import FREE, own_line
-from bussim.scenario.resolve.members import Member, raw_devices
+from bussim.scenario.yaml.user_code import Code
 
 
 def device_of(

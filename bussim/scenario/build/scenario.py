@@ -9,9 +9,6 @@ from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.sources import Constant, Counter, Ramp, Source, Toggle
 from bussim.scenario.build.canonical import canonical
-from bussim.scenario.rules.disturbances import OF_THE_OWNER
-from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
-from bussim.scenario.schema.fields import PlcPoint, exact
 from bussim.scenario.model import (
     BitErrors,
     BoardError,
@@ -31,6 +28,7 @@ from bussim.scenario.model import (
     Jabber,
     Latency,
     LateRelease,
+    LinkAttachment,
     LoseChar,
     Noise,
     NoiseKind,
@@ -39,20 +37,22 @@ from bussim.scenario.model import (
     ReplyLoss,
     Scan,
     Scenario,
-    LinkAttachment,
     Slow,
     Stop,
     Target,
     Window,
     WrongFormat,
 )
-from bussim.scenario.resolve.nodes import Directory, Node, lines_of
-from bussim.scenario.yaml.source_map import Path
-from bussim.scenario.schema.programs import LatencyIn
-from bussim.scenario.rules.check import Checked
-from bussim.scenario.schema.document import SourceIn
 from bussim.scenario.resolve.members import Member, device_name, line_of
+from bussim.scenario.resolve.nodes import Directory, Node, lines_of
+from bussim.scenario.rules.check import Checked
+from bussim.scenario.rules.disturbances import OF_THE_OWNER
+from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
+from bussim.scenario.schema.document import SourceIn
 from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.fields import PlcPoint, exact
+from bussim.scenario.schema.programs import LatencyIn
+from bussim.scenario.yaml.source_map import Path
 
 if TYPE_CHECKING:
     from bussim.scenario.schema.devices import DeviceIn
