@@ -70,7 +70,7 @@ class _Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, with the nearest name if there is none."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from bussim.scenario.yaml.wording import shorten, suggest
+            from bussim.wording import shorten, suggest
 
             raise click.UsageError(
                 f"no command {shorten(args[0])!r}; {suggest(args[0], list(COMMANDS))}", ctx

@@ -117,7 +117,7 @@ def command(
 def _watched(scenario: Scenario, devices: str) -> list[Watched]:
     from bussim.plc.memory import parse_device
     from bussim.results.meters.watch import Watched
-    from bussim.scenario.yaml.wording import shorten, suggest
+    from bussim.wording import shorten, suggest
 
     known = [plc.name for plc in scenario.plcs]
     found: dict[str, Watched] = {}

@@ -332,9 +332,7 @@ class Plc:
         if self._errors or self._halt is not None:
             self.record_faults(now)
         self._arrive(now)
-        if self.every_end or (
-            self._linked and any(port.shows_memory for port in port_registers.values())
-        ):
+        if self.every_end or (self._linked and any(port.shows_memory for port in port_registers.values())):
             self._publish()
         hints: dict[str, int] = {}
         active = 0

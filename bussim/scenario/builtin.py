@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bussim.errors import UsageError
-from bussim.scenario.yaml.wording import shorten, suggest
+from bussim.wording import shorten, suggest
 
 #: What ``bussim run`` runs when it is given nothing.
 DEFAULT = "press_line"

@@ -16,7 +16,7 @@ from bussim.scenario.yaml.overrides import Override, apply_overrides
 from bussim.scenario.yaml.plain import copied
 from bussim.scenario.yaml.source_map import Report, SourceMap
 from bussim.scenario.yaml.user_code import Code
-from bussim.scenario.yaml.wording import nearest
+from bussim.wording import nearest
 
 #: Values set from outside of the file: ``key.path=value``, or an Override with a label of its own.
 Overrides = Iterable[str | Override]

@@ -9,7 +9,7 @@ from pathlib import Path
 from bussim.errors import ScenarioError, UsageError
 from bussim.scenario import loader, model
 from bussim.scenario.yaml import parser as yaml
-from bussim.scenario.yaml.wording import shorten, suggest
+from bussim.wording import shorten, suggest
 
 #: Kinds of faults that can be injected: all that a scenario may schedule.
 KINDS = (

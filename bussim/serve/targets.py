@@ -11,7 +11,7 @@ from bussim.plc.link_registers import D_STATION
 from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
 from bussim.scenario import model
-from bussim.scenario.yaml.wording import suggest
+from bussim.wording import suggest
 
 #: The URL of a node for which none is given: a new pseudo-terminal.
 DEFAULT_URL = "pty"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from bussim.scenario.yaml.wording import shorten
+from bussim.wording import shorten
 
 #: The file that says what a folder's sweep is.
 MANIFEST = "sweep.json"

@@ -11,13 +11,13 @@ from bussim.scenario import builtin, loader
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.overrides import Override
 from bussim.scenario.yaml.user_code import Code
-from bussim.scenario.yaml.wording import shorten
 from bussim.sweep.identity import SCHEMA
 from bussim.sweep.jobs import Job
 from bussim.sweep.seeds import run_seed
 from bussim.sweep.template import Template
 from bussim.sweep.vary import Axis, Point, grid, parse_axes
 from bussim.version import __version__
+from bussim.wording import shorten
 
 #: Most messages about bad points, and most points named in one of them.
 _MOST_MESSAGES = 100

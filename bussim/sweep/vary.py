@@ -13,8 +13,8 @@ from math import floor, prod
 from bussim.errors import UsageError
 from bussim.scenario.yaml.overrides import Override
 from bussim.scenario.yaml.parser import read
-from bussim.scenario.yaml.wording import RawFloat, RawInt, shorten
 from bussim.units import UNIT_TICKS, parse_time
+from bussim.wording import RawFloat, RawInt, shorten
 
 #: Most runs of a sweep: points times repeats.
 MAX_RUNS = 100_000

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bussim.scenario.yaml import parser as yaml
-from bussim.scenario.yaml.wording import RawFloat, RawInt
+from bussim.wording import RawFloat, RawInt
 
 
 def _value(text: str) -> object:

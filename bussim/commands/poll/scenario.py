@@ -33,7 +33,7 @@ def plan_of(
     ``values``, or what its device holds at power-on: there is no program here.
     """
     from bussim import api
-    from bussim.scenario.yaml.wording import suggest
+    from bussim.wording import suggest
 
     scenario = api.load(file, allow_code=allow_code)
     for device in scenario.devices:

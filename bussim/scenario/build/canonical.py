@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from bussim.forms.form import as_written, in_order
 from bussim.plc.inputs import Times
 from bussim.plc.link_registers import D_TIMEOUT, TIMEOUT_UNIT
-from bussim.scenario.build.written import as_written, in_order
 from bussim.scenario.resolve.members import NN_KEYS, Member, device_name, line_of, raw_registers
 from bussim.scenario.resolve.port_configuration import written_keys
 from bussim.scenario.schema.disturbances import FAULT_KINDS, FaultIn, NoiseIn

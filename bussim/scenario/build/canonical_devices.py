@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.scenario.build.written import as_written, in_order
+from bussim.forms.form import as_written, in_order
 from bussim.scenario.resolve.map_entries import functions, stepper_profile
 from bussim.scenario.rules.devices import SPACES, reference
 from bussim.scenario.schema.devices import DeviceIn, HmiIn, MapIn, SlaveIn, StepperIn, V80In

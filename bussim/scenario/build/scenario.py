@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from bussim.forms.fields import PlcPoint, exact
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.sources import Constant, Counter, Ramp, Source, Toggle
@@ -50,7 +51,6 @@ from bussim.scenario.rules.disturbances import OF_THE_OWNER
 from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
 from bussim.scenario.schema.document import SourceIn
 from bussim.scenario.schema.draft import Draft, Entry
-from bussim.scenario.schema.fields import PlcPoint, exact
 from bussim.scenario.schema.programs import LatencyIn
 from bussim.scenario.yaml.source_map import Path
 

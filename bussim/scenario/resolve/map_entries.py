@@ -8,9 +8,9 @@ from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput, StepperP
 from bussim.devices.user import Entry
 from bussim.devices.values import Computed, Fixed, Noise, Sweep, Value
 from bussim.engines.modbus.pdu import FUNCTIONS
+from bussim.forms.fields import exact
 from bussim.scenario.rules.devices import SPACES
 from bussim.scenario.schema.devices import ItemIn, MapIn, StepperIn
-from bussim.scenario.schema.fields import exact
 from bussim.scenario.yaml.user_code import Code
 
 

@@ -13,7 +13,7 @@ from bussim.scenario.resolve.members import PLAIN_LINE, Member, line_of
 from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration, own_line
 from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.yaml.source_map import Path
-from bussim.scenario.yaml.wording import show, suggest
+from bussim.wording import show, suggest
 
 if TYPE_CHECKING:
     from bussim.scenario.schema.devices import DeviceIn

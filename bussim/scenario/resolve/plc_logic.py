@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem, ProgramError
+from bussim.forms.registers import named_device
 from bussim.plc.first_scan import FirstScan, first_scan
 from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
 from bussim.plc.memory import Device, parse_device
 from bussim.plc.profiles import Profile
-from bussim.scenario.rules.registers import named_device
 from bussim.scenario.schema.document import PlcIn
 from bussim.scenario.schema.programs import InputIn, ProgramIn
 from bussim.scenario.yaml.files import Files

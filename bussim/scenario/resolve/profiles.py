@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bussim.engines.modbus.gaps import GapRule
+from bussim.forms.fields import exact
+from bussim.forms.form import Model
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
 from bussim.plc.program.times import InstructionTimes
-from bussim.scenario.schema.fields import exact
-from bussim.scenario.schema.form import Model
 from bussim.scenario.schema.profiles import InstructionTimesIn, ProfileIn, RtuGapsIn, TurnaroundIn
 from bussim.units import round_half_up
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from bussim.forms.registers import check_registers, named_device
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.plc.link_registers import TAKE_PART, TIMEOUT_UNIT
 from bussim.plc.memory import Device
@@ -31,14 +32,13 @@ from bussim.scenario.rules.disturbances import check_faults, check_noise
 from bussim.scenario.rules.links import check_links
 from bussim.scenario.rules.ports import check_link_bus, check_port_use, check_ports
 from bussim.scenario.rules.programs import check_latencies, check_observed, check_programs
-from bussim.scenario.rules.registers import check_registers, named_device
 from bussim.scenario.schema.document import BusIn, PlcIn, SourceIn
 from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.scenario.yaml.user_code import Code
-from bussim.scenario.yaml.wording import show
 from bussim.units import format_time
+from bussim.wording import show
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def _check_names(section: Iterable[Entry[Any]], report: Report) -> None:
         if first is entry:
             continue
         path = (*entry.path, "name")
-        where = report.source_map.where((*first.path, "name"))
+        where = report.where((*first.path, "name"))
         if first.name == name:
             report.error(path, f"is {show(name)}, which is used already ({where})")
         else:

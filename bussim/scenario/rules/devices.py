@@ -9,11 +9,11 @@ from bussim.devices.stepper.registers import BY_NAME, COILS, Group
 from bussim.devices.v80 import V80_ITEMS
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
+from bussim.forms.registers import check_registers
 from bussim.line.characters import LineTiming
 from bussim.scenario.resolve.members import line_of
 from bussim.scenario.resolve.port_configuration import own_line
 from bussim.scenario.rules.links import check_bus_name
-from bussim.scenario.rules.registers import check_registers
 from bussim.scenario.schema.devices import (
     DeviceIn,
     FreeIn,
@@ -29,8 +29,8 @@ from bussim.scenario.schema.document import BusIn
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.scenario.yaml.user_code import Code
-from bussim.scenario.yaml.wording import names, suggest
 from bussim.units import format_time
+from bussim.wording import names, suggest
 
 #: Sections of a register map, and their spaces with the first digit of their reference numbers.
 SPACES = {
@@ -229,7 +229,7 @@ def _check_map(entry: Entry[DeviceIn], device: DeviceIn, code: Code, report: Rep
                 )
             for start, stop, other in taken:
                 if start < end and item.address < stop:
-                    where = report.source_map.where(other)
+                    where = report.where(other)
                     report.error(
                         (*path, "address"),
                         f"is {item.address}, where the item at {start} already lies ({where})",

@@ -19,8 +19,8 @@ from bussim.scenario.schema.disturbances import (
 )
 from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.scenario.yaml.wording import show, suggest
 from bussim.units import format_time
+from bussim.wording import show, suggest
 
 #: Faults of a PLC or device as a whole, whatever bus it is on.
 OF_THE_OWNER = frozenset({"power_off", "stop"})
@@ -128,7 +128,7 @@ def _check_power_on(
             what = "no PLC and no device" if nodes.devices else "no PLC"
             report.error(path, f"is {what}; {suggest(name, known)}", key=True)
         elif name in switched_on:
-            where = report.source_map.where(switched_on[name])
+            where = report.where(switched_on[name])
             report.error(path, f"is given twice, first {where}", key=True)
         else:
             switched_on[name] = path

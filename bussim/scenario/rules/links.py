@@ -21,8 +21,8 @@ from bussim.scenario.resolve.members import NN_KEYS, Member
 from bussim.scenario.schema.document import BusIn
 from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.scenario.yaml.wording import show, suggest
 from bussim.units import format_time
+from bussim.wording import show, suggest
 
 MAX_STATIONS = MAX_SLAVES + 1
 

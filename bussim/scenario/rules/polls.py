@@ -16,7 +16,7 @@ from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Report
 from bussim.scenario.yaml.user_code import Code
-from bussim.scenario.yaml.wording import suggest
+from bussim.wording import suggest
 
 #: Keys of a Modbus poll only, and of a free-protocol one only.
 _MODBUS_KEYS = ("station", "function", "address", "from_", "values", "retries")
@@ -63,7 +63,7 @@ def _check_names(polls: Polls, report: Report) -> None:
             continue
         first = seen.setdefault(entry.name.casefold(), entry)
         if first is not entry:
-            where = report.source_map.where((*first.path, "name"))
+            where = report.where((*first.path, "name"))
             report.error((*entry.path, "name"), f"is {entry.name!r}, which is used already ({where})")
 
 

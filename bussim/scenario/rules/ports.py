@@ -35,8 +35,8 @@ from bussim.scenario.rules.links import check_bus_name
 from bussim.scenario.schema.document import BusIn, PlcIn, PortIn
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.scenario.yaml.wording import suggest
 from bussim.units import format_time
+from bussim.wording import suggest
 
 #: The ports of the first board, the only ones that M8179 can select.
 LINK_PORTS = ("COM3", "COM4")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
+from bussim.forms.fields import PlcPoint
 from bussim.plc.memory import BlockPlace, Device
 from bussim.scenario.resolve.members import (
     NN_KEYS,
@@ -17,10 +18,9 @@ from bussim.scenario.resolve.members import (
 )
 from bussim.scenario.rules.links import foreign_blocks, station_of
 from bussim.scenario.schema.draft import Draft, Entry
-from bussim.scenario.schema.fields import PlcPoint
 from bussim.scenario.schema.programs import LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.scenario.yaml.wording import show, suggest
+from bussim.wording import show, suggest
 
 if TYPE_CHECKING:
     from bussim.plc.program.text.catalog import Instruction

@@ -9,14 +9,16 @@ from pydantic import Field, ValidationInfo, model_validator
 from bussim.devices.stepper.profile import StepOutput
 from bussim.devices.stepper.registers import INPUTS, MAX_STEPS
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
-from bussim.scenario.schema.document import ScanIn
-from bussim.scenario.schema.fields import (
+from bussim.forms.fields import (
     Baud,
     Flag,
     Format,
+    Hex,
     Name,
     Positive,
+    Text,
     Time,
+    Times,
     callable_name,
     choice,
     fail,
@@ -25,8 +27,7 @@ from bussim.scenario.schema.fields import (
     time,
     whole,
 )
-from bussim.scenario.schema.form import Model, only_one
-from bussim.scenario.schema.polls import Hex, Text, Times
+from bussim.forms.form import Model, ScanIn, only_one
 from bussim.units import TICKS_PER_SECOND
 
 MAX_ENTRIES, MAX_MESSAGES = 1000, 1000

@@ -8,8 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.engines.modbus.adu import ASCII_MAX
 from bussim.engines.nn.frames import MODES, data_chars
-from bussim.line.characters import NN_LINE, CharFormat
-from bussim.scenario.schema.fields import (
+from bussim.forms.fields import (
     Baud,
     Format,
     Name,
@@ -23,7 +22,8 @@ from bussim.scenario.schema.fields import (
     one_of,
     whole,
 )
-from bussim.scenario.schema.form import Model, given_of, only_one
+from bussim.forms.form import Model, given_of, only_one
+from bussim.line.characters import NN_LINE, CharFormat
 
 #: Characters and bits of the link's longest frame, and of the longest one on any bus.
 LINK_FRAME = max(data_chars(mode) for mode in range(len(MODES)))

@@ -10,9 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
-from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
-from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
-from bussim.scenario.schema.fields import (
+from bussim.forms.fields import (
     Baud,
     DeviceName,
     Flag,
@@ -23,17 +21,18 @@ from bussim.scenario.schema.fields import (
     Time,
     character,
     choice,
-    fail,
     link_port,
     one_of,
     time,
     title,
     whole,
 )
-from bussim.scenario.schema.form import Model, only_one
+from bussim.forms.form import Model, ScanIn, only_one
+from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
+from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
 from bussim.scenario.schema.profiles import ProfileIn
 from bussim.scenario.schema.programs import MAX_OBSERVED, InputIn, ProgramIn
-from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from bussim.units import TICKS_PER_SECOND
 
 #: How many of each a scenario may have.
 MAX_BUSES, MAX_PLCS, MAX_DEVICES, MAX_NOISE, MAX_FAULTS = 16, 64, 256, 1000, 1000
@@ -70,22 +69,6 @@ class BusIn(Model):
     nn: Flag = False
     baud: Baud | None = None
     format: Format | None = None
-
-
-class ScanIn(Model):
-    """A scan time."""
-
-    example = "a time, or {mean: 8 ms, jitter: 1 ms}"
-    shorthand = "mean"
-
-    mean: Annotated[int, time(TICKS_PER_MS // 10, 10 * TICKS_PER_SECOND)]
-    jitter: Time = 0
-
-    @model_validator(mode="after")
-    def _jitter_below_mean(self) -> ScanIn:
-        if self.jitter >= self.mean:
-            raise fail("must be less than the mean", "jitter")
-        return self
 
 
 class NNIn(Model):

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from bussim.forms.fields import EMPTY, OWN
+from bussim.forms.form import Model
 from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
 from bussim.scenario.schema.document import (
     MAX_BUSES,
@@ -25,11 +27,9 @@ from bussim.scenario.schema.document import (
     DocumentIn,
     PlcIn,
 )
-from bussim.scenario.schema.fields import EMPTY, OWN
-from bussim.scenario.schema.form import Model
 from bussim.scenario.schema.programs import MAX_LATENCIES, LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.scenario.yaml.wording import show, suggest
+from bussim.wording import show, suggest
 
 if TYPE_CHECKING:
     from bussim.scenario.schema.devices import DeviceIn
@@ -118,7 +118,7 @@ def _check_buses_given(data: dict[Any, Any], report: Report) -> None:
                 path = (section, index, key)
                 found = "is empty" if "buses" in data else "is missing"
                 who = report.source_map.full_name(path)
-                report.error(("buses",), f"{found}, but {who} {report.source_map.where(path)} needs one")
+                report.error(("buses",), f"{found}, but {who} {report.where(path)} needs one")
                 return
 
 

@@ -9,23 +9,21 @@ from pydantic import Field
 from bussim.engines.free.engine import MAX_BYTES
 from bussim.engines.modbus.adu import LAST_STATION
 from bussim.engines.modbus.pdu import STANDARD_LIMITS
-from bussim.scenario.schema.fields import (
+from bussim.forms.fields import (
     DeviceName,
+    Hex,
     Name,
+    Text,
     Time,
-    characters,
+    Times,
     choice,
     function_code,
-    hexadecimal,
     whole,
 )
-from bussim.scenario.schema.form import Model
+from bussim.forms.form import Model
 
 #: Most values that one request carries.
 _MOST_VALUES = STANDARD_LIMITS.write_coils
-Times = Annotated[int, whole(1, 1_000_000_000)]
-Text = Annotated[bytes, characters(MAX_BYTES)]
-Hex = Annotated[bytes, hexadecimal(MAX_BYTES)]
 
 
 class TransactionIn(Model):

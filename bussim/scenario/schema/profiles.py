@@ -13,11 +13,11 @@ from pydantic import Field, field_validator, model_validator
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.gaps import STANDARD_GAPS
 from bussim.engines.nn.frames import MODES
+from bussim.forms.fields import Flag, Time, choice, fail, nanoseconds, number, time, time_or, whole
+from bussim.forms.form import Model
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Reply
-from bussim.scenario.schema.fields import Flag, Time, choice, fail, nanoseconds, number, time, time_or, whole
-from bussim.scenario.schema.form import Model
-from bussim.scenario.yaml.wording import show, suggest
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from bussim.wording import show, suggest
 
 
 class TurnaroundIn(Model):

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from bussim.scenario.schema.fields import (
+from bussim.forms.fields import (
     Flag,
     Name,
     PlcDevice,
@@ -19,8 +19,8 @@ from bussim.scenario.schema.fields import (
     time,
     whole,
 )
-from bussim.scenario.schema.form import Model, only_one
-from bussim.scenario.yaml.wording import show
+from bussim.forms.form import Model, only_one
+from bussim.wording import show
 
 #: Changes that ``times`` or a CSV file may have.
 MAX_TIMES = 10_000

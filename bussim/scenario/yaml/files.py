@@ -9,7 +9,7 @@ import stat
 from pathlib import Path
 
 from bussim.scenario import builtin
-from bussim.scenario.yaml.wording import nearest, shorten
+from bussim.wording import nearest, shorten
 
 #: Names of a folder that are looked at for the one that was meant.
 _MOST_NAMES = 2000

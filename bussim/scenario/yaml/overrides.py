@@ -9,7 +9,7 @@ from typing import Any
 from bussim.errors import UsageError
 from bussim.scenario.yaml.parser import MAX_DEPTH, read
 from bussim.scenario.yaml.source_map import Path, SourceMap
-from bussim.scenario.yaml.wording import shorten, show, suggest
+from bussim.wording import shorten, show, suggest
 
 #: Keys whose plain value stands for a mapping, and the key that it stands for.
 _SHORTHANDS = {

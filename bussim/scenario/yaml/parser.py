@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
 from bussim.scenario.yaml.source_map import Mark, Path, SourceMap
-from bussim.scenario.yaml.wording import RawFloat, RawInt, shorten
+from bussim.wording import RawFloat, RawInt, shorten
 
 if TYPE_CHECKING:
     from ruamel.yaml.events import CollectionStartEvent, Event, ScalarEvent

@@ -8,7 +8,7 @@ from numbers import Integral, Real
 from bussim.errors import Problem, ScenarioError
 from bussim.scenario.yaml.parser import MAX_DEPTH, MAX_VALUES
 from bussim.scenario.yaml.source_map import Path, SourceMap
-from bussim.scenario.yaml.wording import show
+from bussim.wording import show
 
 
 def copied(data: object, file: str) -> object:

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from bussim.errors import Problem
-from bussim.scenario.yaml.wording import shorten
+from bussim.forms.report import Path
+from bussim.wording import shorten
 
-#: Keys and list positions from the top of a scenario down to a value.
-Path = tuple[str | int, ...]
+__all__ = ["Mark", "Path", "Report", "SourceMap"]
+
 #: Line and column, counted from 1.
 Mark = tuple[int, int]
 
@@ -125,6 +126,10 @@ class Report:
     def warn(self, path: Path, text: str, *, key: bool = False) -> None:
         """Something at ``path`` is odd but possible; ``text`` is a sentence that names what it is about."""
         self._add(self.source_map.remark(path, text, key=key), fatal=False)
+
+    def where(self, path: Path) -> str:
+        """The place of a value, for a message about another one: its line, or its path."""
+        return self.source_map.where(path)
 
     def foreign(self, problem: Problem, *, fatal: bool) -> None:
         """A problem of a file that the scenario names, or told by whoever read a part of it."""

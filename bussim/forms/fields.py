@@ -16,11 +16,12 @@ from typing import Annotated, Any, NamedTuple, cast
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from bussim.engines.free.engine import MAX_BYTES
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.line.characters import BAUDS, CharFormat
 from bussim.plc.memory import Device, parse_device
-from bussim.scenario.yaml.wording import RawFloat, RawInt, nearest, show
 from bussim.units import TICKS_PER_SECOND, format_nanoseconds, format_time, parse_nanoseconds, parse_time
+from bussim.wording import RawFloat, RawInt, nearest, show
 
 #: The error type of our own messages.
 OWN = "bussim"
@@ -393,3 +394,6 @@ NodeName = Annotated[str, node()]
 DeviceName = Annotated[Device, device()]
 PlcDevice = Annotated[PlcPoint, plc_device()]
 Flag = Annotated[bool, flag()]
+Times = Annotated[int, whole(1, 1_000_000_000)]
+Text = Annotated[bytes, characters(MAX_BYTES)]
+Hex = Annotated[bytes, hexadecimal(MAX_BYTES)]

@@ -1,17 +1,17 @@
-"""What is wrong or odd about the devices that ``registers`` sets at power-on."""
+"""What is wrong or odd about devices of a PLC that a mapping gives values to."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bussim.forms.report import Path, Reporter
 from bussim.plc.memory import Device, parse_device
-from bussim.scenario.yaml.source_map import Path, Report
 
 #: What the link writes: mirrors of its settings, times, counts and codes, and flags.
 _STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
 
 
-def check_registers(path: Path, registers: Mapping[str, int], report: Report, *, link: bool) -> None:
+def check_registers(path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool) -> None:
     """Judge devices and values; ``link``: of a PLC that can take part in N:N."""
     seen: dict[Device, str] = {}
     for name, value in registers.items():
@@ -29,10 +29,10 @@ def check_registers(path: Path, registers: Mapping[str, int], report: Report, *,
             report.warn((*path, name), "is written by the link itself: the value given here is lost")
 
 
-def named_device(path: Path, name: str, report: Report) -> Device | None:
+def named_device(path: Path, name: str, report: Reporter) -> Device | None:
     """The device that a key names; a wrong one is reported."""
     try:
         return parse_device(name)
     except ValueError as error:
-        report.mistake(path, f"a device of {report.source_map.short_name(path[:-1])} {error}", key=True)
+        report.mistake(path, f"a device of {path[-2]} {error}", key=True)
         return None

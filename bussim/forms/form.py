@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 
-from bussim.scenario.schema.fields import fail
+from bussim.forms.fields import Time, fail, time
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 
 class Model(BaseModel):
@@ -42,3 +43,30 @@ def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
         raise fail(f"excludes {given[0]} in the same entry", given[1])
     if not given and not info.context:
         raise fail(f"says nothing; expected one of {', '.join(keys)}")
+
+
+def as_written(model: Model) -> dict[str, Any]:
+    """A mapping as the file has it: times as text, keys by their names in the file."""
+    return model.model_dump(by_alias=True, exclude_none=True)
+
+
+def in_order(model: Model, written: dict[str, Any]) -> dict[str, object]:
+    """The keys in the order of the form, wherever their values came from."""
+    order = [info.alias or name for name, info in type(model).model_fields.items()]
+    return {key: written[key] for key in order if key in written}
+
+
+class ScanIn(Model):
+    """A scan time."""
+
+    example = "a time, or {mean: 8 ms, jitter: 1 ms}"
+    shorthand = "mean"
+
+    mean: Annotated[int, time(TICKS_PER_MS // 10, 10 * TICKS_PER_SECOND)]
+    jitter: Time = 0
+
+    @model_validator(mode="after")
+    def _jitter_below_mean(self) -> ScanIn:
+        if self.jitter >= self.mean:
+            raise fail("must be less than the mean", "jitter")
+        return self
