@@ -8,6 +8,7 @@ import click
 
 from bussim.commands.common.scenario_options import code_option
 from bussim.errors import Problem, ScenarioError
+from bussim.line.protocols import BusProtocol
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
 from bussim.scenario.model import HmiSettings, Scenario
@@ -42,7 +43,7 @@ def command(scenario: str, *, as_json: bool, allow_code: bool) -> None:
 
 def describe(scenario: Scenario) -> str:
     """What a scenario has in it, in one line."""
-    links = sum(bus.nn for bus in scenario.buses)
+    links = sum(bus.protocol is BusProtocol.NN for bus in scenario.buses)
     parts = [
         _count(len(scenario.plcs), "PLC"),
         _count(links, "N:N link"),

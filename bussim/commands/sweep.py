@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bussim.commands.common.scenario_options import code_option, values_of
+from bussim.line.protocols import BusProtocol
 
 if TYPE_CHECKING:
     from bussim.sweep.result import SweepResult
@@ -139,7 +140,7 @@ def _show(result: SweepResult) -> None:
         runs += f", {result.already_there:,} of them were there already"
     click.echo(f"{plan.title}: {runs}")
     for bus in plan.base.buses:
-        if bus.nn and f"{bus.name}.scans" in result.figures:
+        if bus.protocol is BusProtocol.NN and f"{bus.name}.scans" in result.figures:
             console.print(_table(result, bus.name, f"link {bus.name}", _SHOWN))
     for node in masters_in(result.figures):
         console.print(_table(result, node, f"Modbus master {node}", _SHOWN_OF_MASTER))

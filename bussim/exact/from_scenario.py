@@ -15,6 +15,7 @@ from fractions import Fraction
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars
 from bussim.exact.link import MASTER, TIMEOUT_UNIT, LineNoise, LinkModel, NoiseSource, Station, frame_ticks
 from bussim.line.characters import NN_LINE
+from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import (
     D_MODE,
     D_RETRIES,
@@ -69,7 +70,7 @@ def from_scenario(
     return {
         bus.name: _LinkReader(scenario, bus.name, ignore_faults=ignore_faults, bound_end=bound_end).read()
         for bus in scenario.buses
-        if bus.nn
+        if bus.protocol is BusProtocol.NN
     }
 
 

@@ -14,6 +14,7 @@ from bussim.export.heard import Heard, hear, remarks
 from bussim.export.pcapng import SYMBOL_ERROR, PcapngWriter
 from bussim.export.source import BusSurvey, Selection, Survey, in_order
 from bussim.export.udp import PORT, Gateway
+from bussim.line.protocols import BusProtocol
 from bussim.results.store.rows import nanoseconds
 from bussim.version import __version__
 
@@ -63,7 +64,7 @@ def write_pcapng(path: Path, selection: Selection, survey: Survey, comment: str,
 def _spoken(selection: Selection, name: str) -> list[str]:
     """What a bus speaks on which nobody said anything."""
     bus = selection.trace.header.bus(name)
-    return ["nn"] if bus is not None and bus.nn else ["modbus-rtu"]
+    return ["nn"] if bus is not None and bus.protocol is BusProtocol.NN else ["modbus-rtu"]
 
 
 def _description(bus: BusSurvey, protocol: str) -> str:

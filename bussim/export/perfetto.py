@@ -16,6 +16,7 @@ from typing import Any
 
 from bussim.errors import UsageError
 from bussim.export.source import Selection, nothing_there
+from bussim.line.protocols import BusProtocol
 from bussim.trace.file import Record
 from bussim.trace.records import (
     AttemptRecord,
@@ -87,7 +88,7 @@ class _Tracks:
         for bus in selection.trace.header.buses:
             if bus.name in selection.buses:
                 pid = self.bus(bus.name)
-                if bus.nn:
+                if bus.protocol is BusProtocol.NN:
                     for name in ("link scans", "attempts"):
                         self.thread(pid, name)
                 for node in bus.nodes:

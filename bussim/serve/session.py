@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from bussim.line.characters import LineTiming
+from bussim.line.protocols import BusProtocol
 from bussim.live.clock import Clock
 from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
@@ -133,7 +134,9 @@ class Session:
             for place in targets
         )
         header = session_header(self.scenario, targets)
-        bus_of = {node: bus.name for bus in header.buses if bus.nn for node in bus.nodes}
+        bus_of = {
+            node: bus.name for bus in header.buses if bus.protocol is BusProtocol.NN for node in bus.nodes
+        }
         self.collector = _HereOnly(traced=traced, rows=rows, bus_of=bus_of)
         external = _Bridges(targets, self.wires)
         self.simulation = Simulation(self.scenario, self.collector, external)
@@ -167,7 +170,11 @@ class Session:
         lines = []
         for place, wire in zip(self.targets, self.wires, strict=True):
             for node in place.nodes:
-                number = f", station {node.station}" if node.station is not None and not node.nn else ""
+                number = (
+                    f", station {node.station}"
+                    if node.station is not None and node.protocol is not BusProtocol.NN
+                    else ""
+                )
                 line = f"{place.timing.baud} {place.timing.format}"
                 lines.append(f"{node.node}: {node.what}{number}, {line}, on {wire.name}")
         return tuple(lines)
@@ -263,11 +270,13 @@ def session_header(scenario: model.Scenario, targets: Sequence[Target]) -> Trace
         away = {node.node for place in own for node in place.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
         for place in own:
-            nodes = bus.nodes if bus.nn else tuple(node.node for node in place.nodes)
-            stations = dict(bus.stations) if bus.nn else _only(bus.stations, nodes)
+            nodes = bus.nodes if bus.protocol is BusProtocol.NN else tuple(node.node for node in place.nodes)
+            stations = dict(bus.stations) if bus.protocol is BusProtocol.NN else _only(bus.stations, nodes)
             timing = place.timing
-            buses.append(TraceBus(place.name, bus.nn, timing.baud, str(timing.format), nodes, stations))
-        if (left and not bus.nn) or not own:  # after what is served, which is looked at first
+            buses.append(TraceBus(place.name, bus.protocol, timing.baud, str(timing.format), nodes, stations))
+        if (
+            left and bus.protocol is not BusProtocol.NN
+        ) or not own:  # after what is served, which is looked at first
             buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
     return header._replace(buses=tuple(buses), duration=None, exact=False)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
+from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import D_STATION
 from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
@@ -30,7 +31,7 @@ class ServeTarget:
 
     node: str
     bus: str
-    nn: bool
+    protocol: BusProtocol
     what: str
     timing: LineTiming
     station: int | None = None
@@ -43,7 +44,7 @@ class Target:
 
     name: str
     bus: str
-    nn: bool
+    protocol: BusProtocol
     url: str
     timing: LineTiming
     nodes: tuple[ServeTarget, ...]
@@ -57,7 +58,7 @@ def serve_targets(scenario: model.Scenario) -> tuple[ServeTarget, ...]:
             if plc.link is not None and plc.link.bus == bus.name:
                 station = plc.registers.get(f"D{D_STATION}", 0)
                 what = f"N:N slave {station}" if station else "N:N master"
-                found.append(ServeTarget(plc.name, bus.name, bus.nn, what, bus.timing, station))
+                found.append(ServeTarget(plc.name, bus.name, bus.protocol, what, bus.timing, station))
             found += [_port(plc, spec.name, bus) for spec in plc.ports if spec.bus == bus.name]
         found += [_device(device, bus) for device in scenario.devices if device.bus == bus.name]
     return tuple(found)
@@ -72,14 +73,14 @@ def _port(plc: model.Plc, port: str, bus: model.Bus) -> ServeTarget:
     node = f"{plc.name}.{port}"
     settings = read_settings(port, memory, spec.words)
     if isinstance(settings, BadSettings):
-        return ServeTarget(node, bus.name, bus.nn, "silent", bus.timing, None, settings.text)
+        return ServeTarget(node, bus.name, bus.protocol, "silent", bus.timing, None, settings.text)
     what = _WORDS.get(settings.protocol or "")
     if what is None:
         why = f"{port} speaks nothing"
         if settings.protocol is not None:
             why = f"what {port} speaks ({settings.protocol}) is not simulated"
-        return ServeTarget(node, bus.name, bus.nn, "silent", bus.timing, None, why)
-    return ServeTarget(node, bus.name, bus.nn, what, settings.timing, _station(settings))
+        return ServeTarget(node, bus.name, bus.protocol, "silent", bus.timing, None, why)
+    return ServeTarget(node, bus.name, bus.protocol, what, settings.timing, _station(settings))
 
 
 def _station(settings: PortSettings) -> int | None:
@@ -92,7 +93,7 @@ def _device(device: model.BusDevice, bus: model.Bus) -> ServeTarget:
     else:
         role = "master" if isinstance(device.settings, model.HmiSettings) else "slave"
         what = f"Modbus {device.mode.value.upper()} {role}"
-    return ServeTarget(device.name, bus.name, bus.nn, what, device.timing, device.station)
+    return ServeTarget(device.name, bus.name, bus.protocol, what, device.timing, device.station)
 
 
 def targets(scenario: model.Scenario, nodes: Iterable[str], ports: Iterable[str]) -> tuple[Target, ...]:
@@ -148,10 +149,10 @@ def _lines(
         taken[url] = bus
         same = [place for place in found if place.bus == bus]
         first = nodes[0]
-        alone = first.nn and sum(one == bus for one, _ in groups) == 1
+        alone = first.protocol is BusProtocol.NN and sum(one == bus for one, _ in groups) == 1
         number = f" {len(same) + 1}" if same else ""
         name = bus if alone or whole[bus] == len(nodes) else f"{bus} outside{number}"
-        found.append(Target(name, bus, first.nn, url, first.timing, tuple(nodes)))
+        found.append(Target(name, bus, first.protocol, url, first.timing, tuple(nodes)))
     return tuple(found)
 
 
@@ -163,7 +164,11 @@ def listing(scenario: model.Scenario) -> str:
     wide = max(len(one.node) for one in rows)
     lines = [f"what {scenario.name} can serve:"]
     for one in rows:
-        number = f", station {one.station}" if one.station is not None and not one.nn else ""
+        number = (
+            f", station {one.station}"
+            if one.station is not None and one.protocol is not BusProtocol.NN
+            else ""
+        )
         baud = f"{one.timing.baud} {one.timing.format}"
         lines.append(f"  {one.node:{wide}}  {one.what}{number}, {baud}, on {one.bus}")
     return "\n".join(lines)

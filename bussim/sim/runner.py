@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol
+from typing import Protocol, assert_never
 
 from bussim.devices.lx import LxMap
 from bussim.line.characters import LineTiming
 from bussim.line.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
+from bussim.line.protocols import BusProtocol
 from bussim.line.random_streams import Streams
 from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
 from bussim.plc.link_registers import D_STATION, bad_parameters, master_config, setting_values
@@ -93,10 +94,13 @@ class Simulation:
         # By bus: the first PLC with each station number.
         self._names: dict[str, dict[int, str]] = {}
         for spec in scenario.buses:
-            if spec.nn:
-                self._build_link(spec)
-            else:
-                self._build_serial_bus(spec)
+            match spec.protocol:
+                case BusProtocol.NN:
+                    self._build_link(spec)
+                case BusProtocol.SERIAL:
+                    self._build_serial_bus(spec)
+                case _:
+                    assert_never(spec.protocol)
         for noise in scenario.noise:
             self._place_noise(noise)
         self.units = self._build_units()

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from bussim.line.protocols import BusProtocol
 from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
@@ -343,7 +344,7 @@ def header_line(header: TraceHeader) -> Line:
         "duration": header.duration,
         "buses": {
             bus.name: {
-                "nn": bus.nn,
+                "nn": bus.protocol is BusProtocol.NN,
                 "baud": bus.baud,
                 "format": bus.format,
                 "nodes": list(bus.nodes),
@@ -375,7 +376,7 @@ def header_of(line: Line) -> TraceHeader:
 def _bus(name: str, data: Line) -> TraceBus:
     return TraceBus(
         name,
-        _read(data, "nn", _flag),
+        BusProtocol.NN if _read(data, "nn", _flag) else BusProtocol.SERIAL,
         _read(data, "baud", _int),
         _read(data, "format", _text),
         _read(data, "nodes", _texts),

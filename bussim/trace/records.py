@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+from bussim.line.protocols import BusProtocol
+
 
 class ScanRecord(NamedTuple):
     """One finished link scan: from one master data frame's start to the next one's."""
@@ -162,7 +164,7 @@ class TraceBus(NamedTuple):
     """A bus as the first line of a trace describes it."""
 
     name: str
-    nn: bool
+    protocol: BusProtocol
     baud: int
     format: str  # "7E1"
     nodes: tuple[str, ...]  # in cable order

@@ -27,6 +27,7 @@ import simpy
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from bussim.line.characters import NN_LINE
+from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES
 from bussim.plc.sources import Counter
 from bussim.results.meters.collector import Collector
@@ -99,7 +100,7 @@ def scenario(seconds: int, *, changing: bool = False) -> model.Scenario:
             )
         )
     loss = model.Noise("loss", model.Target("link"), model.ReplyLoss(1e-3))
-    bus = model.Bus("link", True, NN_LINE)
+    bus = model.Bus("link", BusProtocol.NN, NN_LINE)
     return model.Scenario("benchmark", seconds * TICKS_PER_SECOND, 1, (bus,), tuple(plcs), (loss,))
 
 

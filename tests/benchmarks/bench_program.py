@@ -28,6 +28,7 @@ import simpy
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from bussim.line.characters import NN_LINE
+from bussim.line.protocols import BusProtocol
 from bussim.plc.inputs import Square
 from bussim.plc.memory import Device, Memory
 from bussim.plc.profiles import PROFILES
@@ -187,7 +188,7 @@ def simulation(program: Program | None, *, observed: bool) -> Callable[[], float
         )
         for station in (0, 1)
     )
-    bus = model.Bus("link", True, NN_LINE)
+    bus = model.Bus("link", BusProtocol.NN, NN_LINE)
     scenario = model.Scenario("bench", 10 * TICKS_PER_SECOND, 1, (bus,), plcs)
 
     def run() -> float:

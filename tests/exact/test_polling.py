@@ -24,6 +24,7 @@ from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
 from bussim.exact.polls.metrics import PollFigures, poll_figures
 from bussim.exact.polls.whole_scans import mean_whole_scans
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.protocols import BusProtocol
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES
@@ -496,7 +497,11 @@ def test_other_ports_and_the_link_lengthen_scans() -> None:
     scenario = serial_bus([station(), station("oven", bus="other")], [press], seconds=20)
     from bussim.line.characters import NN_LINE
 
-    buses = (model.Bus("link", True, NN_LINE), *scenario.buses, model.Bus("other", False, PLAIN))
+    buses = (
+        model.Bus("link", BusProtocol.NN, NN_LINE),
+        *scenario.buses,
+        model.Bus("other", BusProtocol.SERIAL, PLAIN),
+    )
     scenario = replace(scenario, buses=buses)
     found = figures(scenario)
     assert list(found) == ["press.COM3", "press.COM5"]

@@ -22,17 +22,23 @@ from bussim.engines.modbus.pdu import (
 from bussim.engines.nn.frames import MODES, LinkSettings, encode_data, encode_parameters, encode_poll
 from bussim.export.run import export_trace
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.protocols import BusProtocol
 from bussim.trace.file import Record, Trace, trace_of
 from bussim.trace.records import FrameRecord, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS
 
 LINK = TraceBus(
-    "link", True, 38400, "7E1", ("press1", "press2", "press3"), {"press1": 0, "press2": 1, "press3": 2}
+    "link",
+    BusProtocol.NN,
+    38400,
+    "7E1",
+    ("press1", "press2", "press3"),
+    {"press1": 0, "press2": 1, "press3": 2},
 )
-FEEDER = TraceBus("feeder", False, 9600, "8N1", ("press1.COM3", "feeder1"), {"feeder1": 17})
-OVEN = TraceBus("oven", False, 19200, "8E1", ("press2.COM5", "oven1"), {"oven1": 2})
-PUMPS = TraceBus("pumps", False, 9600, "7E1", ("station.COM3", "pump1"), {"pump1": 6})
-GATE = TraceBus("gate", False, 9600, "8N1", ("sorter.COM3", "reader1"), {})
+FEEDER = TraceBus("feeder", BusProtocol.SERIAL, 9600, "8N1", ("press1.COM3", "feeder1"), {"feeder1": 17})
+OVEN = TraceBus("oven", BusProtocol.SERIAL, 19200, "8E1", ("press2.COM5", "oven1"), {"oven1": 2})
+PUMPS = TraceBus("pumps", BusProtocol.SERIAL, 9600, "7E1", ("station.COM3", "pump1"), {"pump1": 6})
+GATE = TraceBus("gate", BusProtocol.SERIAL, 9600, "8N1", ("sorter.COM3", "reader1"), {})
 BUSES = {bus.name: bus for bus in (LINK, FEEDER, OVEN, PUMPS, GATE)}
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from bussim.export.heard import Heard, hear, remarks
 from bussim.export.source import Selection, in_order, survey
 from bussim.line.characters import CharFormat
+from bussim.line.protocols import BusProtocol
 from bussim.trace.records import FrameRecord, TraceBus
 from tests.export.samples import FEEDER, LINK, OVEN, bits_of, exchanges, frame, link_frames, timing, trace
 
@@ -40,7 +41,7 @@ def test_a_turned_data_bit_turns_one_bit_of_one_character(
     fmt: str, data: bytes, choose: random.Random
 ) -> None:
     form = CharFormat.parse(fmt)
-    bus = TraceBus("b", False, 9600, fmt, ("a",), {})
+    bus = TraceBus("b", BusProtocol.SERIAL, 9600, fmt, ("a",), {})
     mask = (1 << form.data_bits) - 1
     sent = bytes(value & mask for value in data)
     place, bit = choose.randrange(len(sent)), choose.randrange(form.data_bits)

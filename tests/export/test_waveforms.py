@@ -11,6 +11,7 @@ from bussim.errors import UsageError
 from bussim.export.lanes import Lanes, microseconds
 from bussim.export.run import export_trace
 from bussim.export.source import Selection, survey
+from bussim.line.protocols import BusProtocol
 from bussim.trace.records import FrameRecord, TraceBus
 from bussim.units import TICKS_PER_SECOND
 from tests.export.samples import FEEDER, LINK, bits_of, exchanges, exported, frame, link_frames, trace
@@ -154,14 +155,14 @@ def test_a_session_of_hours_is_refused_before_anything_is_written(tmp_path: Path
 
 def test_more_than_sixty_four_lanes_are_refused(tmp_path: Path) -> None:
     nodes = tuple(f"node{number}" for number in range(64))
-    bus = TraceBus("wide", False, 9600, "8N1", nodes, {})
+    bus = TraceBus("wide", BusProtocol.SERIAL, 9600, "8N1", nodes, {})
     frames = [frame(bus, 0, "node1", b"\x01")]
     with pytest.raises(UsageError, match="there are 65 lanes; a sigrok session may have 64"):
         export_trace(trace(*frames, buses=(bus,)), tmp_path / "a.sr", "sr")
 
 
 def test_names_that_the_formats_cannot_hold_are_replaced_and_stay_apart(tmp_path: Path) -> None:
-    bus = TraceBus("the line", False, 9600, "8N1", ("a b", "a,b", "a=b:c", "日本"), {})
+    bus = TraceBus("the line", BusProtocol.SERIAL, 9600, "8N1", ("a b", "a,b", "a=b:c", "日本"), {})
     frames = [frame(bus, 0, "a b", b"\x01"), frame(bus, 100_000, "a,b", b"\x02")]
     path = exported(trace(*frames, buses=(bus,)), tmp_path / "a.vcd", "vcd")
     found, _, _ = of_vcd(path)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import bussim
 from bussim.errors import UsageError
+from bussim.line.protocols import BusProtocol
 from bussim.scenario.build.trace_header import trace_header
 from bussim.trace.file import TRACE, Record, Trace, TraceWriter, interval, read_trace, trace_of
 from bussim.trace.records import (
@@ -27,8 +28,8 @@ from bussim.trace.records import (
     TransactionRecord,
 )
 
-LINK = TraceBus("link", True, 38400, "7E1", ("press1", "press2"), {"press1": 0, "press2": 1})
-FEEDER = TraceBus("feeder", False, 9600, "8N1", ("press1.COM3", "feeder1"), {"feeder1": 1})
+LINK = TraceBus("link", BusProtocol.NN, 38400, "7E1", ("press1", "press2"), {"press1": 0, "press2": 1})
+FEEDER = TraceBus("feeder", BusProtocol.SERIAL, 9600, "8N1", ("press1.COM3", "feeder1"), {"feeder1": 1})
 HEADER = TraceHeader((LINK, FEEDER), "three presses", 7, 72_000_000)
 
 names = st.text(alphabet=st.characters(codec="utf-8"), max_size=8)

@@ -10,6 +10,7 @@ import pytest
 from bussim.engines.modbus.gaps import GapRule
 from bussim.errors import ScenarioError
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
+from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Reply, Turnaround
 from bussim.plc.program.times import InstructionTimes
 from bussim.plc.sources import Constant, Counter, Ramp, Toggle
@@ -71,8 +72,8 @@ def test_the_whole_form() -> None:
     found = loads(FULL)
     assert (found.name, found.duration, found.seed) == ("three presses and a feeder", 60 * S, 7)
     assert found.buses == (
-        model.Bus("link", nn=True, timing=NN_LINE),
-        model.Bus("feeder", nn=False, timing=LineTiming(19200, CharFormat(8, "E", 1))),
+        model.Bus("link", BusProtocol.NN, timing=NN_LINE),
+        model.Bus("feeder", BusProtocol.SERIAL, timing=LineTiming(19200, CharFormat(8, "E", 1))),
     )
     press1, press2, press3 = found.plcs
     assert press1 == model.Plc(

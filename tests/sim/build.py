@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bussim.line.characters import NN_LINE
+from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES, Profile, Turnaround
 from bussim.scenario import model
 from bussim.sim.nn.bus import LinkBus
@@ -217,7 +218,7 @@ def link(
         name="test",
         duration=round(seconds * SECOND),
         seed=seed,
-        buses=(model.Bus("link", True, NN_LINE),),
+        buses=(model.Bus("link", BusProtocol.NN, NN_LINE),),
         plcs=(*plcs, *more),
         noise=tuple(noise),
         faults=tuple(

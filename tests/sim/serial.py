@@ -9,6 +9,7 @@ from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.scripted import Message
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.protocols import BusProtocol
 from bussim.plc.ports.cpavl import (
     END,
     FORMAT,
@@ -84,7 +85,7 @@ def serial_bus(
         name="serial",
         duration=round(seconds * SECOND),
         seed=seed,
-        buses=(model.Bus("bus", False, timing),),
+        buses=(model.Bus("bus", BusProtocol.SERIAL, timing),),
         plcs=tuple(plcs),
         noise=tuple(noise),
         faults=tuple(faults),

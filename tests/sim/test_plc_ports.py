@@ -9,6 +9,7 @@ import pytest
 
 from bussim.devices.scripted import Message
 from bussim.line.characters import NN_LINE
+from bussim.line.protocols import BusProtocol
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES, Reply
@@ -106,7 +107,7 @@ def test_two_ports_of_one_plc_share_its_scan() -> None:
     other = device("b", "map", settings=_ones(), bus="other")
     scenario = replace(
         scenario,
-        buses=(*scenario.buses, model.Bus("other", False, PLAIN)),
+        buses=(*scenario.buses, model.Bus("other", BusProtocol.SERIAL, PLAIN)),
         devices=(*scenario.devices, other),
     )
     done = run(scenario)
@@ -220,7 +221,9 @@ def _link_and_port(*, reply: Reply, busy: bool, seconds: float = 20) -> Done:
     ]
     devices = [device("drive", "map", settings=_ones())] if busy else []
     scenario = serial_bus(devices, plcs, seconds=seconds)
-    return run(replace(scenario, buses=(model.Bus("link", True, NN_LINE), *scenario.buses)), traced=False)
+    return run(
+        replace(scenario, buses=(model.Bus("link", BusProtocol.NN, NN_LINE), *scenario.buses)), traced=False
+    )
 
 
 def test_a_busy_port_is_seen_in_the_link_only_where_replies_wait_for_end() -> None:
@@ -250,7 +253,7 @@ def test_polled_data_travel_over_the_link() -> None:
         ),
     ]
     scenario = serial_bus([device("drive", "map", settings=_ones())], plcs, seconds=2)
-    done = run(replace(scenario, buses=(model.Bus("link", True, NN_LINE), *scenario.buses)))
+    done = run(replace(scenario, buses=(model.Bus("link", BusProtocol.NN, NN_LINE), *scenario.buses)))
     simulation = done.simulation
     simulation.plcs["p0"].sync(simulation.now)
     assert simulation.plcs["p0"].memory.word("D", 32) == 7

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.engines.modbus.pdu import WRITES
 from bussim.engines.modbus.server import SPACES, Space
 from bussim.errors import UsageError
+from bussim.line.protocols import BusProtocol
 from bussim.live.fit.link import LinkEstimate, StationEstimate
 from bussim.live.fit.modbus import BusEstimate
 from bussim.live.fit.turnaround import TurnaroundDistribution
@@ -96,7 +97,7 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
         if plc.link is not None and plc.link.bus == bus
     }
     if not seated:
-        links = [each.name for each in scenario.buses if each.nn]
+        links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
         raise UsageError(
             f"scenario {scenario.name!r} has no PLCs on an N:N link {bus!r}; its links are "
             f"{', '.join(links) or 'none'} (--bus names one of the recording, which must be called alike)"

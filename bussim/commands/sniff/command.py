@@ -14,6 +14,7 @@ import click
 from bussim.commands.common.port_options import options_of, port_options, time_of
 from bussim.commands.common.recording import PROTOCOLS, bus_of, is_recording, line_of, read
 from bussim.errors import UsageError
+from bussim.line.protocols import BusProtocol
 
 if TYPE_CHECKING:
     from bussim.commands.sniff.tally import Tally
@@ -131,8 +132,9 @@ class _Session:
         self.folder: RunFolder | None = None
         if out is not None:
             link = protocol is Protocol.NN or (protocol is None and timing == NN_LINE)
+            shared = BusProtocol.NN if link else BusProtocol.SERIAL
             stations = {name: number for number, name in sorted(names.items())}
-            line = TraceBus(bus, link, timing.baud, str(timing.format), tuple(stations), stations)
+            line = TraceBus(bus, shared, timing.baud, str(timing.format), tuple(stations), stations)
             header = TraceHeader(buses=(line,), scenario=bus, exact=exact)
             folder = RunFolder(Path(out), rows=True, traced=True, fmt="csv", force=force, header=header)
             self.folder = stack.enter_context(folder)

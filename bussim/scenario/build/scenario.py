@@ -87,7 +87,7 @@ def build(draft: Draft, checked: Checked, warnings: tuple[str, ...]) -> Scenario
         name=document.name,
         duration=document.duration,
         seed=document.seed,
-        buses=tuple(Bus(bus.name, bus.nn, line_of(bus)) for bus in buses),
+        buses=tuple(Bus(bus.name, bus.protocol, line_of(bus)) for bus in buses),
         plcs=tuple(
             _plc(
                 member,

@@ -35,4 +35,4 @@ def _bus(bus: Bus, scenario: Scenario) -> TraceBus:
             if device.station is not None:
                 stations[device.name] = device.station
     timing = bus.timing
-    return TraceBus(bus.name, bus.nn, timing.baud, str(timing.format), tuple(nodes), stations)
+    return TraceBus(bus.name, bus.protocol, timing.baud, str(timing.format), tuple(nodes), stations)

@@ -4,6 +4,7 @@ Times are ticks (1/72 MHz). Nothing here checks anything: :mod:`bussim.scenario.
 values from a file and reports every mistake before one exists.
 """
 
+from bussim.line.protocols import BusProtocol
 from bussim.scenario.model.devices import (
     BusDevice,
     DeviceSettings,
@@ -60,6 +61,7 @@ __all__ = [
     "Burst",
     "Bus",
     "BusDevice",
+    "BusProtocol",
     "CableCut",
     "ClockPpm",
     "DeviceSettings",

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from bussim.line.characters import LineTiming
+from bussim.line.protocols import BusProtocol
 
 
 @dataclass(frozen=True, slots=True)
 class Bus:
-    """One RS485 line. ``nn`` lines are 38400 7E1 by protocol."""
+    """One RS485 line. That of an N:N link is 38400 7E1 by protocol."""
 
     name: str
-    nn: bool
+    protocol: BusProtocol
     timing: LineTiming
 
 

@@ -28,6 +28,7 @@ from bussim.forms.fields import (
     whole,
 )
 from bussim.forms.form import Model, ScanIn, only_one
+from bussim.line.protocols import BusProtocol
 from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
 from bussim.scenario.schema.profiles import ProfileIn
@@ -69,6 +70,11 @@ class BusIn(Model):
     nn: Flag = False
     baud: Baud | None = None
     format: Format | None = None
+
+    @property
+    def protocol(self) -> BusProtocol:
+        """What runs on it as a whole."""
+        return BusProtocol.NN if self.nn else BusProtocol.SERIAL
 
 
 class NNIn(Model):

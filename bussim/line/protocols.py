@@ -1,0 +1,12 @@
+"""What runs on an RS485 bus as a whole."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class BusProtocol(StrEnum):
+    """How the nodes of a bus share it."""
+
+    NN = "nn"  # the N:N link of one master and up to seven slaves, which takes the bus for itself
+    SERIAL = "serial"  # what its ports are set up for: Modbus RTU, Modbus ASCII or a free protocol
