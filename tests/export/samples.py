@@ -80,7 +80,7 @@ def frame(
         damaged_at=damaged_at or {},
         collided=collided,
         cut=cut_to is not None,
-        protocol=protocol or ("nn" if bus.nn else "modbus-rtu"),
+        protocol=protocol or ("nn" if bus.protocol is BusProtocol.NN else "modbus-rtu"),
         baud=own.baud,
         format=str(own.format),
         ppm=ppm,

@@ -80,7 +80,7 @@ def test_the_whole_form() -> None:
         name="press1",
         profile=PROFILES["pw10"],
         scan=model.Scan(8 * MS, MS),
-        config=model.LinkAttachment("link", "COM4"),
+        link=model.LinkAttachment("link", "COM4"),
         registers={"D8176": 0, "D8177": 2, "D8178": 2, "D8179": 5, "D8180": 5, "M8179": 1},
         sources={
             "M1000": Toggle(S),
@@ -92,7 +92,7 @@ def test_the_whole_form() -> None:
     assert press2.registers == {"D8176": 1, "M8179": 1}
     assert (press2.phase, press2.power_on, press2.scan) == (2 * MS, 4 * S, model.Scan(5 * MS, 0))
     assert press3.registers == {"D8176": 2, "M8179": 1}
-    assert press3.config == model.LinkAttachment("link", "COM4")
+    assert press3.link == model.LinkAttachment("link", "COM4")
     assert press3.profile == PROFILES["fx2n"]
 
 
@@ -157,10 +157,10 @@ def test_registers_fill_what_nn_leaves_open() -> None:
 
 def test_the_port_is_com3_unless_something_selects_com4() -> None:
     text = BASE.replace("{bus: link, port: COM4, station: 1}", "{bus: link, station: 1}")
-    assert loads(text).plcs[1].config == model.LinkAttachment("link", "COM3")
+    assert loads(text).plcs[1].link == model.LinkAttachment("link", "COM3")
     assert loads(text).plcs[1].registers["M8179"] == 0
     text = text.replace("name: press2,", "name: press2, registers: {M8179: 1},")
-    assert loads(text).plcs[1].config == model.LinkAttachment("link", "COM4")
+    assert loads(text).plcs[1].link == model.LinkAttachment("link", "COM4")
 
 
 @pytest.mark.parametrize(
@@ -168,11 +168,11 @@ def test_the_port_is_com3_unless_something_selects_com4() -> None:
 )
 def test_setting_any_of_the_link_registers_takes_part(registers: str) -> None:
     text = added(f"  - {{name: press4, registers: {{{registers}}}, ports: {{COM3: {{bus: link}}}}}}\n")
-    assert loads(text).plcs[3].config == model.LinkAttachment("link", "COM3")
+    assert loads(text).plcs[3].link == model.LinkAttachment("link", "COM3")
 
 
 def test_a_plc_without_any_of_them_takes_no_part() -> None:
-    assert loads(added("  - {name: press4, registers: {D100: 1}}\n")).plcs[3].config is None
+    assert loads(added("  - {name: press4, registers: {D100: 1}}\n")).plcs[3].link is None
 
 
 def test_a_profile_with_fields_changed() -> None:

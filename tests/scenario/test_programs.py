@@ -65,7 +65,7 @@ def test_what_programs_set_is_known_before_the_run(tmp_path: Path) -> None:
     found = load(folder(tmp_path))
     one, two = found.plcs
     assert found.warnings == ()
-    assert one.config == two.config == LinkAttachment("link", "COM4")
+    assert one.link == two.link == LinkAttachment("link", "COM4")
     assert [one.registers[f"D{n}"] for n in (8176, 8177, 8178, 8180)] == [0, 1, 2, 5]
     assert two.registers["D8176"] == 1
     assert two.inputs == {"X0": Square(500 * MS)}
@@ -91,7 +91,7 @@ def test_the_same_value_as_at_power_on_is_set_as_well(tmp_path: Path) -> None:
     only = "LD M8002\nMOV K0 D8176\nMOV K1 D8177\nEND\n"
     other = SLAVE.replace("SET M8179\n", "")
     found = load(folder(tmp_path, text, **{"one.il": only, "two.il": other}))
-    assert found.plcs[0].config == LinkAttachment("link", "COM3")
+    assert found.plcs[0].link == LinkAttachment("link", "COM3")
 
 
 def test_ports_that_a_program_sets_up(tmp_path: Path) -> None:

@@ -177,7 +177,7 @@ def plc(
     """A PLC on the bus ``link``, called p0, p1… by its station."""
     values: dict[str, Any] = {
         "scan": model.Scan(8 * MS),
-        "seat": model.LinkAttachment("link", "COM4"),
+        "link": model.LinkAttachment("link", "COM4"),
         **changes,
     }
     return model.Plc(
@@ -251,7 +251,7 @@ def registers_now(simulation: Simulation, plc: str) -> dict[str, int]:
     """The special devices of a PLC at the present tick."""
     found = simulation.plcs[plc]
     found.sync(simulation.now)
-    return found.board.registers()
+    return found.link_registers.registers()
 
 
 def bus_of(done: Done | Simulation) -> LinkBus:

@@ -125,7 +125,7 @@ def plc(
         name=name,
         profile=given.pop("profile", PROFILES["pw10"]),
         scan=model.Scan(scan, jitter),
-        position=given.pop("seat", None),
+        link=given.pop("link", None),
         registers=values,
         phase=phase,
         ports=tuple(spec for spec, _ in ports),

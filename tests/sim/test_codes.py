@@ -500,7 +500,7 @@ def test_bad_parameters_are_7348_or_7448_and_no_traffic(
     station: int, registers: dict[str, int], port: str, code: int
 ) -> None:
     bad = {
-        "seat": model.LinkAttachment("link", port),
+        "link": model.LinkAttachment("link", port),
         "registers": {**registers, "M8179": int(port == "COM4")},
     }
     done = run(link(2, 0, seconds=1, retries=0, others={station: bad}))
