@@ -204,17 +204,17 @@ def test_a_barcode_reader_with_an_end_character() -> None:
 def _link_and_port(*, reply: Reply, busy: bool, seconds: float = 20) -> Done:
     profile = steady(reply=reply)
     master = {"D8177": 1, "D8178": 0, "D8179": 3, "D8180": 5, "M8179": 1}
-    position = model.LinkAttachment("link", "COM4")
+    link = model.LinkAttachment("link", "COM4")
     ports = [port("COM3", MASTER)] if busy else []
     polls = [read(every=0)] if busy else []
     plcs = [
-        plc("p0", registers={**master, "D8176": 0}, position=position, profile=profile),
+        plc("p0", registers={**master, "D8176": 0}, link=link, profile=profile),
         plc(
             "p1",
             *ports,
             polls=polls,
             registers={"D8176": 1, "M8179": 1},
-            position=position,
+            link=link,
             profile=profile,
             jitter=MS,
         ),
@@ -238,18 +238,18 @@ def test_a_busy_port_is_seen_in_the_link_only_where_replies_wait_for_end() -> No
 
 
 def test_polled_data_travel_over_the_link() -> None:
-    position = model.LinkAttachment("link", "COM4")
+    link = model.LinkAttachment("link", "COM4")
     master = {"D8176": 0, "D8177": 1, "D8178": 1, "D8180": 5, "M8179": 1}
     # D32 is the first word of station 1's own block.
     ports = [port("COM3", MASTER)]
     plcs = [
-        plc("p0", registers=master, position=position),
+        plc("p0", registers=master, link=link),
         plc(
             "p1",
             *ports,
             polls=[read(to="D32", count=1)],
             registers={"D8176": 1, "M8179": 1},
-            position=position,
+            link=link,
         ),
     ]
     scenario = serial_bus([device("drive", "map", settings=_ones())], plcs, seconds=2)
