@@ -12,6 +12,7 @@ import bussim
 from bussim.cli import main
 from bussim.commands.exact.command import command as exact
 from bussim.commands.size.command import command as size
+from bussim.commands.size.uniform_link import uniform_link
 from bussim.commands.size.verify import verify
 from bussim.errors import RunError, UsageError
 
@@ -30,7 +31,7 @@ def link(command: object, *args: str) -> dict[str, object]:
 
 
 def test_json_has_the_promised_keys() -> None:
-    found = link(exact.command, "electrical_noise", "--q", "1e-3,1e-6", "--deadline", "100ms")
+    found = link(exact, "electrical_noise", "--q", "1e-3,1e-6", "--deadline", "100ms")
     assert found["valid"] is True
     assert found["reasons"] == []
     assert set(found["quantiles_ms"]) == {"1e-3", "1e-6"}  # type: ignore[call-overload]
@@ -44,16 +45,16 @@ def test_no_noise_is_the_formula_of_a_link_scan() -> None:
     # gap + 54 characters, then gap + poll + turnaround + 54 characters, and the overhead (mode 2).
     character = 10 / 38.4
     expected = 0.4175 + 54 * character + 2 * 0.4175 + 5 * character + 54 * character + 3.52
-    assert link(exact.command, "two_stations")["mean_ms"] == pytest.approx(expected, abs=1e-4)
+    assert link(exact, "two_stations")["mean_ms"] == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["slow_slave_short_timeout", "same_number_twice", "drive_impulses"])
 def test_where_the_closed_form_does_not_hold_it_says_so(name: str) -> None:
-    found = link(exact.command, name)
+    found = link(exact, name)
     assert found["valid"] is False
     assert found["reasons"]
     assert found["mean_ms"] is None
-    assert "no exact law" in invoke(exact.command, name).stdout
+    assert "no exact law" in invoke(exact, name).stdout
 
 
 @pytest.mark.parametrize(
@@ -67,13 +68,13 @@ def test_where_the_closed_form_does_not_hold_it_says_so(name: str) -> None:
     ],
 )
 def test_bad_options(args: tuple[str, ...], said: str) -> None:
-    result = invoke(exact.command, "two_stations", *args)
+    result = invoke(exact, "two_stations", *args)
     assert isinstance(result.exception, UsageError)
     assert said in str(result.exception)
 
 
 def test_poll_lists_stand_beside_the_links() -> None:
-    result = invoke(exact.command, "nn_with_modbus", "--json")
+    result = invoke(exact, "nn_with_modbus", "--json")
     found = json.loads(result.stdout)
     assert list(found["links"]) == ["link"]
     assert list(found["polls"]) == ["press1.COM3", "press2.COM5"]
@@ -83,33 +84,31 @@ def test_poll_lists_stand_beside_the_links() -> None:
     assert press["cycle_ms"]["min"] < press["cycle_ms"]["mean"] < press["cycle_ms"]["max"]
     assert press["cycle_ms"]["max"] < press["worst_case_ms"]
     assert press["dead"]["feeder1"]["lost_ms"] == 2 * 200 * 2
-    said = invoke(exact.command, "nn_with_modbus").stdout
+    said = invoke(exact, "nn_with_modbus").stdout
     assert "1 retry = 2 attempts × 200 ms on 2 polls (position, running): 800 ms when feeder1 is off" in said
     assert "at worst" in said
     assert "44.375" in said
 
 
 def test_poll_lists_without_a_link() -> None:
-    found = json.loads(invoke(exact.command, "two_masters", "--json").stdout)
+    found = json.loads(invoke(exact, "two_masters", "--json").stdout)
     assert found["links"] == {}
     assert [found["polls"][node]["valid"] for node in ("filler.COM3", "packer.COM3")] == [False, False]
-    assert "no figures: packer.COM3 also asks" in invoke(exact.command, "two_masters").stdout
-    alone = invoke(exact.command, "two_masters", "--set", "plcs.packer.polls=[]").stdout
+    assert "no figures: packer.COM3 also asks" in invoke(exact, "two_masters").stdout
+    alone = invoke(exact, "two_masters", "--set", "plcs.packer.polls=[]").stdout
     assert "poll cycle" in alone
-    plotted = invoke(exact.command, "two_masters", "--plot")
+    plotted = invoke(exact, "two_masters", "--plot")
     assert "no N:N link, whose law --plot draws" in str(plotted.exception)
 
 
 def test_pictures(tmp_path: Path) -> None:
-    result = invoke(
-        exact.command, "electrical_noise", "--set", "duration=5 s", "--plot", "--out", str(tmp_path)
-    )
+    result = invoke(exact, "electrical_noise", "--set", "duration=5 s", "--plot", "--out", str(tmp_path))
     assert result.exception is None
     assert {path.name for path in tmp_path.iterdir()} == {"law_link.png", "law_link.svg"}
 
 
 def test_size_recommends_and_prints_the_lines_to_paste(tmp_path: Path) -> None:
-    result = invoke(size.command, "electrical_noise", "--out", str(tmp_path))
+    result = invoke(size, "electrical_noise", "--out", str(tmp_path))
     assert result.exception is None
     assert "MOV K4 D8179" in result.stdout
     assert "attempts" in result.stdout
@@ -117,10 +116,10 @@ def test_size_recommends_and_prints_the_lines_to_paste(tmp_path: Path) -> None:
 
 
 def test_without_noise_the_ladder_is_shown_and_retries_remain() -> None:
-    found = link(size.command, "two_stations")
+    found = link(size, "two_stations")
     assert found["assumed_noise"] == "ladder"
     assert found["recommended"]["attempts"] >= 3  # type: ignore[index]
-    assert "no noise is given" in invoke(size.command, "two_stations").stdout
+    assert "no noise is given" in invoke(size, "two_stations").stdout
 
 
 def test_a_goal_that_cannot_be_met_is_refused_with_numbers(capsys: pytest.CaptureFixture[str]) -> None:
@@ -131,7 +130,7 @@ def test_a_goal_that_cannot_be_met_is_refused_with_numbers(capsys: pytest.Captur
 
 
 def test_a_wrong_goal_names_the_forms() -> None:
-    result = invoke(size.command, "two_stations", "--goal", "deed<=100ms")
+    result = invoke(size, "two_stations", "--goal", "deed<=100ms")
     assert isinstance(result.exception, UsageError)
     assert "dead" in str(result.exception)
 
@@ -171,3 +170,73 @@ def test_functions_of_the_user_take_a_permission(
     assert found["links"]["link"]
     if command == ["exact"]:
         assert found["polls"]["panel"]["valid"] is True
+
+
+# -- without a file ----------------------------------------------------------------------------------
+
+FOUR = """\
+schema: 1
+name: four stations
+duration: 60 s
+buses: [{name: link, nn: true}]
+plcs:
+  - {name: master, scan: 8 ms, profile: fx3u, nn: {bus: link, port: COM4, station: 0, slaves: 3, mode: 2}}
+  - {name: slave1, scan: 8 ms, profile: fx3u, nn: {bus: link, port: COM4, station: 1}}
+  - {name: slave2, scan: 8 ms, profile: fx3u, nn: {bus: link, port: COM4, station: 2}}
+  - {name: slave3, scan: 8 ms, profile: fx3u, nn: {bus: link, port: COM4, station: 3}}
+noise: [{name: line, bus: link, ber: 1.0e-6}]
+"""
+DESCRIBED = ("--stations", "4", "--mode", "2", "--scan", "8ms", "--ber", "1e-6", "--profile", "fx3u")
+
+
+@pytest.mark.parametrize("more", [(), ("--goal", "dead<=150ms"), ("--goal", "ride>=100ms")])
+def test_a_link_of_equal_stations_is_sized_as_its_file_would_be(
+    more: tuple[str, ...], tmp_path: Path
+) -> None:
+    (tmp_path / "four.yaml").write_text(FOUR, encoding="utf-8")
+    assert link(size, *DESCRIBED, *more) == link(size, str(tmp_path / "four.yaml"), *more)
+
+
+def test_a_link_of_equal_stations_by_its_defaults() -> None:
+    assert uniform_link(2, 0) == uniform_link(2, 0, profile="pw10", scan="10 ms", ber=0)
+    found = link(size, "--stations", "2")
+    assert found["assumed_noise"] == "ladder"
+    said = invoke(size, "--stations", "8", "--mode", "2").stdout
+    assert said.startswith("link: 8 stations, mode 2\n")
+    assert "with a dead station" in said
+    changed = invoke(size, "--stations", "2", "--set", "plcs.slave1.scan=40 ms").stdout
+    assert "the timeout is at least 70 ms" in changed
+
+
+def test_a_link_of_equal_stations_can_be_verified_and_drawn(tmp_path: Path) -> None:
+    result = invoke(size, *DESCRIBED, "--verify", "--out", str(tmp_path))
+    assert result.exception is None
+    assert result.stdout.count("agrees") == 3
+    assert {path.name for path in tmp_path.iterdir()} == {"size.json", "size_link.png", "size_link.svg"}
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        ((), "name a SCENARIO, or describe a link: bussim size --stations 4 --mode 2"),
+        (("--mode", "2"), "--mode needs --stations"),
+        (("two_stations", "--stations", "2"), "two_stations and --stations exclude each other"),
+        (("two_stations", "--ber", "0"), "two_stations and --ber exclude each other"),
+        (("--stations", "1"), "--stations is 1, allowed 2..8"),
+        (("--stations", "9"), "--stations is 9, allowed 2..8"),
+        (("--stations", "4", "--mode", "5"), "--mode is 5, allowed 0..4 in profile pw10"),
+        (
+            ("--stations", "4", "--mode", "3", "--profile", "fx2n"),
+            "--mode is 3, allowed 0..2 in profile fx2n",
+        ),
+        (("--stations", "4", "--mode", "1", "--profile", "fx1s"), "--mode is 1, allowed 0 only"),
+        (("--stations", "4", "--profile", "pw1"), "did you mean pw10?"),
+        (("--stations", "4", "--scan", "8"), "--scan is 8, a time without a unit"),
+        (("--stations", "4", "--scan", "11 s"), "allowed 100 us..10 s"),
+        (("--stations", "4", "--ber", "-1"), "--ber is -1, allowed 0..1"),
+    ],
+)
+def test_what_cannot_be_sized_without_a_file(args: tuple[str, ...], said: str) -> None:
+    result = invoke(size, *args)
+    assert isinstance(result.exception, UsageError)
+    assert said in str(result.exception)

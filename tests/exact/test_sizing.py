@@ -21,7 +21,8 @@ from bussim.exact.sizing.evaluation import (
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.noise_levels import LEVELS, OUTAGES, noise_levels_of, with_failing
 from bussim.exact.sizing.size import Choice, size
-from bussim.exact.sizing.unmet_goals import with_less_noise, with_mode
+from bussim.exact.sizing.trade_off import trade_off
+from bussim.exact.sizing.unmet_goals import scaled_noise, with_mode
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import AbsentStation, Attempts
 from tests.exact.links import MS, PROBE, change, link, with_burst
@@ -147,7 +148,7 @@ def test_robust_holds_under_every_reading() -> None:
     # Read as exactly D8179, one more retry is needed for as many attempts.
     assert sizing.robust.retries == sizing.recommended.retries + 1
     assert sizing.apart().startswith(
-        f"D8179 {sizing.robust.retries} instead of {sizing.recommended.retries} and D8180"
+        f"D8179 = {sizing.robust.retries}, D8180 = {sizing.robust.timeout // (10 * MS)} would meet the goals"
     )
 
 
@@ -246,12 +247,13 @@ def test_what_helps_does_help() -> None:
     assert any(h.startswith("outages of at most 160 ms instead of 400 ms") for h in ride.unmet[0].helps)
 
 
-def test_less_noise_and_smaller_modes() -> None:
+def test_scaled_noise_and_smaller_modes() -> None:
     model = with_burst(link(3, ber=1e-4, loss=0.1), 10, 5, 1e-5, 1e-2)
-    less = with_less_noise(model, 10)
+    less = scaled_noise(model, 1 / 10)
     assert [s.good for s in less.noise.sources] == [pytest.approx(1e-5), pytest.approx(1e-6)]
     assert less.noise.sources[1].bad == pytest.approx(1e-3)
     assert less.stations[0].loss == pytest.approx(0.01)
+    assert scaled_noise(model, 1e6).noise.sources[0].good == 1.0
     assert with_mode(link(3, mode=2), 0) == replace(link(3, mode=0))
 
 
@@ -294,3 +296,30 @@ def test_judging_keeps_to_the_floor() -> None:
     checked = evaluate_goals(link(2, mode=3, ber=1e-6), Goals())
     assert checked.grid.timeouts[0] == timeout_floor(link(2, mode=3)) == 50 * MS
     assert np.all(checked.candidates <= (checked.grid.errors_per_year <= 1))
+
+
+def test_the_trade_off_has_the_figures_of_each_setting_at_each_noise() -> None:
+    model = link(3, ber=1e-5)
+    sizing = size(model)
+    points = trade_off(sizing)
+    assert sizing.recommended is not None
+    assert points.timeout == sizing.recommended.timeout
+    assert points.retries == tuple(range(11))
+    assert list(points.series) == ["noise as entered", "10 times the noise", "100 times the noise"]
+    for factor, dots in zip((1, 10, 100), points.series.values(), strict=True):
+        for retries, (dead, errors) in zip(points.retries, dots, strict=True):
+            noisy = link(3, ber=factor * 1e-5).with_setting(retries + 1, points.timeout)
+            exact = figures_of(noisy, Request({}, refresh=False))
+            assert dead == pytest.approx(exact.one_dead)
+            assert errors == pytest.approx(exact.errors_per_year)
+
+
+def test_the_trade_off_without_noise_has_the_assumed_levels() -> None:
+    sizing = size(link(3))
+    points = trade_off(sizing)
+    assert sizing.noise_levels is not None
+    assert points.chosen_for == list(points.series)[-1]
+    for name, dots in zip(LEVELS, points.series.values(), strict=True):
+        assert [errors for _, errors in dots] == pytest.approx(
+            [level.errors[name] for level in sizing.noise_levels.rungs]
+        )

@@ -70,7 +70,8 @@ class Goals:
 
     def texts(self) -> dict[str, str]:
         """Each goal in words, by its name."""
-        found = {"errors": f"at most {about(self.errors)} false station errors a year"}
+        plural = "error" if self.errors == 1 else "errors"
+        found = {"errors": f"at most {about(self.errors)} false station {plural} a year"}
         if self.scan is not None:
             found["scan"] = f"a scan over {ms(self.scan[0])} ms with probability at most {self.scan[1]:g}"
         if self.dead is not None:

@@ -125,13 +125,12 @@ class Sizing:
         if safe is None:
             return "no setting meets the goals under every reading of the assumptions"
         if (safe.retries, safe.timeout) == (best.retries, best.timeout):
-            return "the recommended setting also holds under every other reading of the assumptions"
+            return "the recommended setting also meets the goals under every other reading of the assumptions"
         worst = max(choice.dead for choice in safe.choices.values())
         return (
-            f"D8179 {safe.retries} instead of {best.retries} and D8180 {safe.timeout // TIMEOUT_UNIT} "
-            f"instead of {best.d8180} would hold under every reading of the assumptions; a dead station "
-            f"would then make a scan up to {about(worst / TICKS_PER_MS)} ms long instead of "
-            f"{about(best.dead / TICKS_PER_MS)} ms"
+            f"D8179 = {safe.retries}, D8180 = {safe.timeout // TIMEOUT_UNIT} would meet the goals under "
+            "every reading of the assumptions (attempts, absent_station); a dead station would then make a "
+            f"scan up to {about(worst / TICKS_PER_MS)} ms long"
         )
 
     def mov_lines(self) -> list[str]:

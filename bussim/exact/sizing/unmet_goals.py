@@ -118,7 +118,7 @@ def _helps(model: LinkModel, goals: Goals, checked: Checked, reading: Attempts) 
             yield f"refresh mode {mode} instead of {model.mode} ({found})"
             break
     for factor in _LESS:
-        if found := _possible(with_less_noise(model, factor), goals, reading):
+        if found := _possible(scaled_noise(model, 1 / factor), goals, reading):
             yield f"{factor:,} times less noise ({found})"
             break
     if goals.ride is not None:
@@ -149,13 +149,17 @@ def with_mode(model: LinkModel, mode: int) -> LinkModel:
     )
 
 
-def with_less_noise(model: LinkModel, factor: float) -> LinkModel:
-    """The same link with all bit error rates and losses divided."""
+def scaled_noise(model: LinkModel, factor: float) -> LinkModel:
+    """The same link with all bit error rates and losses times a factor, none above 1."""
+
+    def scaled(chance: float) -> float:
+        return min(1.0, chance * factor)
+
     sources = tuple(
-        replace(source, good=source.good / factor, bad=source.bad / factor) for source in model.noise.sources
+        replace(source, good=scaled(source.good), bad=scaled(source.bad)) for source in model.noise.sources
     )
     return replace(
         model,
         noise=LineNoise(sources, model.noise.chains),
-        stations=tuple(replace(station, loss=station.loss / factor) for station in model.stations),
+        stations=tuple(replace(station, loss=scaled(station.loss)) for station in model.stations),
     )
