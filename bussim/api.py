@@ -15,14 +15,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from bussim.errors import UsageError
-from bussim.results.meters.collector import Collector, Rows
+from bussim.results.collector import Collector, Rows
 from bussim.results.meters.latency import LatencySpec, Route
-from bussim.results.meters.run_record import RunRecord
 from bussim.results.result import Result
+from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import RunFolder
 from bussim.results.store.load import FolderRows, load_run
 from bussim.results.store.memory import MemoryRows
-from bussim.results.text.latency import LatencyBounds
+from bussim.results.summary.latency import LatencyBounds
 from bussim.scenario.build.trace_header import trace_header
 from bussim.scenario.model import Scenario
 from bussim.trace.records import RunTotals

@@ -11,7 +11,7 @@ import click
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.run_record import RunRecord
 
 
 #: What each kind draws, by the option that chooses one of them; and what that option is about.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from bussim.exact.scan.mixture import Distribution
     from bussim.report.scene import Scene
     from bussim.report.source import ExactDistribution, Source, StationTimes
-    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.run_record import RunRecord
 
 #: A scenario is no larger (bytes).
 _LARGEST = 4 * 1024 * 1024

@@ -14,7 +14,7 @@ from bussim.commands.common.port_options import options_of, port_options, time_o
 from bussim.commands.common.scenario_options import code_option, values_of
 
 if TYPE_CHECKING:
-    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.run_record import RunRecord
     from bussim.results.store.folder import RunFolder
     from bussim.scenario.model import Scenario
     from bussim.serve.session import Session

@@ -12,7 +12,7 @@ from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.report.trace_window import TraceWindow
-    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.run_record import RunRecord
     from bussim.trace.file import Trace
     from bussim.trace.records import TraceBus
 

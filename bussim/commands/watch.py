@@ -169,7 +169,7 @@ def _window(scenario: Scenario, since: str | None, until: str | None) -> tuple[i
 
 def _simulated(scenario: Scenario, watched: list[Watched]) -> Watch:
     from bussim.commands.common.progress import simulating_bar
-    from bussim.results.meters.collector import Collector
+    from bussim.results.collector import Collector
     from bussim.results.meters.watch import Watch
     from bussim.sim.runner import simulate
 

@@ -17,7 +17,6 @@ from typing import Any
 from bussim.errors import UsageError
 from bussim.export.source import Selection, nothing_there
 from bussim.line.protocols import BusProtocol
-from bussim.trace.file import Record
 from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
@@ -28,6 +27,7 @@ from bussim.trace.records import (
     InputRecord,
     NoteRecord,
     PollRecord,
+    Record,
     ScanRecord,
     TransactionRecord,
 )

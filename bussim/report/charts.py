@@ -10,7 +10,7 @@ from bussim.report.scene import END, Scene
 from bussim.report.source import ExactDistribution
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
-from bussim.results.meters.run_record import LinkRecord
+from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.timeline import Span
 from bussim.results.plots.style import PARTS_OF_LATENCY
 from bussim.results.text.latency import part_names

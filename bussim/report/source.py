@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.report.scene import Scene
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.run_record import RunRecord
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import TypeVar
 
 from bussim.report.trace_window import TraceWindow
-from bussim.results.meters.run_record import RunRecord
 from bussim.results.meters.timeline import fault_spans
+from bussim.results.run_record import RunRecord
 from bussim.trace.file import Trace
 from bussim.trace.records import (
     AttemptRecord,

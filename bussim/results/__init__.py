@@ -1,4 +1,7 @@
-"""Layer 6: what a run leaves behind: statistics, summary, files and plots.
+"""What a run leaves behind: statistics, summary, texts, pictures and files.
 
-Reads the records of :mod:`bussim.trace.records` and nothing of who made them.
+There is one way through it: records are counted by the ``meters``, the ``collector`` hands them on and has
+the ``summary`` made once at the end, and ``text``, ``plots`` and ``store`` speak from the summary and the
+meters' histograms. Nothing here knows whether a simulation or a recording wrote the records of
+:mod:`bussim.trace.records`.
 """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bussim.results.meters.histogram import QUANTILES, Histogram
 from bussim.units import milliseconds, seconds
 
 #: Decimals of a number: ns for times in ms.
@@ -29,21 +28,6 @@ def whole(value: float) -> float:
 def share(part: int, of: int) -> float:
     """A part of a whole, 0…1; 0 of nothing."""
     return round(part / of, DECIMALS) if of else 0.0
-
-
-def quantiles(histogram: Histogram) -> dict[str, float | None]:
-    """All of :data:`QUANTILES` in ms; None for one that too few samples tell."""
-    return {name: ms(histogram.quantile(thousandths)) for name, thousandths in QUANTILES.items()}
-
-
-def statistics(histogram: Histogram) -> dict[str, float | None]:
-    """Quantiles, least, greatest and mean in ms."""
-    return {
-        **quantiles(histogram),
-        "max": ms(histogram.maximum),
-        "min": ms(histogram.minimum),
-        "mean": ms(histogram.mean),
-    }
 
 
 def by_code(counts: Mapping[int, int]) -> dict[str, int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from bussim.errors import UsageError
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.run_record import RunRecord
 from bussim.trace.records import RunTotals
 
 if TYPE_CHECKING:

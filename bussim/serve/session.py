@@ -14,8 +14,9 @@ from bussim.line.protocols import BusProtocol
 from bussim.live.clock import Clock
 from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
-from bussim.results.meters.collector import Collector, Rows
-from bussim.results.meters.run_record import LinkRecord, RunRecord
+from bussim.results.collector import Collector, Rows
+from bussim.results.meters.link import LinkRecord
+from bussim.results.run_record import RunRecord
 from bussim.scenario import model
 from bussim.scenario.build.trace_header import trace_header
 from bussim.serve.bridge import Bridge

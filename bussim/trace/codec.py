@@ -2,14 +2,18 @@
 
 The key ``type`` comes first and names the record; the others are the record's fields by their names,
 except that the first tick of what lasts is called ``tick`` where it is always known. Ticks are of
-1/72 MHz, bytes are hexadecimal. A frame tells its rate, format and clock error only where they are
-not those of its bus in the header.
+1/72 MHz, bytes are hexadecimal. The baud rate, format and clock error of a frame are written only where
+they are not those of its bus in the header.
+
+Lines are made from the annotations of the record types. A new field of a record needs a default: it
+stands for the field in traces of earlier versions. Keys and types of lines that are not known here,
+those of a later version, are left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 from bussim.line.protocols import BusProtocol
 from bussim.trace.records import (
@@ -22,6 +26,7 @@ from bussim.trace.records import (
     InputRecord,
     NoteRecord,
     PollRecord,
+    Record,
     ScanRecord,
     TraceBus,
     TraceHeader,
@@ -32,42 +37,39 @@ from bussim.units import TICKS_PER_SECOND
 #: Version of the trace's lines; rises when a key changes its meaning.
 TRACE_SCHEMA = 1
 
-Record = (
-    FrameRecord
-    | ScanRecord
-    | AttemptRecord
-    | TransactionRecord
-    | PollRecord
-    | CycleRecord
-    | FreeRecord
-    | DeviceValueRecord
-    | InputRecord
-    | EndsRecord
-    | NoteRecord
-)
 Line = dict[str, Any]
 
+#: The ``type`` of each record's lines.
+_TYPES: dict[type[Record], str] = {
+    FrameRecord: "frame",
+    ScanRecord: "scan",
+    AttemptRecord: "attempt",
+    TransactionRecord: "transaction",
+    PollRecord: "poll",
+    CycleRecord: "cycle",
+    FreeRecord: "free",
+    DeviceValueRecord: "value",
+    InputRecord: "input",
+    EndsRecord: "ends",
+    NoteRecord: "note",
+}
+#: Keys of fields that are not called as the field; by its name and type.
+_KEYS: dict[tuple[str, Any], str] = {("start", int): "tick", ("protocol", BusProtocol): "nn"}
+#: Fields of a frame that are those of its bus where the line does not have them.
+_OF_THE_BUS = ("baud", "format")
 
 # -- values ----------------------------------------------------------------------------------------
 
 
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:59]}…"
-
-
 def _check(value: object, fits: bool, what: str) -> None:  # noqa: FBT001 (private)
     if not fits:
-        raise ValueError(f"is {_short(value)}, not {what}")
+        text = repr(value)
+        raise ValueError(f"is {text if len(text) <= 60 else f'{text[:59]}…'}, not {what}")
 
 
 def _int(value: Any) -> int:
     _check(value, type(value) is int, "a whole number")
     return int(value)
-
-
-def _int_or_none(value: Any) -> int | None:
-    return None if value is None else _int(value)
 
 
 def _text(value: Any) -> str:
@@ -85,10 +87,6 @@ def _number(value: Any) -> float:
     return float(value)
 
 
-def _bytes(value: Any) -> bytes:
-    return bytes.fromhex(_text(value))
-
-
 def _list(value: Any) -> list[Any]:
     _check(value, isinstance(value, list), "a list")
     return list(value)
@@ -98,183 +96,82 @@ def _ints(value: Any) -> tuple[int, ...]:
     return tuple(map(_int, _list(value)))
 
 
-def _texts(value: Any) -> tuple[str, ...]:
-    return tuple(map(_text, _list(value)))
-
-
 def _by_name(value: Any) -> dict[str, Any]:
     _check(value, isinstance(value, dict), "an object")
     return dict(value)
 
 
-def _bits_by_name(value: Any) -> dict[str, tuple[int, ...]]:
-    return {name: _ints(bits) for name, bits in _by_name(value).items()}
+#: How a value of each type of field is read. One without an entry raises KeyError on import.
+_READERS: dict[Any, Callable[[Any], Any]] = {
+    int: _int,
+    int | None: lambda value: None if value is None else _int(value),
+    str: _text,
+    bool: _flag,
+    float: _number,
+    BusProtocol: lambda value: BusProtocol.NN if _flag(value) else BusProtocol.SERIAL,
+    bytes: lambda value: bytes.fromhex(_text(value)),
+    tuple[int, ...]: _ints,
+    tuple[str, ...]: lambda value: tuple(map(_text, _list(value))),
+    dict[str, int]: lambda value: {name: _int(each) for name, each in _by_name(value).items()},
+    dict[str, int | str]: lambda value: {
+        name: each if isinstance(each, str) else _int(each) for name, each in _by_name(value).items()
+    },
+    dict[str, tuple[int, ...]]: lambda value: {name: _ints(each) for name, each in _by_name(value).items()},
+}
+#: How a value of a type of field is written where it is not written as it is.
+_WRITERS: dict[Any, Callable[[Any], Any]] = {
+    BusProtocol: lambda value: value is BusProtocol.NN,
+    bytes: bytes.hex,
+    tuple[int, ...]: list,
+    tuple[str, ...]: list,
+    dict[str, tuple[int, ...]]: lambda value: {name: list(each) for name, each in value.items()},
+}
 
 
-def _detail(value: Any) -> dict[str, int | str]:
-    return {name: each if isinstance(each, str) else _int(each) for name, each in _by_name(value).items()}
+# -- fields ----------------------------------------------------------------------------------------
 
-
-# -- records ---------------------------------------------------------------------------------------
+_REQUIRED: Any = object()
 
 
 class _Field(NamedTuple):
+    """One field of a record: its key, its place among the fields, and its value where the key is missing."""
+
     name: str
+    key: str
+    place: int
     read: Callable[[Any], Any]
-    key: str = ""  # "": as its name
-    write: Callable[[Any], Any] | None = None  # None: as it is
+    write: Callable[[Any], Any] | None  # None: as it is
+    default: Any  # _REQUIRED: the key may not be missing
 
 
-def _lists(bits: Mapping[str, tuple[int, ...]]) -> dict[str, list[int]]:
-    return {name: list(each) for name, each in bits.items()}
+def _fields_of(record: type[Any], apart: str = "") -> list[_Field]:
+    """The fields of a record type, without the one that is written apart."""
+    hints, defaults = get_type_hints(record), record._field_defaults
+    return [
+        _Field(
+            name,
+            _KEYS.get((name, hints[name]), name),
+            place,
+            _READERS[hints[name]],
+            _WRITERS.get(hints[name]),
+            defaults.get(name, _REQUIRED),
+        )
+        for place, name in enumerate(record._fields)
+        if name != apart
+    ]
 
 
-_BUS, _START = _Field("bus", _text), _Field("start", _int, "tick")
-
-#: Fields of every type of line in the order of the record's own; those of a frame that its bus knows
-#: are left to :func:`to_line` and :func:`from_line`.
-_FORMS: dict[str, tuple[type[Record], tuple[_Field, ...]]] = {
-    "frame": (
-        FrameRecord,
-        (
-            _BUS,
-            _START,
-            _Field("end", _int),
-            _Field("sender", _text),
-            _Field("kind", _text),
-            _Field("station", _int_or_none),
-            _Field("counter", _int_or_none),
-            _Field("chars", _bytes, write=bytes.hex),
-            _Field("damaged_bits", _ints, write=list),
-            _Field("damaged_at", _bits_by_name, write=_lists),
-            _Field("collided", _flag),
-            _Field("cut", _flag),
-            _Field("protocol", _text),
-        ),
-    ),
-    "scan": (
-        ScanRecord,
-        (
-            _BUS,
-            _Field("number", _int),
-            _START,
-            _Field("duration", _int),
-            _Field("attempts", _int),
-            _Field("failed", _int),
-            _Field("stations_in_error", _int),
-            _Field("cause", _text),
-        ),
-    ),
-    "attempt": (
-        AttemptRecord,
-        (
-            _BUS,
-            _START,
-            _Field("end", _int),
-            _Field("station", _int),
-            _Field("number", _int),
-            _Field("outcome", _text),
-            _Field("code", _int),
-            _Field("turnaround", _int_or_none),
-        ),
-    ),
-    "transaction": (
-        TransactionRecord,
-        (
-            _BUS,
-            _Field("master", _text),
-            _Field("poll", _text),
-            _Field("attempt", _int),
-            _Field("station", _int),
-            _Field("function", _int),
-            _Field("address", _int),
-            _Field("quantity", _int),
-            _Field("sent", _int_or_none),
-            _Field("asked", _int_or_none),
-            _Field("answer_start", _int_or_none),
-            _Field("answer_end", _int_or_none),
-            _Field("end", _int),
-            _Field("taken", _int),
-            _Field("outcome", _text),
-            _Field("error", _int_or_none),
-            _Field("exception", _int),
-            _Field("served", _int_or_none),
-            _Field("mismatched", _flag),
-            _Field("chars", _int),
-        ),
-    ),
-    "poll": (
-        PollRecord,
-        (
-            _BUS,
-            _Field("master", _text),
-            _Field("poll", _text),
-            _START,
-            _Field("end", _int),
-            _Field("attempts", _int),
-            _Field("error", _int_or_none),
-            _Field("late", _int),
-        ),
-    ),
-    "cycle": (
-        CycleRecord,
-        (_BUS, _Field("master", _text), _Field("number", _int), _START, _Field("duration", _int)),
-    ),
-    "free": (
-        FreeRecord,
-        (
-            _BUS,
-            _Field("node", _text),
-            _Field("poll", _text),
-            _Field("direction", _text),
-            _Field("start", _int_or_none),
-            _Field("end", _int),
-            _Field("data", _bytes, write=bytes.hex),
-            _Field("ended", _text),
-            _Field("damaged", _int),
-        ),
-    ),
-    "value": (
-        DeviceValueRecord,
-        (
-            _Field("tick", _int),
-            _Field("plc", _text),
-            _Field("device", _text),
-            _Field("value", _int),
-        ),
-    ),
-    "input": (
-        InputRecord,
-        (
-            _Field("tick", _int),
-            _Field("plc", _text),
-            _Field("device", _text),
-            _Field("level", _int),
-            _Field("sampled", _int),
-            _Field("seen", _flag),
-            _Field("end", _int),
-        ),
-    ),
-    "ends": (EndsRecord, (_Field("plc", _text), _Field("ticks", _ints, write=list))),
-    "note": (
-        NoteRecord,
-        (
-            _Field("tick", _int),
-            _Field("kind", _text),
-            _Field("where", _text),
-            _Field("text", _text),
-            _Field("detail", _detail),
-        ),
-    ),
+_FIELDS: dict[type[Record], list[_Field]] = {record: _fields_of(record) for record in get_args(Record)}
+_RECORDS = {_TYPES[record]: record for record in _FIELDS}
+# What is written of each record, in this order; the clock error and what a frame's bus has only if needed.
+_WRITTEN = {
+    record: [
+        (field.key, field.place, field.write)
+        for field in sorted(fields, key=lambda field: field.key != "tick")
+        if record is not FrameRecord or field.name not in (*_OF_THE_BUS, "ppm")
+    ]
+    for record, fields in _FIELDS.items()
 }
-_TYPES = {record: name for name, (record, _) in _FORMS.items()}
-# Key, position and writer of every field, and whether the tick is to stand first.
-_WRITERS = {
-    record: [(field.key or field.name, at, field.write) for at, field in enumerate(fields)]
-    for record, fields in _FORMS.values()
-}
-for _writers in _WRITERS.values():
-    _writers.sort(key=lambda writer: writer[0] != "tick")
 
 
 def type_of(record: type[Record]) -> str:
@@ -286,8 +183,8 @@ def to_line(record: Record, buses: Mapping[str, TraceBus]) -> Line:
     """A record as a line; ``buses`` are those of the trace's header."""
     kind = type(record)
     line: Line = {"type": _TYPES[kind]}
-    for key, at, write in _WRITERS[kind]:
-        value = record[at]
+    for key, place, write in _WRITTEN[kind]:
+        value = record[place]
         line[key] = value if write is None else write(value)
     if isinstance(record, FrameRecord):
         bus = buses.get(record.bus)
@@ -305,17 +202,25 @@ def from_line(line: Line, buses: Mapping[str, TraceBus]) -> Record | None:
 
     Raises ValueError, with a message for the user, for anything else.
     """
-    form = _FORMS.get(_read(line, "type", _text))
-    if form is None:
+    record = _RECORDS.get(_read(line, "type", _text))
+    if record is None:
         return None
-    record, fields = form
-    values = [_read(line, field.key or field.name, field.read) for field in fields]
     if record is FrameRecord:
-        bus = buses.get(values[0])
-        values.append(bus.baud if bus and "baud" not in line else _read(line, "baud", _int))
-        values.append(bus.format if bus and "format" not in line else _read(line, "format", _text))
-        values.append(_read(line, "ppm", _number) if "ppm" in line else 0.0)
-    return record(*values)
+        bus = buses.get(_read(line, "bus", _text))
+        of_the_bus = {} if bus is None else {"baud": bus.baud, "format": bus.format}
+        line = of_the_bus | line
+        return FrameRecord(**_values(line, _FIELDS[record], required=_OF_THE_BUS))
+    return record(**_values(line, _FIELDS[record]))
+
+
+def _values(line: Line, fields: Collection[_Field], required: Collection[str] = ()) -> dict[str, Any]:
+    """The values of a record's fields; those named in ``required`` must be there in spite of a default."""
+    return {
+        field.name: field.default
+        if field.key not in line and field.default is not _REQUIRED and field.name not in required
+        else _read(line, field.key, field.read)
+        for field in fields
+    }
 
 
 def _read(line: Line, key: str, read: Callable[[Any], Any]) -> Any:
@@ -331,6 +236,10 @@ def _read(line: Line, key: str, read: Callable[[Any], Any]) -> Any:
 
 # -- header ----------------------------------------------------------------------------------------
 
+_BUS_FIELDS = _fields_of(TraceBus, apart="name")
+# Whether the times are exact is written before the others.
+_HEADER_FIELDS = sorted(_fields_of(TraceHeader, apart="buses"), key=lambda field: field.name != "exact")
+
 
 def header_line(header: TraceHeader) -> Line:
     """The first line of a trace."""
@@ -338,20 +247,8 @@ def header_line(header: TraceHeader) -> Line:
         "type": "trace",
         "schema": TRACE_SCHEMA,
         "tick_hz": TICKS_PER_SECOND,
-        "exact": header.exact,
-        "scenario": header.scenario,
-        "seed": header.seed,
-        "duration": header.duration,
-        "buses": {
-            bus.name: {
-                "nn": bus.protocol is BusProtocol.NN,
-                "baud": bus.baud,
-                "format": bus.format,
-                "nodes": list(bus.nodes),
-                "stations": bus.stations,
-            }
-            for bus in header.buses
-        },
+        **_written(header, _HEADER_FIELDS),
+        "buses": {bus.name: _written(bus, _BUS_FIELDS) for bus in header.buses},
     }
 
 
@@ -364,21 +261,15 @@ def header_of(line: Line) -> TraceHeader:
         raise ValueError(f"has schema {schema}; this bussim reads up to {TRACE_SCHEMA}; update bussim")
     if line.get("tick_hz") != TICKS_PER_SECOND:
         raise ValueError(f"counts {line.get('tick_hz')!r} ticks a second, not {TICKS_PER_SECOND}")
+    buses = _read(line, "buses", _by_name)
     return TraceHeader(
-        buses=tuple(_bus(name, _by_name(bus)) for name, bus in _read(line, "buses", _by_name).items()),
-        scenario=_read(line, "scenario", _text),
-        seed=_read(line, "seed", _int_or_none),
-        duration=_read(line, "duration", _int_or_none),
-        exact=_read(line, "exact", _flag),
+        buses=tuple(TraceBus(name, **_values(_by_name(bus), _BUS_FIELDS)) for name, bus in buses.items()),
+        **_values(line, _HEADER_FIELDS),
     )
 
 
-def _bus(name: str, data: Line) -> TraceBus:
-    return TraceBus(
-        name,
-        BusProtocol.NN if _read(data, "nn", _flag) else BusProtocol.SERIAL,
-        _read(data, "baud", _int),
-        _read(data, "format", _text),
-        _read(data, "nodes", _texts),
-        {node: _int(station) for node, station in _read(data, "stations", _by_name).items()},
-    )
+def _written(record: tuple[Any, ...], fields: Collection[_Field]) -> Line:
+    return {
+        field.key: record[field.place] if field.write is None else field.write(record[field.place])
+        for field in fields
+    }

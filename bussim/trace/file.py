@@ -18,10 +18,10 @@ import json
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
-from typing import TextIO, TypeVar
+from typing import TextIO, TypeVar, cast
 
 from bussim.errors import UsageError
-from bussim.trace.codec import Line, Record, from_line, header_line, header_of, to_line, type_of
+from bussim.trace.codec import Line, from_line, header_line, header_of, to_line, type_of
 from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
@@ -32,33 +32,19 @@ from bussim.trace.records import (
     InputRecord,
     NoteRecord,
     PollRecord,
+    Record,
     ScanRecord,
     TraceBus,
     TraceHeader,
     TransactionRecord,
 )
 
-__all__ = ["TRACE", "Record", "Trace", "TraceWriter", "interval", "read_trace", "trace_of"]
-
 #: The file of every frame and event of a traced run, one JSON object a line.
 TRACE = "trace.jsonl"
 #: A longer line (characters) is none of ours.
 _LONGEST_LINE = 16 * 1024 * 1024
 
-R = TypeVar(
-    "R",
-    FrameRecord,
-    ScanRecord,
-    AttemptRecord,
-    TransactionRecord,
-    PollRecord,
-    CycleRecord,
-    FreeRecord,
-    DeviceValueRecord,
-    InputRecord,
-    EndsRecord,
-    NoteRecord,
-)
+R = TypeVar("R", bound=Record)
 #: Gives the records of some types (None: of all) from the beginning.
 Source = Callable[[Collection[type[Record]] | None], Iterator[Record]]
 
@@ -103,8 +89,8 @@ class Trace:
         self, kind: type[R], *, bus: str | None = None, start: int | None = None, stop: int | None = None
     ) -> Iterator[R]:
         """The records of one type; else as :meth:`records`."""
-        records = self.records(kind, bus=bus, start=start, stop=stop)
-        return (record for record in records if isinstance(record, kind))
+        kinds = cast("type[Record]", kind)
+        return cast("Iterator[R]", self.records(kinds, bus=bus, start=start, stop=stop))
 
     def records(
         self, *kinds: type[Record], bus: str | None = None, start: int | None = None, stop: int | None = None

@@ -154,10 +154,26 @@ class NoteRecord(NamedTuple):
 
 
 class EndsRecord(NamedTuple):
-    """ENDs of a PLC in order, as :meth:`Sink.ends` told them, in a trace."""
+    """ENDs of a PLC in order, as :meth:`Sink.ends` reported them, in a trace."""
 
     plc: str
     ticks: tuple[int, ...]
+
+
+#: Everything that a line of a trace can be.
+Record = (
+    FrameRecord
+    | ScanRecord
+    | AttemptRecord
+    | TransactionRecord
+    | PollRecord
+    | CycleRecord
+    | FreeRecord
+    | DeviceValueRecord
+    | InputRecord
+    | EndsRecord
+    | NoteRecord
+)
 
 
 class TraceBus(NamedTuple):

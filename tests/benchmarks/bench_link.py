@@ -30,7 +30,7 @@ from bussim.line.characters import NN_LINE
 from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES
 from bussim.plc.sources import Counter
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.scenario import model
 from bussim.sim.runner import Simulation
 from bussim.trace.records import AttemptRecord, FrameRecord, NoteRecord, ScanRecord

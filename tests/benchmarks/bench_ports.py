@@ -20,7 +20,7 @@ import simpy
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.scenario.loader import loads
 from bussim.sim.runner import Simulation
 from bussim.trace.records import ScanRecord, TransactionRecord

@@ -34,7 +34,7 @@ from bussim.plc.memory import Device, Memory
 from bussim.plc.profiles import PROFILES
 from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.scenario import model
 from bussim.sim.runner import simulate
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND

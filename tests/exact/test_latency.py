@@ -14,7 +14,7 @@ import pytest
 from bussim import api
 from bussim.exact.from_scenario import from_scenario
 from bussim.exact.latency.bounds import bounds_of
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.results.meters.latency_record import PARTS, LatencyRecord, Sample
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario

@@ -23,8 +23,8 @@ from bussim.engines.nn.frames import MODES, LinkSettings, encode_data, encode_pa
 from bussim.export.run import export_trace
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
-from bussim.trace.file import Record, Trace, trace_of
-from bussim.trace.records import FrameRecord, TraceBus, TraceHeader
+from bussim.trace.file import Trace, trace_of
+from bussim.trace.records import FrameRecord, Record, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS
 
 LINK = TraceBus(

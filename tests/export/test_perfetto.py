@@ -12,7 +12,7 @@ import bussim
 from bussim.errors import UsageError
 from bussim.export import perfetto
 from bussim.export.run import export_trace
-from bussim.trace.file import Record, Trace, interval, read_trace
+from bussim.trace.file import Trace, interval, read_trace
 from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
@@ -22,6 +22,7 @@ from bussim.trace.records import (
     FreeRecord,
     NoteRecord,
     PollRecord,
+    Record,
     ScanRecord,
     TransactionRecord,
 )

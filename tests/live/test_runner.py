@@ -22,7 +22,7 @@ from bussim.live.port import LivePort
 from bussim.live.runner import EngineRunner, Handling
 from bussim.live.sniff.listener import Listener
 from bussim.live.wire import Wire
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")

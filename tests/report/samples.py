@@ -9,7 +9,7 @@ from tempfile import mkdtemp
 import bussim
 from bussim.report.trace_window import TraceWindow
 from bussim.report.window_reader import read_window, worst_window
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.run_record import RunRecord
 from bussim.trace.file import Trace, read_trace
 
 #: Eight stations on a line so noisy that some link scan repeats a poll.

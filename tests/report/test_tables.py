@@ -17,7 +17,7 @@ from bussim.report.parts import Charts
 from bussim.report.source import ExactDistribution, Source
 from bussim.report.stations import measured_times, station_rows
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import counts_in_words
 
 

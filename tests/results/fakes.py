@@ -6,8 +6,8 @@ import random
 from dataclasses import dataclass, replace
 from typing import Any
 
-from bussim.results.meters.collector import Collector, Rows
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.collector import Collector, Rows
+from bussim.results.run_record import RunRecord
 from bussim.trace.records import (
     AttemptRecord,
     BusTotals,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import tracemalloc
 from dataclasses import replace
 
-from bussim.results.meters.collector import MOST_NOTES, Collector
+from bussim.results.collector import MOST_NOTES, Collector
 from bussim.trace.records import LinkTotals, NoteRecord, RunTotals, ScanRecord
 from bussim.units import TICKS_PER_SECOND
 

@@ -17,17 +17,11 @@ from bussim.errors import UsageError
 from bussim.report.latency import in_words
 from bussim.results.meters.latency import LatencyMeter, LatencySpec, Route
 from bussim.results.meters.latency_record import LatencyRecord, Sample
-from bussim.results.meters.run_record import RunRecord
 from bussim.results.plots.latency import latency_picture, measured
 from bussim.results.plots.style import DISTRIBUTION, GREY, RUNS
-from bussim.results.text.latency import (
-    PART_NAMES,
-    LatencyBounds,
-    bound_caveats,
-    latency_lines,
-    latency_summary,
-    part_names,
-)
+from bussim.results.run_record import RunRecord
+from bussim.results.summary.latency import LatencyBounds, latency_summary
+from bussim.results.text.latency import PART_NAMES, bound_caveats, latency_lines, part_names
 from bussim.trace.records import DeviceValueRecord, InputRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 

@@ -15,7 +15,6 @@ from matplotlib.transforms import Bbox
 
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
-from bussim.results.meters.run_record import RunRecord
 from bussim.results.plots.bars import is_far, usual_range, whole_range
 from bussim.results.plots.over_run import scan_times_over_run
 from bussim.results.plots.scan_times import run_labels, scan_time_histogram
@@ -29,6 +28,7 @@ from bussim.results.plots.style import (
     SIMULATED,
     Picture,
 )
+from bussim.results.run_record import RunRecord
 from bussim.trace.records import NoteRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.errors import UsageError
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.results.meters.ports import PortRecord, response_time
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.run_record import RunRecord
 from bussim.results.store.load import FolderRows
 from bussim.results.store.memory import MemoryRows
 from bussim.results.store.rows import FileRows

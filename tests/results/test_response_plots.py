@@ -7,11 +7,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from bussim.errors import UsageError
-from bussim.results.meters.collector import Collector
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.collector import Collector
 from bussim.results.plots.responses import masters, response_time_histogram
 from bussim.results.plots.style import IN_ERROR
 from bussim.results.result import Result
+from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import RunFolder
 from bussim.results.store.load import load_run
 from bussim.results.store.memory import MemoryRows

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.trace.records import NoteRecord, PlcTotals, RunTotals, ScanRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from bussim.version import __version__

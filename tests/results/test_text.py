@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from bussim.results.meters.collector import Collector
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.collector import Collector
+from bussim.results.run_record import RunRecord
 from bussim.results.text.run import show_result
 from bussim.trace.records import PlcTotals, RunTotals
 from bussim.units import TICKS_PER_SECOND

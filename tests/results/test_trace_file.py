@@ -12,7 +12,7 @@ import bussim
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
 from bussim.scenario.build.trace_header import trace_header
-from bussim.trace.file import TRACE, Record, Trace, TraceWriter, interval, read_trace, trace_of
+from bussim.trace.file import TRACE, Trace, TraceWriter, interval, read_trace, trace_of
 from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
@@ -22,6 +22,7 @@ from bussim.trace.records import (
     FreeRecord,
     NoteRecord,
     PollRecord,
+    Record,
     ScanRecord,
     TraceBus,
     TraceHeader,

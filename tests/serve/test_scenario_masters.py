@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from bussim.engines.modbus.adu import Mode
-from bussim.trace.file import Record
-from bussim.trace.records import TransactionRecord
+from bussim.trace.records import Record, TransactionRecord
 from tests.serve.serving import HEAD, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")

@@ -12,7 +12,7 @@ import pytest
 
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.live.options import PortOptions
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.scenario.loader import load, loads
 from bussim.serve.session import Session
 from bussim.serve.targets import targets

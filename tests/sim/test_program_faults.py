@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.scenario.loader import loads
 from bussim.sim.runner import simulate
 from bussim.trace.records import NoteRecord, RunTotals

@@ -16,7 +16,7 @@ from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
-    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.run_record import RunRecord
     from bussim.scenario.model import Scenario
 
 #: A longer recording is compared with a simulation of this length: ten minutes.

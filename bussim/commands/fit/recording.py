@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bussim.live.fit.link import LinkEstimate
     from bussim.live.fit.modbus import BusEstimate
     from bussim.live.sniff.heard import Protocol
-    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.run_record import RunRecord
 
 
 @dataclass(frozen=True, slots=True)

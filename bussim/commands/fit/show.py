@@ -15,7 +15,7 @@ from bussim.units import milliseconds, seconds
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
     from bussim.live.fit.turnaround import TurnaroundDistribution
-    from bussim.results.meters.run_record import RunRecord
+    from bussim.results.run_record import RunRecord
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
 from bussim.live.sniff.heard import Heard, Protocol
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.trace.records import TransactionRecord
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
-from bussim.results.meters.collector import Collector, Rows
+from bussim.results.collector import Collector, Rows
 from bussim.results.meters.histogram import QUANTILES, Histogram
 from bussim.trace.records import AttemptRecord, ScanRecord, TransactionRecord
 from bussim.units import milliseconds, seconds

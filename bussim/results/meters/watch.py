@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.results.numbers import s
-from bussim.trace.codec import Record
-from bussim.trace.records import DeviceValueRecord
+from bussim.trace.records import DeviceValueRecord, Record
 
 
 @dataclass(slots=True)

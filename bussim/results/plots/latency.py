@@ -14,7 +14,6 @@ from matplotlib.patches import Patch
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
-from bussim.results.meters.run_record import RunRecord
 from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
 from bussim.results.plots.scan_times import caption, run_labels
 from bussim.results.plots.style import (
@@ -28,6 +27,7 @@ from bussim.results.plots.style import (
     shorten,
     style,
 )
+from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import (
     bound_caveats,
     counts_in_words,

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bussim.results.meters.run_record import LinkRecord, RunRecord
+from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.timeline import Span, fault_spans
 from bussim.results.plots.scan_times import caption, link_of
 from bussim.results.plots.style import (
@@ -22,6 +22,7 @@ from bussim.results.plots.style import (
     shorten,
     style,
 )
+from bussim.results.run_record import RunRecord
 from bussim.units import milliseconds, seconds
 
 #: Most lines of faults; the others share one.

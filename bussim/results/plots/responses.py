@@ -11,10 +11,10 @@ from matplotlib.lines import Line2D
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.ports import PortRecord
-from bussim.results.meters.run_record import RunRecord
 from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
 from bussim.results.plots.scan_times import caption, run_labels
 from bussim.results.plots.style import IN_ERROR, RUNS, Picture, finish_picture, new_picture, shorten, style
+from bussim.results.run_record import RunRecord
 from bussim.units import format_ms, milliseconds
 
 #: Most panels; the polls with the fewest attempts share the last one.

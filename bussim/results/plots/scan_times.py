@@ -9,9 +9,10 @@ from matplotlib.lines import Line2D
 
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import Histogram
-from bussim.results.meters.run_record import LinkRecord, RunRecord
+from bussim.results.meters.link import LinkRecord
 from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
 from bussim.results.plots.style import RUNS, Picture, finish_picture, new_picture, shorten, style
+from bussim.results.run_record import RunRecord
 from bussim.units import seconds
 
 #: What the axes are called.

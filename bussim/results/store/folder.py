@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import IO, Any, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.results.meters.run_record import RunRecord
+from bussim.results.run_record import RunRecord
 from bussim.results.store.names import file_names
 from bussim.results.store.rows import FileRows
 from bussim.results.store.tables import FORMATS, import_pyarrow

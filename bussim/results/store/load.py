@@ -7,17 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
-from bussim.results.meters.run_record import SCHEMA, RunRecord
+from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
 from bussim.results.store.names import from_cell
 from bussim.results.store.rows import FORMS, Form
 from bussim.results.store.tables import FORMATS, PANDAS_TYPES, import_pyarrow
-from bussim.trace.file import TRACE, Record, Trace, read_trace
+from bussim.results.summary import SCHEMA
+from bussim.trace.file import TRACE, Trace, read_trace
 from bussim.trace.records import (
     AttemptRecord,
     DeviceValueRecord,
     FreeRecord,
     InputRecord,
+    Record,
     ScanRecord,
     TransactionRecord,
 )

@@ -9,12 +9,13 @@ from bussim.errors import UsageError
 from bussim.results.store.rows import FORMS, scan_numbers
 from bussim.results.store.tables import DECIMALS, PANDAS_TYPES, SCAN_COLUMNS, Row
 from bussim.trace.codec import header_line, to_line
-from bussim.trace.file import Record, Trace, trace_of
+from bussim.trace.file import Trace, trace_of
 from bussim.trace.records import (
     AttemptRecord,
     DeviceValueRecord,
     FreeRecord,
     InputRecord,
+    Record,
     ScanRecord,
     TraceHeader,
     TransactionRecord,

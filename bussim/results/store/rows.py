@@ -18,12 +18,13 @@ from bussim.results.store.tables import (
     Table,
     open_table,
 )
-from bussim.trace.file import TRACE, Record, TraceWriter
+from bussim.trace.file import TRACE, TraceWriter
 from bussim.trace.records import (
     AttemptRecord,
     DeviceValueRecord,
     FreeRecord,
     InputRecord,
+    Record,
     ScanRecord,
     TraceHeader,
     TransactionRecord,

@@ -1,12 +1,12 @@
-"""Latencies in ``summary.json`` and in words. Times in ms, instants in s."""
+"""Latencies in words, from ``summary.json``. Times in ms, instants in s."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any
 
-from bussim.results.meters.latency_record import NO_WAY, PARTS, LatencyRecord
-from bussim.results.numbers import counted, ms, s, statistics
+from bussim.results.meters.latency_record import NO_WAY
+from bussim.results.numbers import counted
 
 #: What the parts are called in words; "scan" of a word's age does not exist.
 PART_NAMES = {
@@ -20,56 +20,6 @@ PART_NAMES = {
 AGE_PART_NAMES = PART_NAMES | {"destination": "since the frame came, until it was read"}
 #: Of the cases of a bound those that are told in words.
 _SHOWN_BOUNDS = ("no error", "1 lost reply", "every retry spent")
-
-
-class LatencyBounds(NamedTuple):
-    """What an entry may be at worst, by case, in ticks, and what is to be told with it; or why it is not."""
-
-    cases: Mapping[str, int]
-    reasons: Sequence[str] = ()
-    notes: Sequence[str] = ()
-
-
-def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict[str, Any]:
-    """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, if known."""
-    parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
-    delivered = record.delivered
-    split = bool(delivered) and not record.coincidence  # no way, no parts
-    summary: dict[str, Any] = {
-        "from": record.source,
-        "to": record.target,
-        "kind": "age of a word" if record.word else "change of a bit",
-        "edge": None if record.word else record.edge,
-        "inverted": record.inverted,
-        "changes": record.changes,
-        "delivered": delivered,
-        "lost": record.lost,
-        "unseen": record.unseen,
-        "open": record.open,
-        "ms": statistics(record.histogram),
-        "max_at_s": s(record.longest.at if record.longest is not None else None),
-        "parts_ms": {
-            name: {
-                "mean": ms(total / delivered) if split else None,
-                "max": ms(longest) if split else None,
-            }
-            for name, total, longest in parts
-        },
-        "reads": delivered if record.word else None,
-        "lost_short": None if record.word else record.lost_short,
-        "longest_gap_ms": None if record.word else ms(record.longest_gap),
-        "way": record.way or None,
-        "way_reasons": list(record.reasons),
-    }
-    if bounds is None:
-        return summary
-    if bounds.cases:
-        summary["bound_ms"] = {case: ms(ticks) for case, ticks in bounds.cases.items()}
-    if bounds.reasons:
-        summary["bound_reasons"] = list(bounds.reasons)
-    if bounds.cases and bounds.notes:
-        summary["bound_notes"] = list(bounds.notes)
-    return summary
 
 
 def shown_bounds(summary: Mapping[str, Any], longest: float = 0.0) -> dict[str, float]:

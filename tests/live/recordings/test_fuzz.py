@@ -27,7 +27,7 @@ from bussim.live.sniff.heard import Protocol
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.recognise import Recogniser
 from bussim.live.sniff.splitters import MOST_DAMAGE, splitter
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS
 
 #: CI runs this many of each; a longer run is `pytest --hypothesis-profile` away.

@@ -27,7 +27,7 @@ from bussim.live.sniff.heard import Heard, Protocol
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusDecoder
-from bussim.results.meters.collector import Collector
+from bussim.results.collector import Collector
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 

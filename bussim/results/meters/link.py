@@ -1,4 +1,4 @@
-"""What is known of a run when it has ended, and its form in ``histograms.json``."""
+"""What is counted of one N:N link while a run goes on, and its form in ``histograms.json``."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.results.meters.histogram import Histogram
-from bussim.results.meters.latency_record import LatencyRecord
-from bussim.results.meters.ports import PortRecord
-from bussim.results.meters.refresh import Refresh
+from bussim.results.meters.refresh import Refresh, RefreshMeter
 from bussim.results.meters.timeline import (
     Cell,
     Span,
+    Spans,
+    Timeline,
     cells_from_json,
     cells_to_json,
     spans_from_json,
     spans_to_json,
 )
-from bussim.trace.records import NoteRecord, ScanRecord
-
-#: Version of ``summary.json`` and ``histograms.json``; rises when a key changes its meaning.
-SCHEMA = 1
+from bussim.trace.records import LinkTotals, ScanRecord
 
 
 class ScanTimes:
@@ -118,63 +115,81 @@ class LinkRecord:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class RunRecord:
-    """A whole run: its summary (the content of ``summary.json``), its links, ports and notes.
+class LinkMeter:
+    """Counts one link's scans, failed attempts and stations in error while a run goes on."""
 
-    ``ports`` are the nodes beside the links that were a Modbus master or had the free protocol. Of
-    notes other than faults only the first ones are kept; ``left_out`` counts the others by kind.
-    ``latency`` is by entry. ``duration`` is in ticks.
-    """
-
-    summary: dict[str, Any]
-    duration: int
-    links: dict[str, LinkRecord]
-    notes: tuple[NoteRecord, ...] = ()
-    left_out: dict[str, int] = field(default_factory=dict)
-    ports: dict[str, PortRecord] = field(default_factory=dict)
-    latency: dict[str, LatencyRecord] = field(default_factory=dict)
-
-    @property
-    def scenario(self) -> str:
-        """The scenario's name."""
-        return str(self.summary["scenario"])
-
-    def histograms(self) -> dict[str, Any]:
-        """The content of ``histograms.json``."""
-        return {
-            "schema": SCHEMA,
-            "duration": self.duration,
-            "links": {bus: link.to_json() for bus, link in self.links.items()},
-            "ports": {node: port.to_json() for node, port in self.ports.items()},
-            "latency": {name: entry.to_json() for name, entry in self.latency.items()},
-            "notes": [note_to_json(note) for note in self.notes],
-            "notes_left_out": dict(sorted(self.left_out.items())),
-        }
-
-    @classmethod
-    def from_json(cls, summary: dict[str, Any], histograms: Mapping[str, Any]) -> RunRecord:
-        """The run of its two files. Raises KeyError, TypeError or ValueError for anything else."""
-        return cls(
-            summary=summary,
-            duration=int(histograms["duration"]),
-            links={bus: LinkRecord.from_json(link) for bus, link in histograms["links"].items()},
-            notes=tuple(note_from_json(note) for note in histograms["notes"]),
-            left_out={kind: int(number) for kind, number in histograms["notes_left_out"].items()},
-            ports={node: PortRecord.from_json(port) for node, port in histograms["ports"].items()},
-            latency={
-                name: LatencyRecord.from_json(entry) for name, entry in histograms.get("latency", {}).items()
-            },
-        )
-
-
-def note_to_json(note: NoteRecord) -> dict[str, Any]:
-    """A note as plain data."""
-    return note._asdict()
-
-
-def note_from_json(data: Mapping[str, Any]) -> NoteRecord:
-    """The note of :func:`note_to_json`. Raises KeyError, TypeError or ValueError for anything else."""
-    return NoteRecord(
-        int(data["tick"]), str(data["kind"]), str(data["where"]), str(data["text"]), dict(data["detail"])
+    __slots__ = (
+        "after_startup",
+        "failed",
+        "failed_per_scan",
+        "flagged",
+        "healthy_at",
+        "in_error",
+        "scan_times",
+        "timeline",
     )
+
+    def __init__(self) -> None:
+        self.scan_times = ScanTimes()
+        self.after_startup = ScanTimes()
+        self.healthy_at: int | None = None
+        self.timeline = Timeline()
+        self.in_error: dict[str, Spans] = {}  # by what reported it: the PLC, or the bus itself
+        self.flagged = False  # whether one of them may be on
+        self.failed: dict[int, int] = {}  # code → failed attempts in the scan under way
+        self.failed_per_scan: dict[int, dict[int, int]] = {}
+
+    def scan(self, record: ScanRecord) -> None:
+        """Count a link scan that has ended."""
+        self.scan_times.add(record)
+        if self.healthy_at is not None and record.start >= self.healthy_at:
+            self.after_startup.add(record)
+        self.timeline.add(record.start, record.duration)
+        if self.failed:
+            for code, number in self.failed.items():
+                scans = self.failed_per_scan.setdefault(code, {})
+                scans[number] = scans.get(number, 0) + 1
+            self.failed.clear()
+        if self.flagged and not record.stations_in_error:
+            # A master that stops drops its flags without reporting each.
+            self.flagged = False
+            for spans in self.in_error.values():
+                spans.all_off(record.start + record.duration)
+
+    def attempt_failed(self, code: int) -> None:
+        """Count a failed attempt in the scan under way."""
+        self.failed[code] = self.failed.get(code, 0) + 1
+
+    def healthy(self, tick: int) -> None:
+        """Every slave answers; only the first time counts."""
+        if self.healthy_at is None:
+            self.healthy_at = tick
+
+    def flag(self, reporter: str, station: int, tick: int, *, on: bool) -> None:
+        """A station's error flag changed where ``reporter`` sees it."""
+        spans = self.in_error.setdefault(reporter, Spans())
+        if on:
+            self.flagged = True
+            spans.on(station, tick)
+        else:
+            spans.off(station, tick)
+
+    def record(self, totals: LinkTotals, refresh: RefreshMeter) -> LinkRecord:
+        """What was counted; ``refresh`` has the refresh gaps of all buses."""
+        names = totals.plc_names
+        # Slaves report what they overhear; the link's flags are those of its master.
+        in_error = self.in_error.get(totals.master or totals.bus) or Spans()
+        return LinkRecord(
+            plc_names=names,
+            scan_times=self.scan_times,
+            after_startup=self.after_startup,
+            refresh={
+                (name, other): refresh.pair(totals.bus, source, receiver)
+                for source, name in enumerate(names)
+                for receiver, other in enumerate(names)
+                if source != receiver
+            },
+            timeline=self.timeline.cells,
+            in_error=in_error.all(),
+            failed_per_scan=self.failed_per_scan,
+        )

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from bussim.results.meters.ports import FreeCounts, Poll, PortRecord
-from bussim.results.numbers import by_code, ms, quantiles, share, statistics, whole
+from bussim.results.numbers import by_code, ms, share, whole
+from bussim.results.summary.statistics import quantiles, statistics
 from bussim.trace.records import BusTotals, DeviceTotals, PortTotals, RunTotals
 from bussim.units import milliseconds
 

@@ -1,0 +1,194 @@
+"""Takes a run's records and keeps what the results need, in memory that does not grow with the run."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from bussim.results.meters.latency import LatencyMeter, LatencySpec
+from bussim.results.meters.link import LinkMeter, LinkRecord
+from bussim.results.meters.ports import PortMeter, PortRecord
+from bussim.results.meters.refresh import RefreshMeter
+from bussim.results.run_record import RunRecord
+from bussim.results.summary.latency import LatencyBounds
+from bussim.results.summary.run import summarise
+from bussim.trace.records import (
+    AttemptRecord,
+    CycleRecord,
+    DeviceValueRecord,
+    EndsRecord,
+    FrameRecord,
+    FreeRecord,
+    InputRecord,
+    NoteRecord,
+    PollRecord,
+    Record,
+    RunTotals,
+    ScanRecord,
+    TransactionRecord,
+)
+
+#: Notes that are kept besides the faults.
+MOST_NOTES = 1000
+#: ENDs that are recorded one by one come into a trace in blocks of so many.
+_ENDS_IN_A_BLOCK = 256
+_ALWAYS_KEPT = frozenset({"fault", "fault_over"})
+
+
+class Rows(Protocol):
+    """Where single records go: files, or memory."""
+
+    def take(self, record: Record) -> None:
+        """A record; attempts, frames and ENDs only of a traced run."""
+
+
+class _NoRows:
+    """Keeps no single record."""
+
+    def take(self, record: Record) -> None:
+        """Leave the record out."""
+
+
+class Collector:
+    """A :class:`bussim.trace.records.Sink` that keeps statistics, and hands single records on to ``rows``.
+
+    ``bus_of`` names the N:N link of each PLC, so that what a PLC reports is counted on its link.
+    ``latency`` is what is measured between devices. After the run, :meth:`run` gives what was kept.
+    ``notes`` are all faults and the first :data:`MOST_NOTES` other notes; ``left_out`` counts the rest by
+    kind.
+    """
+
+    def __init__(
+        self,
+        *,
+        traced: bool = False,
+        rows: Rows | None = None,
+        bus_of: Mapping[str, str] | None = None,
+        latency: Sequence[LatencySpec] = (),
+    ) -> None:
+        self.traced = traced
+        self.notes: list[NoteRecord] = []
+        self.left_out: dict[str, int] = {}
+        self._others = 0
+        self._rows = rows or _NoRows()
+        self._bus_of = bus_of or {}
+        self._links: defaultdict[str, LinkMeter] = defaultdict(LinkMeter)
+        self._refresh = RefreshMeter()
+        self._ports = PortMeter()
+        self._latency = LatencyMeter(latency)
+        self._single_ends: dict[str, list[int]] = {}  # ENDs that came one by one, for the trace
+
+    def scan(self, record: ScanRecord) -> None:
+        """Count a link scan."""
+        self._links[record.bus].scan(record)
+        self._rows.take(record)
+
+    def attempt(self, record: AttemptRecord) -> None:
+        """Hand an attempt on."""
+        self._rows.take(record)
+
+    def frame(self, record: FrameRecord) -> None:
+        """Hand a frame on."""
+        self._rows.take(record)
+
+    def failed(self, bus: str, tick: int, station: int, code: int) -> None:  # noqa: ARG002 (Sink's signature)
+        """Count a failed attempt in the scan under way."""
+        self._links[bus].attempt_failed(code)
+
+    def note(self, record: NoteRecord) -> None:
+        """Keep a note, and what follows from it for the plots and for the time after start-up."""
+        kind = record.kind
+        if kind == "healthy":
+            self._links[record.where].healthy(record.tick)
+        elif kind in ("station_error", "recovered"):
+            station = record.detail.get("station")
+            if isinstance(station, int):
+                link = self._links[self._bus_of.get(record.where, record.where)]
+                link.flag(record.where, station, record.tick, on=kind == "station_error")
+        if kind in _ALWAYS_KEPT:
+            self.notes.append(record)
+        elif self._others < MOST_NOTES:
+            self._others += 1
+            self.notes.append(record)
+        else:
+            self.left_out[kind] = self.left_out.get(kind, 0) + 1
+        self._rows.take(record)
+
+    def transaction(self, record: TransactionRecord) -> None:
+        """Count a transaction."""
+        self._ports.transaction(record)
+        self._rows.take(record)
+
+    def poll_turn(self, record: PollRecord) -> None:
+        """Count a turn of a poll."""
+        self._ports.turn(record)
+        self._rows.take(record)
+
+    def cycle(self, record: CycleRecord) -> None:
+        """Count a cycle of a poll list."""
+        self._ports.cycle(record)
+        self._rows.take(record)
+
+    def free(self, record: FreeRecord) -> None:
+        """Count bytes of the free protocol."""
+        self._ports.free(record)
+        self._rows.take(record)
+
+    def value(self, record: DeviceValueRecord) -> None:
+        """Hand a device's new value on."""
+        self._latency.value(record)
+        self._rows.take(record)
+
+    def input(self, record: InputRecord) -> None:
+        """Hand an input's change on."""
+        self._latency.input(record)
+        self._rows.take(record)
+
+    def ends(self, plc: str, ticks: Sequence[int]) -> None:
+        """Hand ENDs on, in a trace in blocks."""
+        if plc in self._latency.plcs:
+            self._latency.ends(plc, ticks)
+            if self.traced:
+                gathered = self._single_ends.setdefault(plc, [])
+                gathered += ticks
+                if len(gathered) >= _ENDS_IN_A_BLOCK:
+                    self._hand_on_ends(plc)
+        elif self.traced:
+            self._rows.take(EndsRecord(plc, tuple(ticks)))
+
+    def _hand_on_ends(self, plc: str) -> None:
+        self._rows.take(EndsRecord(plc, tuple(self._single_ends.pop(plc))))
+
+    def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
+        """Count a refresh."""
+        self._refresh.refreshed(bus, source, tick, heard)
+        self._latency.refreshed(bus, source, tick, heard)
+
+    def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
+        """What was kept of every link, in the order of the totals."""
+        return {link.bus: self._links[link.bus].record(link, self._refresh) for link in totals.links}
+
+    def ports(self, totals: RunTotals) -> dict[str, PortRecord]:
+        """What was kept of every Modbus master and node of the free protocol."""
+        return self._ports.nodes(totals)
+
+    def run(
+        self,
+        totals: RunTotals,
+        *,
+        scenario: str,
+        seed: int,
+        bounds: Mapping[str, LatencyBounds] | None = None,
+    ) -> RunRecord:
+        """The whole run; ``scenario`` is the scenario's name.
+
+        ``bounds`` are what a latency may be at worst, by entry.
+        """
+        for plc in list(self._single_ends):
+            self._hand_on_ends(plc)
+        links, ports, latency = self.links(totals), self.ports(totals), self._latency.records()
+        summary = summarise(
+            totals, links, ports, scenario=scenario, seed=seed, latency=latency, bounds=bounds or {}
+        )
+        return RunRecord(summary, totals.duration, links, tuple(self.notes), self.left_out, ports, latency)

@@ -1,0 +1,71 @@
+"""What is known of a run when it has ended, and its form in ``histograms.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bussim.results.meters.latency_record import LatencyRecord
+from bussim.results.meters.link import LinkRecord
+from bussim.results.meters.ports import PortRecord
+from bussim.results.summary import SCHEMA
+from bussim.trace.codec import from_line, type_of
+from bussim.trace.records import NoteRecord
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """A whole run: its summary (the content of ``summary.json``), its links, ports and notes.
+
+    ``ports`` are the nodes beside the links that were a Modbus master or had the free protocol. Of
+    notes other than faults only the first ones are kept; ``left_out`` counts the others by kind.
+    ``latency`` is by entry. ``duration`` is in ticks.
+    """
+
+    summary: dict[str, Any]
+    duration: int
+    links: dict[str, LinkRecord]
+    notes: tuple[NoteRecord, ...] = ()
+    left_out: dict[str, int] = field(default_factory=dict)
+    ports: dict[str, PortRecord] = field(default_factory=dict)
+    latency: dict[str, LatencyRecord] = field(default_factory=dict)
+
+    @property
+    def scenario(self) -> str:
+        """The scenario's name."""
+        return str(self.summary["scenario"])
+
+    def histograms(self) -> dict[str, Any]:
+        """The content of ``histograms.json``."""
+        return {
+            "schema": SCHEMA,
+            "duration": self.duration,
+            "links": {bus: link.to_json() for bus, link in self.links.items()},
+            "ports": {node: port.to_json() for node, port in self.ports.items()},
+            "latency": {name: entry.to_json() for name, entry in self.latency.items()},
+            "notes": [note._asdict() for note in self.notes],
+            "notes_left_out": dict(sorted(self.left_out.items())),
+        }
+
+    @classmethod
+    def from_json(cls, summary: dict[str, Any], histograms: Mapping[str, Any]) -> RunRecord:
+        """The run of its two files. Raises KeyError, TypeError or ValueError for anything else."""
+        return cls(
+            summary=summary,
+            duration=int(histograms["duration"]),
+            links={bus: LinkRecord.from_json(link) for bus, link in histograms["links"].items()},
+            notes=tuple(map(_note, histograms["notes"])),
+            left_out={kind: int(number) for kind, number in histograms["notes_left_out"].items()},
+            ports={node: PortRecord.from_json(port) for node, port in histograms["ports"].items()},
+            latency={
+                name: LatencyRecord.from_json(entry) for name, entry in histograms.get("latency", {}).items()
+            },
+        )
+
+
+def _note(data: Mapping[str, Any]) -> NoteRecord:
+    note = from_line({"type": type_of(NoteRecord), **data}, {})
+    if not isinstance(note, NoteRecord):
+        raise TypeError(f"{data!r} is not a note")
+    return note
