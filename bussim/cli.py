@@ -31,6 +31,7 @@ COMMANDS = {
     "inject": "Let a fault begin in a scenario that is being served.",
     "sniff": "Listen to a line, or read a recording of one.",
     "fit": "Estimate a scenario from a recording.",
+    "guide": "Show the manual in the terminal.",
 }
 
 #: Commands that are a folder of modules.

@@ -1,0 +1,7 @@
+"""``python -m bussim``: the command line."""
+
+import sys
+
+from bussim.cli import main
+
+sys.exit(main())
