@@ -18,8 +18,6 @@ from bussim.line.protocols import BusProtocol
 from bussim.results.store.rows import nanoseconds
 from bussim.version import __version__
 
-#: How Modbus RTU frames are wrapped.
-ENCAPSULATIONS: Final = ("serial", "udp")
 #: Link types by protocol: USER0 to USER3 of the list of tcpdump.org; and Ethernet.
 LINK_TYPES: Final = {"modbus-rtu": 147, "nn": 148, "modbus-ascii": 149, "free": 150}
 ETHERNET: Final = 1

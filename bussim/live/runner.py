@@ -142,10 +142,6 @@ class EngineRunner:
         if self._running:
             self._timers(self.clock.now())
 
-    def kick(self) -> None:
-        """Somebody called a method of the engine: look what it wants."""
-        self._collect()
-
     # -- what is due ---------------------------------------------------------------------------
 
     def _next(self) -> int:

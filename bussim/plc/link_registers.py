@@ -145,8 +145,6 @@ class LinkRegisters:
         self._codes: list[int] = []
         self._count_words = self._code_words = array("H")
         self.place: BlockPlace | None = None
-        #: Whether it takes no part in the link because its parameters are bad.
-        self.refusing = False
         #: The refresh mode in force, None for a slave that does not know it.
         self.mode: int | None = None
 
@@ -160,7 +158,6 @@ class LinkRegisters:
         memory, profile = self._memory, self._profile
         values = {address: memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
         self.engine, self.place, self.mode = None, None, None
-        self.refusing = False
         self._publish_status(LinkStatus())
         station = values[D_STATION]
         if bad_parameters(profile, values):
@@ -190,7 +187,6 @@ class LinkRegisters:
         """Bad parameters: M8063 on, D8063 = 7348 (COM3) or 7448 (COM4), no link."""
         self._errors.report(_REFUSAL, selected_port(self._memory), BAD_PARAMETERS)
         self.place, self.mode = None, None
-        self.refusing = True
 
     def parameters(self, settings: LinkSettings) -> None:
         """A slave has learnt the master's settings."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import atan, cos, fsum, isfinite, pi, sin, sqrt
+from math import cos, fsum, isfinite, pi, sin, sqrt
 from statistics import NormalDist
 
 #: How often an interval covers the true mean, for figures that are spread normally.
@@ -80,12 +80,8 @@ def student_t(degrees: int, confidence: float = CONFIDENCE) -> float:
     return sqrt(degrees) * sin(low) / cos(low)
 
 
-def probability_within(t: float, degrees: int) -> float:
-    """P(|T| <= t) for whole ``degrees`` of freedom >= 1 and t >= 0."""
-    return _within(atan(t / sqrt(degrees)), degrees)
-
-
 def _within(angle: float, degrees: int) -> float:
+    """P(|T| <= √degrees · tan angle), for 0 <= angle < π/2."""
     square = cos(angle) ** 2
     if degrees % 2:
         total, term = 0.0, cos(angle)

@@ -101,4 +101,3 @@ class CycleEnded:
 MasterEvent = TransactionEnded | ForeignFrame | FrameRejected
 SlaveEvent = RequestServed | FrameRejected | StationRefused
 PollEvent = PollEnded | CycleEnded
-ModbusEvent = MasterEvent | SlaveEvent | PollEvent

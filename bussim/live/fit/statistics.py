@@ -11,7 +11,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, expm1, fsum, inf, isfinite, lgamma, log, log1p, sqrt
+from math import exp, expm1, fsum, lgamma, log, log1p, sqrt
 from statistics import NormalDist
 
 #: How often an interval covers the truth.
@@ -209,8 +209,3 @@ def median(values: Sequence[int]) -> int:
     if not values:
         raise ValueError("no values")
     return sorted(values)[(len(values) - 1) // 2]
-
-
-def finite(value: float | None) -> float | None:
-    """A number that JSON can hold."""
-    return value if value is not None and isfinite(value) and value not in (inf, -inf) else None

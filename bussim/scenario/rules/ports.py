@@ -38,8 +38,6 @@ from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
 from bussim.wording import suggest
 
-#: The ports of the first board, the only ones that M8179 can select.
-LINK_PORTS = ("COM3", "COM4")
 ALL_PORTS = ("COM1", *CPAVL_PORTS)
 Buses = Sequence[Entry[BusIn]]
 
