@@ -22,10 +22,11 @@ from bussim.exact.scan.memoryless import (
     scan_distribution,
     scan_terms,
 )
+from bussim.exact.sizing.grid import evaluate
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import Turnaround
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
-from tests.exact.links import FULL, MS, PROBE, change, link, with_noise
+from tests.exact.links import FULL, MS, PROBE, change, link, with_burst, with_noise
 from tests.exact.play import play
 
 #: Link scan times in ms published for the FX series (JY992D69901 rev. E, chapter 4), by stations and mode.
@@ -230,6 +231,34 @@ def test_properties_of_any_link(model: LinkModel) -> None:
         at = distribution.quantile(q)
         assert distribution.tail(at + 0.1) <= q * (1 + 1e-3)
         assert distribution.tail(at - 0.1) >= q * (1 - 1e-3)
+
+
+@settings(deadline=None, max_examples=80)
+@given(
+    st.integers(1, 3),
+    st.integers(1, 11),
+    st.booleans(),
+    st.floats(-12, 0) | st.just(-0.3),
+    st.sampled_from([0.0, 0.3, 0.999999, 1.0]),
+    st.booleans(),
+)
+def test_no_probability_exceeds_1_however_bad_the_line(
+    slaves: int, attempts: int, probe: bool, exponent: float, loss: float, bursts: bool
+) -> None:
+    model = link(slaves, attempts=attempts, absent=PROBE if probe else FULL, ber=10.0**exponent, loss=loss)
+    if bursts:
+        model = with_burst(model, 1_000, 500, 0, 0.5)
+    solved = Solved(model)
+    for fails in solved.fails:
+        assert 0 <= fails.onset <= fails.error <= 1
+        assert 0 <= fails.flagged <= 1
+    least, most = solved.distribution.support
+    assert np.all(solved.distribution.tail(np.linspace(least - 1, most, 50)) <= 1)
+    if not bursts:
+        assert all(0 <= o.failed <= 1 and 0 <= o.answered <= 1 for o in probabilities_of(model))
+    grid = evaluate(model, (1, attempts), (50 * MS, 100 * MS), levels=(), deadlines=(1,))
+    assert np.all(grid.error_per_scan <= 1)
+    assert np.all(grid.over[1] <= 1)
 
 
 def test_a_stationary_flag_under_probe() -> None:

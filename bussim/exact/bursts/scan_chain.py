@@ -147,10 +147,10 @@ class ScanChain:
             if not station.alive:
                 found.append(Fails(1.0, 0.0, 0.0))
             elif station.number in self._bits:
-                found.append(Fails(errors[place], onsets[place], 0.0))
+                found.append(Fails.of(errors[place], onsets[place]))
             else:
                 without = self._pass(self.start, spared=station.number).end
-                found.append(Fails(errors[place], self._pass(without).errors[place], 0.0))
+                found.append(Fails.of(errors[place], self._pass(without).errors[place]))
         return tuple(found)
 
     # -- the distribution -----------------------------------------------------------------------------------

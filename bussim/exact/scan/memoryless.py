@@ -36,8 +36,8 @@ class AttemptProbabilities(NamedTuple):
 
     @property
     def failed(self) -> float:
-        """The probability that an attempt fails."""
-        return self.silent + self.torn
+        """The probability that an attempt fails; the sum of both must not round to more than 1."""
+        return min(1.0, self.silent + self.torn)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +52,12 @@ class Fails:
     error: float
     onset: float
     flagged: float
+
+    @classmethod
+    def of(cls, error: float, onset: float, flagged: float = 0.0) -> Fails:
+        """The chances from sums that rounding may have lifted above 1, or the onset's above the error's."""
+        error = min(1.0, error)
+        return cls(error, min(onset, error), flagged)
 
 
 def probabilities_of(model: LinkModel) -> tuple[AttemptProbabilities, ...]:
@@ -97,16 +103,17 @@ def fails_of(probabilities: AttemptProbabilities, attempts: int, absent: AbsentS
     """The stationary chances of a station with these odds."""
     all_fail = probabilities.failed**attempts
     if absent is AbsentStation.FULL:
-        return Fails(all_fail, all_fail * _answered_once(probabilities, attempts), 0.0)
+        return Fails.of(all_fail, all_fail * _answered_once(probabilities, attempts))
     # On → on with p, off → on with p^A.
     flagged = all_fail / (probabilities.answered + all_fail)
     off = probabilities.answered / (probabilities.answered + all_fail)
-    return Fails(flagged, off * all_fail, flagged)
+    return Fails.of(flagged, off * all_fail, flagged)
 
 
 def _answered_once(probabilities: AttemptProbabilities, attempts: int) -> float:
-    """1 - p^A without cancellation."""
-    return probabilities.answered * sum(probabilities.failed**i for i in range(attempts))
+    """1 - p^A without cancellation, and never above 1 as a sum of powers of p may be."""
+    answered = probabilities.answered
+    return 1.0 if answered >= 1.0 else -math.expm1(attempts * math.log1p(-answered))
 
 
 class MeanExchange(NamedTuple):
@@ -122,9 +129,8 @@ def mean_exchange(model: LinkModel, station: Station, probabilities: AttemptProb
         waits = model.attempts_at(flagged=True)
         return MeanExchange(float(waits), float(waits * (model.gap + model.poll)))
     fails = fails_of(probabilities, model.attempts, model.absent)
-    before = sum(
-        probabilities.failed**i for i in range(model.attempts)
-    )  # attempts of an exchange, on average
+    # Attempts of an exchange, on average.
+    before = sum(probabilities.failed**i for i in range(model.attempts))
     attempts = (1 - fails.flagged) * before + fails.flagged
     whole = model.answered(station) + station.average - station.extra
     silent, torn, answered = (

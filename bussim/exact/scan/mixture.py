@@ -79,7 +79,8 @@ class Distribution:
         x = np.asarray(x, dtype=np.float64)
         flat = x.reshape(-1)
         beyond = _sum_beyond(self.shift, self.weight, flat)
-        return (beyond + self._within(flat, self.sums.tail)).reshape(x.shape)
+        # The weights add up to 1 but for rounding, which must not show as more than that.
+        return np.minimum(beyond + self._within(flat, self.sums.tail), 1.0).reshape(x.shape)
 
     def excess(self, x: ArrayLike) -> Floats:
         """E[max(0, duration - x)] in ticks: the integral of the tail from x on."""

@@ -231,7 +231,8 @@ class _Rows:
         at = index + waits * cells
         flat = self.tails.reshape(-1)
         low = flat[at]
-        return np.asarray((low + (place - index) * (flat[at + 1] - low)).sum(axis=1), dtype=np.float64)
+        beyond = (low + (place - index) * (flat[at + 1] - low)).sum(axis=1)
+        return np.asarray(np.minimum(beyond, 1.0), dtype=np.float64)
 
     def quantile(self, level: float, tau: Floats) -> Floats:
         """The least x with P(scan > x) <= level, for each timeout."""

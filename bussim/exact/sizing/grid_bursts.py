@@ -101,9 +101,8 @@ class BurstStacks:
                 errors.append(np.einsum("ts,tsu,tuv->t", start, before[place], ends[place].error.zero))
             else:
                 errors.append(self._probed(model, place, before[place], ends))
-        return Moments(
-            scan.one.sum(axis=1), scan.two.sum(axis=1), np.array(errors).reshape(len(errors), self.tau.size)
-        )
+        each = np.minimum(np.array(errors), 1.0).reshape(len(errors), self.tau.size)
+        return Moments(scan.one.sum(axis=1), scan.two.sum(axis=1), each)
 
     # -- one exchange ------------------------------------------------------------------------------
 
