@@ -12,7 +12,7 @@ from functools import lru_cache
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, QUIET_CHARS, data_chars
 from bussim.exact.scan.turnaround_sums import MAX_KINDS, count_kinds
 from bussim.line.characters import NN_LINE, LineTiming
-from bussim.plc.profiles import AbsentStation, ErrorCount, Turnaround
+from bussim.plc.profiles import AbsentStation, Attempts, ErrorCount, Turnaround
 from bussim.units import TICKS_PER_MS, milliseconds
 
 #: Ticks of D8180's unit (PW10 board manual, section 7.4).
@@ -121,7 +121,7 @@ class LinkModel:
 
     ``stations`` are the slaves 1…D8177 in order, those that do not exist as well (not alive);
     ``listeners`` stations that are never polled but hear. ``attempts`` is what D8179 = ``retries``
-    means in the master's profile. ``obstacles`` are the reasons, known from the scenario, why the
+    means by the master profile's ``reading``. ``obstacles`` are the reasons, known from the scenario, why the
     closed form does not hold; ``notes`` what was left out of it on request.
     """
 
@@ -138,6 +138,7 @@ class LinkModel:
     poll: int = frame_ticks(POLL_CHARS)
     parameters: int = frame_ticks(PARAMETERS_CHARS)
     quiet: int = frame_ticks(QUIET_CHARS)
+    reading: Attempts = Attempts.RETRIES_PLUS_1
     absent: AbsentStation = AbsentStation.FULL
     error_count: ErrorCount = ErrorCount.PER_SCAN
     unit: int = TICKS_PER_MS

@@ -110,7 +110,7 @@ def master_config(profile: Profile, values: Mapping[int, int]) -> MasterConfig:
     settings = LinkSettings(*(values[address] for address in range(D_SLAVES, D_TIMEOUT + 1)))
     return MasterConfig(
         settings=settings,
-        attempts=attempts_per_poll(profile, settings.retries),
+        attempts=attempts_per_poll(profile.attempts, settings.retries),
         timeout=settings.timeout * TIMEOUT_UNIT,
         gap=profile.master_gap,
         overhead=profile.scan_overhead,

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
+from typing import assert_never
 
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes
@@ -175,8 +176,12 @@ MAX_SLAVES = 7
 MAX_RETRIES = 10
 
 
-def attempts_per_poll(profile: Profile, retries: int) -> int:
-    """Attempts that a master makes before it flags a station: D8179 as the profile reads it."""
-    if profile.attempts is Attempts.RETRIES_PLUS_1:
-        return retries + 1
-    return max(1, retries)
+def attempts_per_poll(reading: Attempts, retries: int) -> int:
+    """Attempts that a master makes before it flags a station: D8179 as its profile reads it."""
+    match reading:
+        case Attempts.RETRIES_PLUS_1:
+            return retries + 1
+        case Attempts.RETRIES:
+            return max(1, retries)
+        case _:
+            assert_never(reading)

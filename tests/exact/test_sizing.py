@@ -11,7 +11,6 @@ import pytest
 from bussim.exact.link import LinkModel
 from bussim.exact.metrics import Request, figures_of
 from bussim.exact.sizing.evaluation import (
-    attempts_of,
     evaluate_goals,
     least,
     missed_per_year,
@@ -24,7 +23,7 @@ from bussim.exact.sizing.size import Choice, size
 from bussim.exact.sizing.trade_off import trade_off
 from bussim.exact.sizing.unmet_goals import scaled_noise, with_mode
 from bussim.exact.solve import Solved
-from bussim.plc.profiles import AbsentStation, Attempts
+from bussim.plc.profiles import AbsentStation, Attempts, attempts_per_poll
 from tests.exact.links import MS, PROBE, change, link, with_burst
 
 PLUS_1, EXACTLY = Attempts.RETRIES_PLUS_1, Attempts.RETRIES
@@ -79,7 +78,7 @@ def test_a_perfect_line_does_not_mean_no_retries() -> None:
 
 def test_the_ladder() -> None:
     model = link(3)
-    noise_levels = noise_levels_of(model, PLUS_1, 50 * MS)
+    noise_levels = noise_levels_of(model, 50 * MS)
     assert [rung.retries for rung in noise_levels.rungs] == list(range(11))
     assert [rung.attempts for rung in noise_levels.rungs] == list(range(1, 12))
     for rung in noise_levels.rungs:
@@ -89,7 +88,7 @@ def test_the_ladder() -> None:
     noisy = with_failing(model, LEVELS["bad"]).with_setting(2, 50 * MS)
     assert two.errors["bad"] == pytest.approx(figures_of(noisy).errors_per_year)
     assert two.dead == pytest.approx(figures_of(model.with_setting(2, 50 * MS)).one_dead)
-    exactly = noise_levels_of(model, EXACTLY, 50 * MS)
+    exactly = noise_levels_of(replace(model, reading=EXACTLY), 50 * MS)
     assert [rung.attempts for rung in exactly.rungs] == [1, *range(1, 11)]
     assert exactly.rungs[1].errors == exactly.rungs[0].errors
 
@@ -137,7 +136,7 @@ def test_robust_holds_under_every_reading() -> None:
     assert sizing.robust is not None
     assert set(sizing.robust.choices) == {(r, a) for r in Attempts for a in AbsentStation}
     for (reading, absent), choice in sizing.robust.choices.items():
-        assert choice.attempts == attempts_of(reading, sizing.robust.retries)
+        assert choice.attempts == attempts_per_poll(reading, sizing.robust.retries)
         exact = figures_of(
             replace(model, absent=absent).with_setting(choice.attempts, sizing.robust.timeout),
             Request(refresh=False),
@@ -153,7 +152,7 @@ def test_robust_holds_under_every_reading() -> None:
 
 
 def test_the_other_reading_has_its_own_recommendation() -> None:
-    model = replace(link(7, ber=1e-5, attempts=3), retries=3)  # attempts: retries
+    model = replace(link(7, ber=1e-5, attempts=3), retries=3, reading=EXACTLY)
     sizing = size(model)
     plus_1 = size(link(7, ber=1e-5))
     assert sizing.recommended is not None
@@ -164,6 +163,8 @@ def test_the_other_reading_has_its_own_recommendation() -> None:
         "MOV K5 D8179  ; retries: 5 attempts per poll (D8179 read as retries)",
         "MOV K5 D8180  ; timeout: 50 ms",
     ]
+    # D8179 = 0 is one attempt by both readings; the profile's holds.
+    assert size(replace(model, retries=0, attempts=1)).recommended == sizing.recommended
 
 
 # -- the front ---------------------------------------------------------------------------------------

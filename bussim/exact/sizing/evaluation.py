@@ -16,7 +16,7 @@ from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.grid import Grid, evaluate
 from bussim.exact.solve import Solved
-from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts
+from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
 from bussim.units import TICKS_PER_MS
 
 Mask = NDArray[np.bool_]
@@ -25,16 +25,6 @@ Mask = NDArray[np.bool_]
 _BURST_SAMPLES = 8
 #: Components lighter than this are dropped from the gaps: a few a year are looked for, of 1e9.
 _GAP_FLOOR = 1e-14
-
-
-def attempts_of(reading: Attempts, retries: int) -> int:
-    """Attempts that D8179 means."""
-    return retries + 1 if reading is Attempts.RETRIES_PLUS_1 else max(1, retries)
-
-
-def reading_of(model: LinkModel) -> Attempts:
-    """How the link's profile reads D8179, as far as its own setting shows."""
-    return Attempts.RETRIES_PLUS_1 if model.attempts == model.retries + 1 else Attempts.RETRIES
 
 
 def timeout_floor(model: LinkModel) -> int:
@@ -122,7 +112,7 @@ def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | N
 
 def rows_of(checked: Checked, reading: Attempts) -> list[int]:
     """The row of a grid for D8179 = 0, 1, … 10."""
-    return [checked.grid.attempts.index(attempts_of(reading, r)) for r in range(MAX_RETRIES + 1)]
+    return [checked.grid.attempts.index(attempts_per_poll(reading, r)) for r in range(MAX_RETRIES + 1)]
 
 
 def evaluate_goals(model: LinkModel, goals: Goals, absent: AbsentStation | None = None) -> Checked:

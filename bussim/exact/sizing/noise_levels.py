@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from bussim.exact.link import LinkModel
-from bussim.exact.sizing.evaluation import attempts_of
 from bussim.exact.sizing.grid import evaluate
-from bussim.plc.profiles import MAX_RETRIES, Attempts
+from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
 from bussim.units import TICKS_PER_MS
 
 #: Chance that one attempt fails, by the level's name (assumed).
@@ -77,8 +76,8 @@ def under_bad_noise(model: LinkModel) -> LinkModel:
     return with_failing(model, LEVELS[BAD])
 
 
-def noise_levels_of(model: LinkModel, reading: Attempts, timeout: int) -> NoiseLevels:
-    """The noise levels of a link for one timeout in ticks, D8179 0…10 read as given."""
+def noise_levels_of(model: LinkModel, timeout: int) -> NoiseLevels:
+    """The noise levels of a link for one timeout in ticks, for D8179 0…10."""
     clean = evaluate(model.without_noise(), timeouts=(timeout,), levels=())
     grids = {
         name: evaluate(with_failing(model, chance), timeouts=(timeout,), levels=(), details=False)
@@ -86,7 +85,7 @@ def noise_levels_of(model: LinkModel, reading: Attempts, timeout: int) -> NoiseL
     }
     rungs = []
     for retries in range(MAX_RETRIES + 1):
-        attempts = attempts_of(reading, retries)
+        attempts = attempts_per_poll(model.reading, retries)
         i, j = clean.at(attempts, timeout)
         ride = float(clean.silence[i, j])
         rungs.append(

@@ -9,10 +9,8 @@ import numpy as np
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.sizing.evaluation import (
     Checked,
-    attempts_of,
     evaluate_goals,
     least,
-    reading_of,
     rows_of,
     timeout_floor,
 )
@@ -20,7 +18,7 @@ from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.noise_levels import OUTAGE, NoiseLevels, noise_levels_of, under_bad_noise
 from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
 from bussim.exact.text import ms
-from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts
+from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
@@ -115,7 +113,7 @@ class Sizing:
         """The figures of any setting of the grid, None outside it."""
         if self.checked is None or timeout not in self.checked.grid.timeouts:
             return None
-        return _choice(self.checked, reading_of(self.model), retries, timeout)
+        return _choice(self.checked, self.model.reading, retries, timeout)
 
     def apart(self) -> str:
         """How far the robust setting lies from the recommended one, in words."""
@@ -139,7 +137,7 @@ class Sizing:
         if best is None:
             return []
         plural = "attempt" if best.attempts == 1 else "attempts"
-        meaning = f"{best.attempts} {plural} per poll (D8179 read as {reading_of(self.model)})"
+        meaning = f"{best.attempts} {plural} per poll (D8179 read as {self.model.reading})"
         return [
             f"MOV K{best.retries} D8179  ; retries: {meaning}",
             f"MOV K{best.d8180} D8180  ; timeout: {ms(best.timeout)} ms",
@@ -197,21 +195,20 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     if assumed:
         goals = replace(goals, ride=max(goals.ride or 0, OUTAGE))
         judged_model = under_bad_noise(model)
-    reading = reading_of(model)
     views = {absent: evaluate_goals(judged_model, goals, absent) for absent in AbsentStation}
     checked = views[model.absent]
-    chosen = least([(checked, rows_of(checked, reading))])
+    chosen = least([(checked, rows_of(checked, model.reading))])
     recommended = None
     if chosen is not None:
-        recommended = _choice(checked, reading, chosen[0], checked.grid.timeouts[chosen[1]])
+        recommended = _choice(checked, model.reading, chosen[0], checked.grid.timeouts[chosen[1]])
     robust, why_not = _robust(views)
     unmet: tuple[Unmet, ...] = ()
     if recommended is None:
-        unmet = unmet_goals(judged_model, goals, checked, reading)
+        unmet = unmet_goals(judged_model, goals, checked)
     noise_levels = None
     if assumed:
         timeout = recommended.timeout if recommended else checked.grid.timeouts[0]
-        noise_levels = noise_levels_of(model, reading, timeout)
+        noise_levels = noise_levels_of(model, timeout)
     return Sizing(
         model,
         goals,
@@ -220,7 +217,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         floor=floor,
         recommended=recommended,
         robust=robust,
-        front=_front(checked, reading),
+        front=_front(checked, model.reading),
         unmet=unmet,
         robust_unmet=why_not,
         noise_levels=noise_levels,
@@ -230,7 +227,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
 
 def _choice(checked: Checked, reading: Attempts, retries: int, timeout: int) -> Choice:
     grid = checked.grid
-    attempts = attempts_of(reading, retries)
+    attempts = attempts_per_poll(reading, retries)
     i, j = grid.at(attempts, timeout)
     figures = (
         grid.mean,
@@ -271,7 +268,7 @@ def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
     D8179) the lower one stands.
     """
     grid = checked.grid
-    rows = {attempts_of(reading, r): r for r in range(MAX_RETRIES, -1, -1)}
+    rows = {attempts_per_poll(reading, r): r for r in range(MAX_RETRIES, -1, -1)}
     points = []
     for attempts, retries in sorted(rows.items()):
         i = grid.attempts.index(attempts)

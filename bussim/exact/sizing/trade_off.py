@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
-from bussim.exact.sizing.evaluation import attempts_of, reading_of
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import LEVELS, with_failing
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.sizing.unmet_goals import scaled_noise
-from bussim.plc.profiles import MAX_RETRIES
+from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
 
 #: How many times the entered noise the points are worked out for.
 FACTORS = (1, 10, 100)
@@ -39,10 +38,9 @@ def trade_off(sizing: Sizing) -> TradeOff:
     model = sizing.model
     timeout = sizing.floor if sizing.recommended is None else sizing.recommended.timeout
     timeout = max(timeout, model.timeout_range[0] * TIMEOUT_UNIT)
-    reading = reading_of(model)
     lowest: dict[int, int] = {}  # D8179 by the attempts that it means
     for retries in range(MAX_RETRIES + 1):
-        lowest.setdefault(attempts_of(reading, retries), retries)
+        lowest.setdefault(attempts_per_poll(model.reading, retries), retries)
     assumed = sizing.noise_levels is not None
     series = {}
     for name, noisy in _noises(model, assumed=assumed).items():

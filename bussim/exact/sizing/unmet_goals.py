@@ -12,7 +12,6 @@ from bussim.engines.nn.frames import data_chars
 from bussim.exact.link import TIMEOUT_UNIT, LineNoise, LinkModel, frame_ticks
 from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals
-from bussim.plc.profiles import Attempts
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
@@ -36,14 +35,14 @@ class Unmet:
         return {"goals": list(self.goals), "text": self.text, "helps": list(self.helps)}
 
 
-def unmet_goals(model: LinkModel, goals: Goals, checked: Checked, reading: Attempts) -> tuple[Unmet, ...]:
+def unmet_goals(model: LinkModel, goals: Goals, checked: Checked) -> tuple[Unmet, ...]:
     """Why no setting meets all goals: each goal that fails alone, else the fewest that fail together."""
-    index = sorted(set(rows_of(checked, reading)))
+    index = sorted(set(rows_of(checked, model.reading)))
     met = {name: mask[index] & checked.grid.valid for name, mask in checked.met.items()}
     if goals.heartbeat is not None:
         met["heartbeat"] = _heartbeats(checked, index, np.logical_and.reduce(list(met.values())))
     texts = goals.texts()
-    helps = tuple(_helps(model, goals, checked, reading))
+    helps = tuple(_helps(model, goals, checked))
     alone = [name for name, mask in met.items() if not mask.any()]
     if alone:
         every = np.broadcast_to(checked.grid.valid, next(iter(met.values())).shape)
@@ -106,23 +105,23 @@ def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
 # -- what would help ------------------------------------------------------------------------------
 
 
-def _helps(model: LinkModel, goals: Goals, checked: Checked, reading: Attempts) -> Iterator[str]:
+def _helps(model: LinkModel, goals: Goals, checked: Checked) -> Iterator[str]:
     """Each single change that makes all goals possible, the smallest of its kind, with a setting."""
     for count in range(len(model.stations) - 1, 0, -1):
         fewer = replace(model, stations=model.stations[:count])
-        if fewer.alive and (found := _possible(fewer, goals, reading)):
+        if fewer.alive and (found := _possible(fewer, goals)):
             yield f"{count + 1} stations on the link instead of {len(model.stations) + 1} ({found})"
             break
     for mode in range(model.mode - 1, -1, -1):
-        if found := _possible(with_mode(model, mode), goals, reading):
+        if found := _possible(with_mode(model, mode), goals):
             yield f"refresh mode {mode} instead of {model.mode} ({found})"
             break
     for factor in _LESS:
-        if found := _possible(scaled_noise(model, 1 / factor), goals, reading):
+        if found := _possible(scaled_noise(model, 1 / factor), goals):
             yield f"{factor:,} times less noise ({found})"
             break
     if goals.ride is not None:
-        index = rows_of(checked, reading)
+        index = rows_of(checked, model.reading)
         others = [mask for name, mask in checked.met.items() if name != "ride"]
         among = (np.logical_and.reduce(others) & checked.grid.valid)[index]
         if among.any() and (ride := float(checked.grid.silence[index][among].max())) > 0:
@@ -130,9 +129,9 @@ def _helps(model: LinkModel, goals: Goals, checked: Checked, reading: Attempts) 
             yield f"outages of at most {less} ms instead of {wanted} ms"
 
 
-def _possible(model: LinkModel, goals: Goals, reading: Attempts) -> str | None:
+def _possible(model: LinkModel, goals: Goals) -> str | None:
     checked = evaluate_goals(model, goals)
-    chosen = least([(checked, rows_of(checked, reading))])
+    chosen = least([(checked, rows_of(checked, model.reading))])
     if chosen is None:
         return None
     return f"then D8179 {chosen[0]}, D8180 {checked.grid.timeouts[chosen[1]] // TIMEOUT_UNIT}"
