@@ -1,9 +1,18 @@
+"""Settings of the whole suite: random examples and worker processes."""
+
 from __future__ import annotations
+
+import os
 
 from hypothesis import settings
 
 # How long an example takes is no test's verdict. Every run draws other examples: fewer at a time keep the
 # whole suite short, and `--hypothesis-profile=patient` tries many more.
-settings.register_profile("untimed", deadline=None, max_examples=50)
+settings.register_profile("untimed", deadline=None, max_examples=25)
 settings.register_profile("patient", deadline=None, max_examples=1000)
 settings.load_profile("untimed")
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than processors: tests of ports and processes wait for most of their time."""
+    return (os.cpu_count() or 1) + 1

@@ -1,12 +1,18 @@
-"""The house keeps its order: style, types, and one direction of imports."""
+"""Style, types and the direction of imports. In CI these are steps of their own."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif("CI" in os.environ, reason=".ci/run has each check as a step of its own"),
+]
 
 ROOT = Path(__file__).parent.parent
 CHECKS = {
