@@ -10,13 +10,14 @@ import pytest
 
 def quick(count: int, values: Iterable[Any]) -> list[Any]:
     """The values for ``parametrize``: the first ``count`` run always, all others with ``-m slow``."""
-    return [
-        value if number < count else pytest.param(value, marks=pytest.mark.slow)
-        for number, value in enumerate(values)
-    ]
+    return [value if number < count else _slow(value) for number, value in enumerate(values)]
 
 
-def quick_names(names: Iterable[str], values: Iterable[Any]) -> list[Any]:
+def quick_names(names: Iterable[str], values: Iterable[str]) -> list[Any]:
     """The values for ``parametrize``: those with one of the names run always, all others with ``-m slow``."""
     chosen = set(names)
-    return [value if value in chosen else pytest.param(value, marks=pytest.mark.slow) for value in values]
+    return [value if value in chosen else _slow(value) for value in values]
+
+
+def _slow(value: Any) -> Any:
+    return pytest.param(*(value if isinstance(value, tuple) else (value,)), marks=pytest.mark.slow)

@@ -135,6 +135,7 @@ def test_a_wrong_goal_names_the_forms() -> None:
     assert "dead" in str(result.exception)
 
 
+@pytest.mark.slow
 def test_simulation_agrees_with_the_law() -> None:
     verdict = verify(bussim.load("electrical_noise"), "link", 0, 50 * 72_000, None)
     assert verdict.agrees

@@ -170,6 +170,7 @@ def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
     assert all((folder / MARKER).is_file() for folder in tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_two_runs_at_once_take_different_folders(tmp_path: Path) -> None:
     processes = [program("run", "--duration", "60s", "--no-rows", cwd=tmp_path) for _ in range(2)]
     said = [process.communicate()[1] for process in processes]

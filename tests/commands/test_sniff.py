@@ -199,6 +199,7 @@ def test_a_session_that_sigrok_wrote(run: Path, tmp_path: Path, capsys: pytest.C
     assert found["link"]["scan_time_ms"]["min"] == pytest.approx(truth(run)["scan_time_ms"]["min"], abs=0.2)
 
 
+@pytest.mark.slow
 @posix
 def test_a_line_is_listened_to_and_recorded(tmp_path: Path) -> None:
     """Two programs on a wire, and sniff in between; then Ctrl-C."""

@@ -242,6 +242,7 @@ def test_modbus_masters_have_a_table_and_pictures(
     assert int(long["press.COM3.errors.09"]) == 0  # it occurred in the other run
 
 
+@pytest.mark.slow
 def test_latencies_are_figures_like_others(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     arguments = ["sweep", "counter_preset", "--vary", "plcs.line.scan.mean=10ms,20ms", "--repeat", "3"]

@@ -19,6 +19,7 @@ from bussim.scenario.loader import from_data
 from bussim.sim.runner import simulate
 from bussim.trace.records import AttemptRecord, FrameRecord, NoteRecord, RunTotals, ScanRecord
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
+from tests.selection import quick_names
 
 
 class Heard:
@@ -143,7 +144,9 @@ def _thinned(data: dict[str, Any]) -> int:
     return 40 if "'2 s'" in text else 20 if "burst" in text else 3
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", quick_names(("bit errors, mode 2", "replies lost", "a dead station, probed"), CASES)
+)
 def test_simulation_and_law_agree(name: str) -> None:
     data = CASES[name]
     model = from_scenario(from_data(data))["link"]
@@ -183,6 +186,7 @@ WITHOUT_LAW: dict[str, dict[str, Any]] = {
 WITHOUT_LAW["two stations with one number"]["plcs"][2]["nn"]["station"] = 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITHOUT_LAW)
 def test_where_there_is_no_law_the_simulation_differs(name: str) -> None:
     data = WITHOUT_LAW[name]

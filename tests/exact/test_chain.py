@@ -150,6 +150,7 @@ def _batches(values: list[int], size: int) -> float:
     return float(series.reshape(-1, size).sum(axis=1).var() / (size * max(series.var(), 1e-12)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLAYED)
 def test_scans_played_out(name: str) -> None:
     model, scans = PLAYED[name], 8_000

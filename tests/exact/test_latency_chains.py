@@ -20,6 +20,7 @@ from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.trace.records import DeviceValueRecord, EndsRecord, FrameRecord, InputRecord
 from bussim.units import TICKS_PER_MS as MS
+from tests.selection import quick
 
 from .test_latency import Kept, sampled
 
@@ -122,7 +123,7 @@ def truth(kept: Kept, found: Case, target: str) -> dict[int, tuple[int, int]]:
     return known
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", quick(8, range(24)))
 def test_every_latency_is_that_of_the_change_which_led_to_the_move(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

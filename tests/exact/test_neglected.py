@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 
+import pytest
+
 from bussim.engines.nn.frames import STX, Frame, encode_data
 from bussim.line.characters import NN_LINE
 from bussim.line.uart import Sampled, Uart
@@ -31,6 +33,7 @@ def clean_stx(character: Sampled) -> bool:
     return character.value == STX and character.parity_ok and character.stop_ok
 
 
+@pytest.mark.slow
 def test_a_header_where_there_was_none() -> None:
     # Any single hit in the first character spoils it; in 1 % another STX is read further on.
     spurious = tries = 0
@@ -60,6 +63,7 @@ def test_where_a_torn_reply_seems_to_end() -> None:
     assert moved / tries < 5 * 72  # 5 µs
 
 
+@pytest.mark.slow
 def test_every_single_hit_spoils_a_frame() -> None:
     for frame in frames(10, 3):
         sent = [(value, True, True) for value in frame.chars]

@@ -110,6 +110,7 @@ def test_without_noise_a_dead_station_costs_its_attempts_instead_of_its_slot() -
     )
 
 
+@pytest.mark.slow
 def test_detection_of_deaths_at_random_instants() -> None:
     # Scans are played; a death falls uniformly into their time, seen from station 2's last reply end.
     model = link(2, ber=2e-4, attempts=3, turnaround=CONSTANT)

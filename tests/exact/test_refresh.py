@@ -111,6 +111,7 @@ PLAYED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLAYED)
 def test_gaps_played_out(name: str) -> None:
     model, scans = PLAYED[name], 6_000

@@ -28,6 +28,7 @@ from bussim.plc.profiles import Turnaround
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.exact.links import FULL, MS, PROBE, change, link, with_burst, with_noise
 from tests.exact.play import play
+from tests.selection import quick
 
 #: Link scan times in ms published for the FX series (JY992D69901 rev. E, chapter 4), by stations and mode.
 PUBLISHED = {
@@ -162,7 +163,7 @@ def enumerated_tail(
     return total
 
 
-@pytest.mark.parametrize("absent", [FULL, PROBE])
+@pytest.mark.parametrize("absent", quick(1, (FULL, PROBE)))
 @pytest.mark.parametrize("ber", [2.0**-20, 2.0**-13])
 def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> None:
     model = link(2, mode=0, attempts=3, ber=ber, absent=absent)  # type: ignore[arg-type]
@@ -292,6 +293,7 @@ PLAYED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLAYED)
 def test_scans_played_out(name: str) -> None:
     model, scans = PLAYED[name], 10_000

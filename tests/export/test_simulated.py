@@ -144,6 +144,7 @@ def test_the_dissector_reads_the_link_and_judges_every_sum(run: Trace, tmp_path:
     assert jabber
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("to", ["vcd", "sr"])
 @pytest.mark.parametrize("bus", ["link", "oven"])
 def test_uart_reads_every_character_and_flags_every_parity_error(

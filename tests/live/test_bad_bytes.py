@@ -99,6 +99,7 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     made.close()
 
 
+@pytest.mark.slow
 def test_a_million_random_bytes(bench: Bench) -> None:
     rng = random.Random(1)
     chunk = 2000

@@ -56,6 +56,7 @@ def test_minimalmodbus_uses_every_function_and_reads_back_what_it_wrote(served: 
     minimal_write_and_read_back(minimal_master(served.device, served.mode))
 
 
+@pytest.mark.slow
 def test_500_transactions_without_an_error(served: ServedSlave) -> None:
     rng = random.Random(6)
     client = pymodbus_master(served.device, served.mode)

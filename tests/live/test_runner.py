@@ -52,6 +52,7 @@ class Noted(Handling):
         return transmit.at + TICKS_PER_MS if transmit.reply else transmit.at
 
 
+@pytest.mark.slow
 @posix
 def test_the_two_halves_of_an_nn_link_on_one_wire() -> None:
     """Master here, slaves there, a listener on what went over: they agree about the link."""

@@ -3,6 +3,8 @@ from __future__ import annotations
 import tracemalloc
 from dataclasses import replace
 
+import pytest
+
 from bussim.results.collector import MOST_NOTES, Collector
 from bussim.trace.records import LinkTotals, NoteRecord, RunTotals, ScanRecord
 from bussim.units import TICKS_PER_SECOND
@@ -134,6 +136,7 @@ def test_refresh_gaps_of_all_pairs() -> None:
         assert (longest > 4.9 * TICKS_PER_SECOND) == away
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_run() -> None:
     def peak(duration: int) -> int:
         collector = Collector()

@@ -225,6 +225,7 @@ def start(target: Path, *options: str, seed: str = "0") -> subprocess.Popen[str]
     )
 
 
+@pytest.mark.slow
 def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
     folders = [tmp_path / "a", tmp_path / "b"]
     processes = [start(folder, "new", "trace", seed=str(n)) for n, folder in enumerate(folders)]
@@ -236,6 +237,7 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
     assert [name for name in first if first[name] != second.get(name)] == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is a POSIX signal")
 @pytest.mark.parametrize("mode", ["new", "force"])
 def test_killed_at_any_moment_a_folder_is_whole_or_marked(tmp_path: Path, mode: str) -> None:

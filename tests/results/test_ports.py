@@ -248,6 +248,7 @@ def test_the_summary_of_a_whole_run() -> None:
     json.dumps(summary, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_run() -> None:
     def size(run: RunRecord) -> int:
         return len(json.dumps(run.ports["press1.COM3"].to_json()))

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -41,6 +42,7 @@ def test_no_scan_is_lost_whatever_the_length(steps: list[tuple[int, int]]) -> No
         assert (cell.shortest, cell.longest) == (min(inside), max(inside))
 
 
+@pytest.mark.slow
 def test_ten_hours_fit() -> None:
     timeline = Timeline()
     for number in range(400_000):

@@ -238,6 +238,7 @@ def simple(seed: int) -> str:
     return "\n".join([*writer.lines, "END"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bare", [False, True])
 def test_what_an_input_moves_is_never_called_unconnected(bare: bool) -> None:
     """Two runs of a random program that differ in one input alone: it leads to all that differs."""

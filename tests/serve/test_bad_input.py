@@ -69,6 +69,7 @@ def answered(handle: int, mode: Mode) -> bool:
     return ask(handle, mode) == encode_adu(mode, 1, bytes((3, 2, 0, 0))).chars
 
 
+@pytest.mark.slow
 @both_modes
 @pytest.mark.parametrize("traced", [False, True])
 def test_random_bytes_without_end(mode: Mode, traced: bool) -> None:

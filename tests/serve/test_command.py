@@ -62,6 +62,7 @@ def wait_until_it_serves(process: subprocess.Popen[str]) -> list[str]:
     return told
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_it_with_its_summary_printed_and_its_files_complete(folder: Path, number: int) -> None:

@@ -60,6 +60,7 @@ def test_minimalmodbus_uses_every_function_and_reads_back_what_it_wrote(served: 
     minimal_write_and_read_back(minimal_master(served.device, mode))
 
 
+@pytest.mark.slow
 def test_500_transactions_with_two_stations_of_one_wire_without_an_error(mode: Mode) -> None:
     """Each station hears the other one's requests and replies, and takes none for its own."""
     rng = random.Random(6)

@@ -121,6 +121,7 @@ def test_a_window_begins_and_ends_noise_to_the_bit() -> None:
 # -- bursts and impulses ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_bursts_cover_their_share_of_the_traffic() -> None:
     good, bad, ber = 200 * MS, 50 * MS, 0.5
     burst = noise(model.Burst(good, bad, 0.0, ber))

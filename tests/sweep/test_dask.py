@@ -46,6 +46,7 @@ def worker_processes(cluster: Any) -> dict[str, int]:
         return found
 
 
+@pytest.mark.slow
 def test_a_worker_and_the_sweep_killed_in_the_middle_change_nothing(
     cluster: Any, undisturbed: tuple[Path, dict[str, bytes]], tmp_path: Path
 ) -> None:

@@ -66,6 +66,7 @@ def test_a_heat_map_has_each_mean_at_its_place(scenario: Path) -> None:
     assert_legible(picture)
 
 
+@pytest.mark.slow
 def test_a_large_heat_map_is_legible(scenario: Path) -> None:
     plan = Plan(scenario, [f"{TIMEOUT}=50ms:1000ms:10ms", f"{BER}=1e-6:1e-3:log31"])
     points = results(plan, rare=True)

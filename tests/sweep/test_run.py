@@ -71,6 +71,7 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plots, "draw", lambda *_: [])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 def test_killed_twice_and_resumed_by_two_workers_it_is_the_same(
     undisturbed: tuple[Path, dict[str, bytes]], tmp_path: Path

@@ -53,6 +53,7 @@ def test_it_survives_a_fault(
     assert modbus_slave.pending_faults == 0
 
 
+@pytest.mark.slow
 def test_it_gives_up(modbus_slave: ServedBus, client: SmallClient) -> None:
     modbus_slave.drop_reply(count=3)
     with pytest.raises(NoAnswerError, match="silence"):

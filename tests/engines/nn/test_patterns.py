@@ -143,6 +143,7 @@ def compositions(most: int, parts: int) -> list[tuple[int, ...]]:
     return [(n, *rest) for n in range(most + 1) for rest in compositions(most - n, parts - 1)]
 
 
+@pytest.mark.slow
 def test_all_251175_patterns_of_one_to_four_bits_are_judged_alike() -> None:
     real, second = RealChain(1, 0), SecondDecoder(1, 0)
     sent = real.text.decode()

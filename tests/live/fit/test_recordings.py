@@ -99,6 +99,7 @@ def fitted(seed: int) -> LinkEstimate:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_turnaround_gap_and_overhead_are_found(seed: int) -> None:
     known, found = parameters(seed), fitted(seed)

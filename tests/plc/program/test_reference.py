@@ -12,6 +12,7 @@ from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
 from bussim.plc.program.text.catalog import FORMS
 from bussim.units import TICKS_PER_MS
+from tests.selection import quick
 
 from .random_programs import Writer
 from .reference import Reference
@@ -41,7 +42,7 @@ def expected(reference: Reference) -> dict[tuple[str, int], int]:
     }
 
 
-@pytest.mark.parametrize("seed", range(PROGRAMS))
+@pytest.mark.parametrize("seed", quick(60, range(PROGRAMS)))
 def test_a_random_program_does_the_same_compiled_and_interpreted(seed: int) -> None:
     text = Writer(seed).program()
     memory, reference = Memory(), Reference(text)
