@@ -1,6 +1,6 @@
 """Layer 6: the trace of a run in the formats of the tools that people in this field use.
 
-``bussim export RUN_DIR --to FORMAT`` writes them; :func:`bussim.export.run.export_run` is the same in
+``bussim export RUN_DIR --to FORMAT`` writes them; :func:`bussim.export.run.export_trace` is the same in
 Python. Every format knows only the trace (``bussim run --trace``), never who made it.
 
 ==========  ============================  ===========================================================

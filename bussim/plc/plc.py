@@ -160,7 +160,7 @@ class Plc:
         """STOP→RUN: settings are taken over; returns the link's engine and the first END's tick.
 
         The engine is None where the PLC takes no part in N:N or refuses its parameters (then M8063
-        and D8063 say so). The other ports' engines are those of :attr:`boards`, to be started too.
+        and D8063 say so). The other ports' engines are those of :attr:`port_registers`, to be started too.
         """
         # The first scan begins; settings that its program writes are in force from here on.
         self._halted = False

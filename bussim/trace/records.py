@@ -256,8 +256,8 @@ class Sink(Protocol):
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """The block of a source arrived, complete and valid, at ``tick``.
 
-        ``source`` and the entries of ``heard`` are positions in the bus's order of seats
-        (:attr:`LinkTotals.seats`). ``heard`` is None when every other station that is switched to
+        ``source`` and the entries of ``heard`` are positions among the bus's PLCs
+        (:attr:`LinkTotals.plc_names`). ``heard`` is None when every other station that is switched to
         the link took it, which is the ordinary case; else the positions of those that did.
         """
 
