@@ -238,40 +238,31 @@ class _LinkReader:
             if member is None or member.refused:
                 return
         kind = noise.kind
-        if self._harmless(kind) or self._passing(f"noise {noise.name}", noise.window):
-            return
-        if isinstance(kind, ReplyLoss):
-            for losing in self.members if member is None else [member]:
-                losing.loss += (1 - losing.loss) * kind.probability
-            return
-        if isinstance(kind, Impulse):
-            self.obstacles.append(
-                f"noise {noise.name}: periodic impulses keep their phase from one exchange to the next"
-            )
+        if kind.harmless or self._passing(f"noise {noise.name}", noise.window):
             return
         place = "bus" if member is None else ("rx" if target.direction is Direction.RX else "tx")
         station = None if member is None else member.number
-        if isinstance(kind, BitErrors):
-            self.sources.append(NoiseSource(place, station, kind.ber))
-        elif kind.ber_good == kind.ber_bad:
-            self.sources.append(NoiseSource(place, station, kind.ber_good))
-        elif len(self.chains) == MAX_BURSTS:
-            self.obstacles.append(
-                f"noise {noise.name}: more than {MAX_BURSTS} bursts on one link are not worked out"
-            )
-        else:
-            self.sources.append(
-                NoiseSource(place, station, kind.ber_good, kind.ber_bad, chain=len(self.chains))
-            )
-            self.chains.append((float(kind.good), float(kind.bad)))
-
-    @staticmethod
-    def _harmless(kind: BitErrors | Burst | Impulse | ReplyLoss) -> bool:
-        if isinstance(kind, ReplyLoss):
-            return kind.probability == 0
-        if isinstance(kind, Burst):
-            return kind.ber_good == 0 and kind.ber_bad == 0
-        return kind.ber == 0
+        match kind:
+            case ReplyLoss(probability):
+                for losing in self.members if member is None else [member]:
+                    losing.loss += (1 - losing.loss) * probability
+            case BitErrors(ber):
+                self.sources.append(NoiseSource(place, station, ber))
+            case Burst(_, _, good, bad) if good == bad:
+                self.sources.append(NoiseSource(place, station, good))
+            case Burst() if len(self.chains) == MAX_BURSTS:
+                self.obstacles.append(
+                    f"noise {noise.name}: more than {MAX_BURSTS} bursts on one link are not worked out"
+                )
+            case Burst(good, bad, ber_good, ber_bad):
+                self.sources.append(NoiseSource(place, station, ber_good, ber_bad, chain=len(self.chains)))
+                self.chains.append((float(good), float(bad)))
+            case Impulse():
+                self.obstacles.append(
+                    f"noise {noise.name}: periodic impulses keep their phase from one exchange to the next"
+                )
+            case _:  # a kind that nobody has worked out yet
+                self.obstacles.append(f"noise {noise.name}: {type(kind).__name__} is not worked out")
 
     # -- the result --------------------------------------------------------------------------------
 

@@ -33,6 +33,11 @@ def given_of(model: Model, keys: tuple[str, ...]) -> str:
     return next((key for key in keys if getattr(model, key) is not None), "")
 
 
+def kinds_of(model: type[Model], common: type[Model]) -> tuple[str, ...]:
+    """The keys of which an entry has exactly one: all but those of ``common``, which it extends."""
+    return tuple(key for key in model.model_fields if key not in common.model_fields)
+
+
 def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
     """Complain unless exactly one of ``keys`` is given.
 

@@ -12,8 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
-from typing import assert_never
+from typing import Annotated, NamedTuple, assert_never
 
+from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
@@ -95,9 +96,31 @@ _PW10_DEVICES = LinkDevices(8201, 8183, 8191)
 _FX1S_DEVICES = LinkDevices(201, 504, 503)
 
 
+class Ticks(NamedTuple):
+    """The times that a scenario may give a field, in ticks, both ends included."""
+
+    low: int
+    high: int
+
+
+class Number(NamedTuple):
+    """The numbers that a scenario may give a field, or each value of it; both ends included."""
+
+    low: int
+    high: int
+
+
+class Composed:
+    """Marks a field that a scenario gives as a mapping with a form of its own."""
+
+
 @dataclass(frozen=True, slots=True)
 class Profile:
     """One PLC family. Times in ticks (1/72 MHz); a scenario writes them with units.
+
+    A scenario can change every field that says how a family behaves: those whose type is a choice or a
+    flag, and those with bounds (``Ticks``, ``Number``) or the mark ``Composed``. The form of a scenario's
+    profile is made of these rows. What a family is (the other fields) cannot be changed.
 
     ========================  =============================================================  ========
     field                     meaning                                                        source
@@ -131,31 +154,31 @@ class Profile:
     """
 
     name: str
-    master_gap: int = 30_060  # 0.4175 ms
-    turnaround: Turnaround = Turnaround(30_060, 7_200)  # 0.4175 ms ± 0.1 ms
-    scan_overhead: int = 253_440  # 3.52 ms
+    master_gap: Annotated[int, Ticks(0, TICKS_PER_SECOND)] = 30_060  # 0.4175 ms
+    turnaround: Annotated[Turnaround, Composed] = Turnaround(30_060, 7_200)  # 0.4175 ms ± 0.1 ms
+    scan_overhead: Annotated[int, Ticks(0, 10 * TICKS_PER_SECOND)] = 253_440  # 3.52 ms
     attempts: Attempts = Attempts.RETRIES_PLUS_1
     absent_station: AbsentStation = AbsentStation.FULL
     error_count: ErrorCount = ErrorCount.PER_SCAN
     reply: Reply = Reply.INTERRUPT
-    link_scan_unit: int = TICKS_PER_MS
-    scan_factor: Fraction = Fraction(11, 10)
-    default_timeout: int = 10
-    timeout_range: tuple[int, int] = (5, 225)
-    modes: tuple[int, ...] = (0, 1, 2, 3, 4)
+    link_scan_unit: Annotated[int, Ticks(72, TICKS_PER_SECOND)] = TICKS_PER_MS
+    scan_factor: Annotated[Fraction, Number(1, 10)] = Fraction(11, 10)
+    default_timeout: Annotated[int, Number(1, 255)] = 10
+    timeout_range: Annotated[tuple[int, int], Number(1, 255)] = (5, 225)
+    modes: Annotated[tuple[int, ...], Number(0, 4)] = (0, 1, 2, 3, 4)
     documented_modes: tuple[int, ...] = (0, 1, 2)
-    word_spacing: int = 32
+    word_spacing: Annotated[int, Number(4, 1000)] = 32
     devices: LinkDevices = _PW10_DEVICES
-    transaction_time: int = TICKS_PER_MS // 5
-    broadcast_turnaround: int = 100 * TICKS_PER_MS
-    rtu_gaps: GapRule = STANDARD_GAPS
-    ascii_gap: int = TICKS_PER_SECOND
+    transaction_time: Annotated[int, Ticks(0, TICKS_PER_SECOND)] = TICKS_PER_MS // 5
+    broadcast_turnaround: Annotated[int, Ticks(0, 60 * TICKS_PER_SECOND)] = 100 * TICKS_PER_MS
+    rtu_gaps: Annotated[GapRule, Composed] = STANDARD_GAPS
+    ascii_gap: Annotated[int, Ticks(TICKS_PER_MS, 60 * TICKS_PER_SECOND)] = TICKS_PER_SECOND
     begun_holds: bool = False
-    slave_backlog: int = 0
-    com2_station: int = 1
+    slave_backlog: Annotated[int, Number(0, 100)] = 0
+    com2_station: Annotated[int, Number(FIRST_STATION, LAST_STATION)] = 1
     free_awaits_first: bool = False
     free_keeps_frame: bool = False
-    instruction_times: InstructionTimes = DEFAULT_TIMES
+    instruction_times: Annotated[InstructionTimes, Composed] = DEFAULT_TIMES
 
 
 _PW10 = Profile("pw10")

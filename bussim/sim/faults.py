@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from typing import assert_never
 
 from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
@@ -92,24 +93,35 @@ class FaultPlan:
 
     def _begin(self, fault: model.Fault, now: int) -> Undo | None:
         kind = fault.kind
-        if isinstance(kind, model.CableCut):
-            return self._cut_cable(kind, now)
-        if isinstance(kind, model.PowerOff):
-            self._supply(kind.node, 1)(now)
-            return self._supply(kind.node, -1)
-        if isinstance(kind, model.Stop):
-            self._switch(kind.node, 1)(now)
-            return self._switch(kind.node, -1)
-        if isinstance(kind, model.BoardError):
-            return self._board_error(kind)
+        match kind:
+            case model.CableCut():
+                return self._cut_cable(kind, now)
+            case model.PowerOff(name):
+                self._supply(name, 1)(now)
+                return self._supply(name, -1)
+            case model.Stop(name):
+                self._switch(name, 1)(now)
+                return self._switch(name, -1)
+            case model.BoardError():
+                return self._board_error(kind)
         node = self._nodes.get(kind.node)
         if node is None:
             return None  # the rest are faults of a port, which a PLC may do without
-        if isinstance(kind, model.Jabber):
-            return self._jabber(fault.name, node, now)
-        if isinstance(kind, (model.DropReply, model.LoseChar, model.InsertChar, model.FlipBits)):
-            return self._frame_fault(fault.name, node, kind)
-        return self._node_fault(node, kind, now)
+        match kind:
+            case model.Jabber():
+                return self._jabber(fault.name, node, now)
+            case model.DropReply() | model.LoseChar() | model.InsertChar() | model.FlipBits():
+                return self._frame_fault(fault.name, node, kind)
+            case model.Slow(_, extra):
+                return _added(node, "extra_turnaround", extra)
+            case model.LateRelease(_, by):
+                return _added(node, "late_release", by)
+            case model.WrongFormat(_, timing):
+                return _timed(node, (timing, Fraction(0)), now)
+            case model.ClockPpm(_, ppm):
+                return _timed(node, (None, ppm), now)
+            case _:
+                assert_never(kind)
 
     def _board_error(self, kind: model.BoardError) -> Undo:
         unit = self._units[kind.node]
@@ -168,65 +180,28 @@ class FaultPlan:
         kind: model.DropReply | model.LoseChar | model.InsertChar | model.FlipBits,
     ) -> Undo:
         disturber = node.line.disturber
-        item: Drop | FrameFault
         if isinstance(kind, model.DropReply):
-            item = Drop(node.position, kind.count)
-        else:
-            item = FrameFault(
-                action="flip",
-                position=node.position,
-                receiver=kind.direction is model.Direction.RX,
-                left=kind.count,
-                draws=self._streams.uniforms("fault", name),
-            )
-            if isinstance(kind, model.FlipBits):
+            drop = Drop(node.position, kind.count)
+            disturber.add(drop)
+            return lambda _: disturber.remove(drop)
+        item = FrameFault(
+            action="flip",
+            position=node.position,
+            receiver=kind.direction is model.Direction.RX,
+            left=kind.count,
+            draws=self._streams.uniforms("fault", name),
+        )
+        match kind:
+            case model.FlipBits():
                 item.bits, item.frame = kind.bits, kind.frame
-            elif isinstance(kind, model.LoseChar):
+            case model.LoseChar():
                 item.action, item.index = "lose", kind.index
-            else:
+            case model.InsertChar():
                 item.action, item.index, item.value = "insert", kind.index, kind.value
+            case _:
+                assert_never(kind)
         disturber.add(item)
         return lambda _: disturber.remove(item)
-
-    # -- a node's port -------------------------------------------------------------------------------
-
-    @staticmethod
-    def _node_fault(
-        node: Node, kind: model.Slow | model.LateRelease | model.WrongFormat | model.ClockPpm, now: int
-    ) -> Undo:
-        if isinstance(kind, model.Slow):
-            extra = kind.extra
-            node.extra_turnaround += extra
-            node.line.listeners_changed()
-
-            def fast(now: int) -> None:
-                del now
-                node.extra_turnaround -= extra
-                node.line.listeners_changed()
-
-            return fast
-        if isinstance(kind, model.LateRelease):
-            by = kind.by
-            node.late_release += by
-            node.line.listeners_changed()
-
-            def prompt(now: int) -> None:
-                del now
-                node.late_release -= by
-                node.line.listeners_changed()
-
-            return prompt
-        entry: tuple[LineTiming | None, Fraction] = (
-            (kind.timing, Fraction(0)) if isinstance(kind, model.WrongFormat) else (None, kind.ppm)
-        )
-        node.timing_faults.append(entry)
-        node.retime(now)
-
-        def right(now: int) -> None:
-            node.timing_faults.remove(entry)
-            node.retime(now)
-
-        return right
 
     # -- the cable -----------------------------------------------------------------------------------
 
@@ -255,6 +230,29 @@ class FaultPlan:
             bus.set_cuts(cuts, now)
 
         return mend
+
+
+def _added(node: Node, delay: str, ticks: int) -> Undo:
+    """One of a node's delays is longer by ``ticks``; returns what makes it as it was."""
+
+    def add(more: int) -> None:
+        setattr(node, delay, getattr(node, delay) + more)
+        node.line.listeners_changed()
+
+    add(ticks)
+    return lambda _: add(-ticks)
+
+
+def _timed(node: Node, entry: tuple[LineTiming | None, Fraction], now: int) -> Undo:
+    """A node has another rate and format, or a clock that is off; returns what makes it right."""
+    node.timing_faults.append(entry)
+    node.retime(now)
+
+    def right(now: int) -> None:
+        node.timing_faults.remove(entry)
+        node.retime(now)
+
+    return right
 
 
 def describe(kind: model.FaultKind) -> str:
@@ -286,3 +284,5 @@ def describe(kind: model.FaultKind) -> str:
             return f"{plc}: chosen bits inverted"
         case model.BoardError(plc, port, code):
             return f"{plc}: board error {code:02d} on {port}"
+        case _:
+            assert_never(kind)

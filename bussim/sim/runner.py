@@ -7,7 +7,6 @@ from typing import Protocol, assert_never
 
 from bussim.devices.lx import LxMap
 from bussim.line.characters import LineTiming
-from bussim.line.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
 from bussim.line.protocols import BusProtocol
 from bussim.line.random_streams import Streams
 from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
@@ -22,6 +21,7 @@ from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
 from bussim.sim.nn.reporter import Reporter
+from bussim.sim.noise import place_noise
 from bussim.sim.plc_probe import PlcProbe
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
@@ -29,7 +29,6 @@ from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.units import DeviceUnit, PlcUnit, Unit
-from bussim.sim.wire.disturber import Loss, PlacedNoise
 from bussim.sim.wire.line import Line, Witness
 from bussim.sim.wire.node import Node
 from bussim.trace.records import LinkTotals, RunTotals, Sink
@@ -222,23 +221,8 @@ class Simulation:
         node = self.nodes.get(target.station) if target.station is not None else None
         lines = [node.line] if node is not None else [] if target.station else self._lines[target.bus]
         for number, line in enumerate(lines):
-            self._place_on(line, noise, node, noise.name if not number else f"{noise.name} {line.name}")
-
-    def _place_on(self, line: Line, noise: model.Noise, node: Node | None, name: str) -> None:
-        """A noise disturbs a line, or a node on it; ``name`` is that of its luck."""
-        kind, window, streams = noise.kind, noise.window, self._streams
-        position = node.position if node is not None else None
-        if isinstance(kind, model.ReplyLoss):
-            draws = {
-                port.position: streams.uniforms("noise", name, port.name)
-                for port in line.ports
-                if position in (None, port.position)
-            }
-            line.disturber.add(Loss(position, kind.probability, window.at, window.until, draws))
-            return
-        process = BitNoise(name, _rate(noise, name, streams), streams, window.at, window.until)
-        receiver = position is not None and noise.target.direction is model.Direction.RX
-        line.disturber.add(PlacedNoise(process, position, receiver))
+            name = noise.name if not number else f"{noise.name} {line.name}"
+            place_noise(noise, name, line, node, self._streams)
 
     @property
     def now(self) -> int:
@@ -361,19 +345,6 @@ def _stimulus(plc: str, device: str, given: InputSpec, streams: Streams) -> Stim
             return Random(given.on, given.off, Streams(given.seed).uniforms("input"))
         return Random(given.on, given.off, streams.uniforms("input", plc, device))
     return given
-
-
-def _rate(noise: model.Noise, name: str, streams: Streams) -> ErrorRate:
-    kind = noise.kind
-    if isinstance(kind, model.BitErrors):
-        return ConstantRate(kind.ber)
-    draws = streams.uniforms("noise", name, "state")
-    if isinstance(kind, model.Burst):
-        return BurstRate(kind.good, kind.bad, kind.ber_good, kind.ber_bad, draws)
-    if isinstance(kind, model.Impulse):
-        phase = kind.phase if kind.phase is not None else int(next(draws) * kind.every)
-        return ImpulseRate(kind.every, kind.width, kind.ber, noise.window.at + phase)
-    raise TypeError(kind)
 
 
 def simulate(scenario: model.Scenario, sink: Sink, *, progress: Progress | None = None) -> RunTotals:

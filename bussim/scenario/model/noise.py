@@ -59,6 +59,11 @@ class BitErrors:
 
     ber: float
 
+    @property
+    def harmless(self) -> bool:
+        """Whether it never does anything."""
+        return self.ber == 0
+
 
 @dataclass(frozen=True, slots=True)
 class Burst:
@@ -68,6 +73,11 @@ class Burst:
     bad: int
     ber_good: float
     ber_bad: float
+
+    @property
+    def harmless(self) -> bool:
+        """Whether it never does anything."""
+        return self.ber_good == self.ber_bad == 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +92,22 @@ class Impulse:
     ber: float
     phase: int | None = None
 
+    @property
+    def harmless(self) -> bool:
+        """Whether it never does anything."""
+        return self.ber == 0
+
 
 @dataclass(frozen=True, slots=True)
 class ReplyLoss:
     """Replies of the target station (of every station: no station) vanish whole, with a probability."""
 
     probability: float
+
+    @property
+    def harmless(self) -> bool:
+        """Whether it never does anything."""
+        return self.probability == 0
 
 
 NoiseKind = BitErrors | Burst | Impulse | ReplyLoss

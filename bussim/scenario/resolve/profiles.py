@@ -3,59 +3,49 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import StrEnum
+from fractions import Fraction
+from typing import Any
 
 from bussim.engines.modbus.gaps import GapRule
 from bussim.forms.fields import exact
 from bussim.forms.form import Model
-from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
+from bussim.plc.profiles import PROFILES, Profile, Turnaround
 from bussim.plc.program.times import InstructionTimes
 from bussim.scenario.schema.profiles import InstructionTimesIn, ProfileIn, RtuGapsIn, TurnaroundIn
 from bussim.units import round_half_up
-
-#: Fields that are in a profile as they are in the file.
-_PLAIN = (
-    "master_gap",
-    "scan_overhead",
-    "link_scan_unit",
-    "default_timeout",
-    "word_spacing",
-    "transaction_time",
-    "broadcast_turnaround",
-    "ascii_gap",
-    "begun_holds",
-    "slave_backlog",
-    "com2_station",
-    "free_awaits_first",
-    "free_keeps_frame",
-)
 
 
 def profile_of(given: ProfileIn) -> Profile:
     """The built-in profile with the given fields changed."""
     base = PROFILES[given.base]
-    changes = _given(given, *_PLAIN)
-    choices = {
-        "attempts": Attempts,
-        "absent_station": AbsentStation,
-        "error_count": ErrorCount,
-        "reply": Reply,
+    changes = {
+        key: _value(value, getattr(base, key)) for key, value in given if key != "base" and value is not None
     }
-    for key, kind in choices.items():
-        if (word := getattr(given, key)) is not None:
-            changes[key] = kind(word)
-    if given.turnaround is not None:
-        changes["turnaround"] = _turnaround(given.turnaround)
-    if given.scan_factor is not None:
-        changes["scan_factor"] = exact(given.scan_factor)
-    if given.timeout_range is not None:
-        changes["timeout_range"] = tuple(given.timeout_range)
     if given.modes is not None:
         changes["modes"] = tuple(sorted(set(given.modes)))
-    if given.rtu_gaps is not None:
-        changes["rtu_gaps"] = _gaps(given.rtu_gaps, base.rtu_gaps)
-    if given.instruction_times is not None:
-        changes["instruction_times"] = _instructions(given.instruction_times, base.instruction_times)
-    return replace(base, **changes)  # type: ignore[arg-type] # the schema gave each field its type
+    return replace(base, **changes)
+
+
+def _value(given: Any, base: object) -> Any:
+    """A field's value as a profile has it, of the same type as the value that it replaces."""
+    match base:
+        case Turnaround():
+            return _turnaround(given)
+        case GapRule():
+            return _gaps(given, base)
+        case InstructionTimes():
+            return _instructions(given, base)
+        case Fraction():
+            return exact(given)
+        case StrEnum():
+            return type(base)(given)
+        case tuple():
+            return tuple(given)
+        case int():  # bool as well
+            return given
+        case _:
+            raise AssertionError(f"no profile has a field with {base!r}")
 
 
 def _given(model: Model, *keys: str) -> dict[str, object]:

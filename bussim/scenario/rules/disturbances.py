@@ -9,6 +9,7 @@ from bussim.scenario.schema.disturbances import (
     LINK_FRAME,
     LINK_FRAMES,
     MODBUS_FRAMES,
+    OF_THE_OWNER,
     CableCutIn,
     FaultIn,
     FlipBitsIn,
@@ -22,8 +23,6 @@ from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
 from bussim.wording import show, suggest
 
-#: Faults of a PLC or device as a whole, whatever bus it is on.
-OF_THE_OWNER = frozenset({"power_off", "stop"})
 #: Faults of a slave's reply.
 _OF_REPLIES = frozenset({"drop_reply", "slow"})
 

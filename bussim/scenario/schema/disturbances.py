@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -22,8 +23,9 @@ from bussim.forms.fields import (
     one_of,
     whole,
 )
-from bussim.forms.form import Model, given_of, only_one
+from bussim.forms.form import Model, given_of, kinds_of, only_one
 from bussim.line.characters import NN_LINE, CharFormat
+from bussim.scenario.model.noise import BitErrors, Burst, Impulse, NoiseKind, ReplyLoss
 
 #: Characters and bits of the link's longest frame, and of the longest one on any bus.
 LINK_FRAME = max(data_chars(mode) for mode in range(len(MODES)))
@@ -35,24 +37,10 @@ LINK_FRAMES, MODBUS_FRAMES = ("data", "poll", "parameters"), ("request", "respon
 #: Codes of D8063 that no frame can cause (PW10, section 8; ports COM3 to COM6).
 BOARD_CODES = (*range(10, 20), *range(40, 48), 49)
 
-NOISE_KINDS = ("ber", "burst", "impulse", "reply_loss")
 #: Faults of a station that damage single frames, so that ``count`` can limit them.
 COUNTED = ("drop_reply", "lose_char", "insert_char", "flip_bits")
-FAULT_KINDS = (
-    "power_off",
-    "stop",
-    "drop_reply",
-    "slow",
-    "jabber",
-    "cable_cut",
-    "wrong_format",
-    "clock_ppm",
-    "late_release",
-    "lose_char",
-    "insert_char",
-    "flip_bits",
-    "board_error",
-)
+#: Faults of a PLC or device as a whole, whatever bus it is on.
+OF_THE_OWNER = frozenset({"power_off", "stop"})
 
 Side = Annotated[str, choice("rx", "tx")]
 Count = Annotated[int, whole(1, 1_000_000)]
@@ -88,10 +76,8 @@ class ImpulseIn(Model):
         return self
 
 
-class NoiseIn(Model):
-    """One entry of ``noise``."""
-
-    example = "{bus: link, ber: 1.0e-6}"
+class _NoiseWhere(Model):
+    """Where and when noise acts."""
 
     name: Name | None = None
     bus: Name
@@ -99,6 +85,13 @@ class NoiseIn(Model):
     direction: Side | None = None
     at: Time = 0
     for_: Positive | None = Field(None, alias="for")
+
+
+class NoiseIn(_NoiseWhere):
+    """One entry of ``noise``: the other keys are its kinds, of which it has one."""
+
+    example = "{bus: link, ber: 1.0e-6}"
+
     ber: Probability | None = None
     burst: BurstIn | None = None
     impulse: ImpulseIn | None = None
@@ -117,6 +110,21 @@ class NoiseIn(Model):
     def kind(self) -> str:
         """The key that says what it does."""
         return given_of(self, NOISE_KINDS)
+
+    @property
+    def value(self) -> NoiseKind:
+        """What it does, as a value of the scenario."""
+        return _NOISE[self.kind](getattr(self, self.kind))
+
+
+NOISE_KINDS = kinds_of(NoiseIn, _NoiseWhere)
+#: What becomes of each kind: the fields of a mapping are those of the value.
+_NOISE: dict[str, Callable[[Any], NoiseKind]] = {
+    "ber": BitErrors,
+    "burst": lambda given: Burst(**dict(given)),
+    "impulse": lambda given: Impulse(**dict(given)),
+    "reply_loss": ReplyLoss,
+}
 
 
 class StationIn(Model):
@@ -222,15 +230,20 @@ class BoardErrorIn(Model):
     code: Annotated[int, one_of(BOARD_CODES)]
 
 
-class FaultIn(Model):
-    """One entry of ``faults``."""
-
-    example = "{at: 10 s, for: 5 s, power_off: press1}"
+class _FaultWhen(Model):
+    """When a fault acts."""
 
     name: Name | None = None
     at: Time | None = None
     for_: Positive | None = Field(None, alias="for")
     count: Count | None = None
+
+
+class FaultIn(_FaultWhen):
+    """One entry of ``faults``: the other keys are its kinds, of which it has one."""
+
+    example = "{at: 10 s, for: 5 s, power_off: press1}"
+
     power_off: StationIn | None = None
     stop: StationIn | None = None
     drop_reply: StationIn | None = None
@@ -248,17 +261,12 @@ class FaultIn(Model):
 
     @model_validator(mode="after")
     def _one_kind(self, info: ValidationInfo) -> FaultIn:
-        only_one(self, (*FAULT_KINDS, "power_on"), info)
+        only_one(self, FAULT_KINDS, info)
         kind = self.kind
         if kind == "power_on":
-            for key, value in (
-                ("name", self.name),
-                ("at", self.at),
-                ("for", self.for_),
-                ("count", self.count),
-            ):
-                if value is not None:
-                    raise fail("has no meaning beside power_on, whose times are its own", key)
+            for key, field in _FaultWhen.model_fields.items():
+                if getattr(self, key) is not None:
+                    raise fail("has no meaning beside power_on, whose times are its own", field.alias or key)
         if self.count is not None and kind and kind not in COUNTED:
             raise fail(f"has no meaning for {kind}; use for (count goes with {', '.join(COUNTED)})", "count")
         if self.count is not None and self.for_ is not None:
@@ -268,4 +276,7 @@ class FaultIn(Model):
     @property
     def kind(self) -> str:
         """The key that says what happens."""
-        return given_of(self, (*FAULT_KINDS, "power_on"))
+        return given_of(self, FAULT_KINDS)
+
+
+FAULT_KINDS = kinds_of(FaultIn, _FaultWhen)

@@ -1,22 +1,24 @@
 """The form of a scenario file: profiles of PLCs.
 
-Every field of :class:`bussim.plc.profiles.Profile` that says how a family behaves can be changed; what
-the family is (its name, its special devices) cannot.
+The form has the fields of :class:`bussim.plc.profiles.Profile` that say how a family behaves: their
+bounds stand there.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from enum import StrEnum
+from fractions import Fraction
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
-from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
-from bussim.engines.modbus.gaps import STANDARD_GAPS
+from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.engines.nn.frames import MODES
 from bussim.forms.fields import Flag, Time, choice, fail, nanoseconds, number, time, time_or, whole
 from bussim.forms.form import Model
-from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Reply
-from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
+from bussim.plc.program.times import InstructionTimes
+from bussim.units import TICKS_PER_SECOND
 from bussim.wording import show, suggest
 
 
@@ -102,38 +104,61 @@ class InstructionTimesIn(Model):
         return value
 
 
-class ProfileIn(Model):
+#: The forms of fields that are mappings, by the type of the field.
+_FORMS: dict[object, type[Model]] = {
+    Turnaround: TurnaroundIn,
+    GapRule: RtuGapsIn,
+    InstructionTimes: InstructionTimesIn,
+}
+
+
+def _field(hint: Any) -> Any:
+    """What a scenario may give for a field of a profile; None for one that it cannot change."""
+    if get_origin(hint) is Annotated:
+        of, mark = get_args(hint)
+        return _marked(of, mark)
+    if hint is bool:
+        return Flag
+    return Annotated[str, choice(*hint)] if isinstance(hint, type) and issubclass(hint, StrEnum) else None
+
+
+def _marked(of: Any, mark: object) -> Any:
+    match mark:
+        case Ticks(low, high):
+            return Annotated[int, time(low, high)]
+        case Number(low, high) if get_origin(of) is tuple:
+            many = Ellipsis in get_args(of)
+            least, most = (1, high - low + 1) if many else (len(get_args(of)), len(get_args(of)))
+            return Annotated[list[Annotated[int, whole(low, high)]], Field(min_length=least, max_length=most)]
+        case Number(low, high):
+            return Annotated[float, number(low, high)] if of is Fraction else Annotated[int, whole(low, high)]
+        case _:
+            return _FORMS[of]
+
+
+class _BaseIn(Model):
+    """What a profile's form has before the fields of a profile."""
+
+    base: Annotated[str, choice(*PROFILES)]
+
+
+#: The keys of the form, made of the fields of a profile.
+_Fields: Any = create_model(
+    "_Fields",
+    __base__=_BaseIn,
+    **{
+        name: (form | None, None)
+        for name, hint in get_type_hints(Profile, include_extras=True).items()
+        if (form := _field(hint)) is not None
+    },  # type: ignore[call-overload] # keys that the type checker cannot know
+)
+
+
+class ProfileIn(_Fields):  # type: ignore[misc] # made above
     """A profile by name, or a built-in one with some fields changed."""
 
     example = "the name of a profile, or {base: pw10, attempts: retries}"
     shorthand = "base"
-
-    base: Annotated[str, choice(*PROFILES)]
-    master_gap: Annotated[int, time(0, TICKS_PER_SECOND)] | None = None
-    turnaround: TurnaroundIn | None = None
-    scan_overhead: Annotated[int, time(0, 10 * TICKS_PER_SECOND)] | None = None
-    attempts: Annotated[str, choice(*Attempts)] | None = None
-    absent_station: Annotated[str, choice(*AbsentStation)] | None = None
-    error_count: Annotated[str, choice(*ErrorCount)] | None = None
-    reply: Annotated[str, choice(*Reply)] | None = None
-    link_scan_unit: Annotated[int, time(72, TICKS_PER_SECOND)] | None = None
-    scan_factor: Annotated[float, number(1, 10)] | None = None
-    default_timeout: Annotated[int, whole(1, 255)] | None = None
-    timeout_range: (
-        Annotated[list[Annotated[int, whole(1, 255)]], Field(min_length=2, max_length=2)] | None
-    ) = None
-    modes: Annotated[list[Annotated[int, whole(0, 4)]], Field(min_length=1, max_length=5)] | None = None
-    word_spacing: Annotated[int, whole(4, 1000)] | None = None
-    transaction_time: Annotated[int, time(0, TICKS_PER_SECOND)] | None = None
-    broadcast_turnaround: Annotated[int, time(0, 60 * TICKS_PER_SECOND)] | None = None
-    rtu_gaps: RtuGapsIn | None = None
-    ascii_gap: Annotated[int, time(TICKS_PER_MS, 60 * TICKS_PER_SECOND)] | None = None
-    begun_holds: Flag | None = None
-    slave_backlog: Annotated[int, whole(0, 100)] | None = None
-    com2_station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] | None = None
-    free_awaits_first: Flag | None = None
-    free_keeps_frame: Flag | None = None
-    instruction_times: InstructionTimesIn | None = None
 
     @model_validator(mode="after")
     def _timeouts_agree(self) -> ProfileIn:

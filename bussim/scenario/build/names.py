@@ -1,0 +1,20 @@
+"""Names of entries that a scenario leaves without one."""
+
+from __future__ import annotations
+
+
+def unique_names(given: list[str | None], labels: list[str]) -> list[str]:
+    """The given names, and for the rest their labels, numbered from the second of its kind on.
+
+    A label has a space, which no given name has. It does not depend on the entry's position, so
+    that another entry changes nobody's random stream.
+    """
+    seen: dict[str, int] = {}
+    names = []
+    for name, label in zip(given, labels, strict=True):
+        if name is not None:
+            names.append(name)
+            continue
+        seen[label] = seen.get(label, 0) + 1
+        names.append(label if seen[label] == 1 else f"{label} #{seen[label]}")
+    return names
