@@ -95,6 +95,11 @@ def seconds(ticks: int) -> float:
     return ticks / TICKS_PER_SECOND
 
 
+def nanoseconds(ticks: int) -> int:
+    """Ticks as the nearest whole number of nanoseconds (a tick is 125/9 ns, so a half never occurs)."""
+    return (ticks * 125 + 4) // 9
+
+
 def milliseconds(ticks: int | float) -> float:
     """Ticks as milliseconds, for tables and plots."""
     return ticks / TICKS_PER_MS

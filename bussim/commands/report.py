@@ -88,6 +88,7 @@ def _source(
     from bussim.report.stations import measured_times
     from bussim.results.store.load import FolderRows
     from bussim.trace.file import TRACE
+    from bussim.trace.records import AttemptRecord
 
     scenario = _scenario(folder)
     distributions: dict[str, ExactDistribution] = {}
@@ -104,7 +105,7 @@ def _source(
     scenes: dict[str, Scene] = {}
     no_trace = ""
     if (folder / TRACE).is_file():
-        stations = measured_times(FolderRows(folder).exchanges())
+        stations = measured_times(FolderRows(folder).table(AttemptRecord))
         scenes = _scenes(folder, record, shapes)
         no_trace = f"It is too much for this page; draw it with bussim timeline {folder} --worst"
     else:

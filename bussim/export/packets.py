@@ -15,7 +15,7 @@ from bussim.export.pcapng import SYMBOL_ERROR, PcapngWriter
 from bussim.export.source import BusSurvey, Selection, Survey, in_order
 from bussim.export.udp import PORT, Gateway
 from bussim.line.protocols import BusProtocol
-from bussim.results.store.rows import nanoseconds
+from bussim.units import nanoseconds
 from bussim.version import __version__
 
 #: Link types by protocol: USER0 to USER3 of the list of tcpdump.org; and Ethernet.

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from bussim.errors import UsageError
 from bussim.results.run_record import RunRecord
-from bussim.trace.records import RunTotals
+from bussim.trace.records import (
+    AttemptRecord,
+    DeviceValueRecord,
+    FreeRecord,
+    InputRecord,
+    Record,
+    RunTotals,
+    ScanRecord,
+    TransactionRecord,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,23 +32,8 @@ if TYPE_CHECKING:
 class StoredRows(Protocol):
     """Where the rows of a run are kept. Each method raises UsageError if they were not."""
 
-    def link_scans(self) -> pd.DataFrame:
-        """One row a link scan."""
-
-    def exchanges(self) -> pd.DataFrame:
-        """One row an attempt."""
-
-    def transactions(self) -> pd.DataFrame:
-        """One row a Modbus transaction."""
-
-    def free(self) -> pd.DataFrame:
-        """One row a message of the free protocol."""
-
-    def values(self) -> pd.DataFrame:
-        """One row a change of an observed device."""
-
-    def inputs(self) -> pd.DataFrame:
-        """One row a change on the wire of a driven input."""
+    def table(self, kind: type[Record]) -> pd.DataFrame:
+        """The table of a type of record, a row each."""
 
     def trace(self) -> list[dict[str, Any]]:
         """One object a line of the trace."""
@@ -79,7 +73,7 @@ class Result:
 
         Raises UsageError if the run kept no rows.
         """
-        return self._rows.link_scans()
+        return self._rows.table(ScanRecord)
 
     @cached_property
     def exchanges(self) -> pd.DataFrame:
@@ -87,7 +81,7 @@ class Result:
 
         Raises UsageError if the run was not traced.
         """
-        return self._rows.exchanges()
+        return self._rows.table(AttemptRecord)
 
     @cached_property
     def transactions(self) -> pd.DataFrame:
@@ -98,7 +92,7 @@ class Result:
         what decided it, decision, take-over at END), response_ms, outcome, error (yy of D8063 =
         7xyy), exception, mismatched. Raises UsageError if the run kept no rows.
         """
-        return self._rows.transactions()
+        return self._rows.table(TransactionRecord)
 
     @cached_property
     def free(self) -> pd.DataFrame:
@@ -107,7 +101,7 @@ class Result:
         Columns: bus, node, poll, direction, start_s, end_s, bytes (hexadecimal), ended, damaged
         (characters). Raises UsageError if the run kept no rows.
         """
-        return self._rows.free()
+        return self._rows.table(FreeRecord)
 
     @cached_property
     def values(self) -> pd.DataFrame:
@@ -117,7 +111,7 @@ class Result:
         scan has worked with. When the wire of an input changed is in :attr:`inputs`. Raises UsageError if
         the run kept no rows.
         """
-        return self._rows.values()
+        return self._rows.table(DeviceValueRecord)
 
     @cached_property
     def inputs(self) -> pd.DataFrame:
@@ -127,7 +121,7 @@ class Result:
         beginning of the scan that looked at it next), seen (whether the level was still so then).
         Raises UsageError if the run kept no rows.
         """
-        return self._rows.inputs()
+        return self._rows.table(InputRecord)
 
     @cached_property
     def trace(self) -> list[dict[str, Any]]:

@@ -16,6 +16,7 @@ import pytest
 from bussim.cli import main
 from bussim.results.store.folder import MARKER
 from bussim.results.store.load import FolderRows, load_run
+from bussim.trace.records import AttemptRecord, ScanRecord
 
 ROOT = Path(__file__).parents[2]
 FILES = {
@@ -102,8 +103,8 @@ def test_trace_rows_and_format(here: Path) -> None:
         "trace.jsonl",
     }
     summary, stored = load_run(here / "o").summary["links"]["link"], FolderRows(here / "o")
-    assert len(stored.link_scans()) == summary["scans"] > 10
-    assert (stored.exchanges()["attempt"] == 1).sum() >= summary["polls"] - 1
+    assert len(stored.table(ScanRecord)) == summary["scans"] > 10
+    assert (stored.table(AttemptRecord)["attempt"] == 1).sum() >= summary["polls"] - 1
     assert {line["type"] for line in stored.trace()} >= {"trace", "frame", "scan", "attempt", "note"}
     assert main(["run", "--duration", "1s", "--no-rows", "--out", "p"]) == 0
     assert names(here / "p") == FILES - {"link_scans.csv"}

@@ -12,7 +12,7 @@ import pytest
 from bussim.export.packets import how_to_open, script
 from bussim.export.run import export_trace
 from bussim.export.source import Selection, survey
-from bussim.results.store.rows import nanoseconds
+from bussim.units import nanoseconds
 from tests.export.samples import FEEDER, GATE, LINK, OVEN, exchanges, exported, frame, link_frames, trace
 
 Block = tuple[int, bytes]

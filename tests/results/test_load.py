@@ -10,6 +10,7 @@ import pytest
 from bussim.errors import UsageError
 from bussim.results.store.folder import MARKER
 from bussim.results.store.load import FolderRows, load_run
+from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake
@@ -120,7 +121,7 @@ def test_a_file_that_is_too_large(folder: Path, monkeypatch: pytest.MonkeyPatch)
 def test_damaged_tables(folder: Path, text: str) -> None:
     (folder / "link_scans.csv").write_text(text)
     with pytest.raises(UsageError, match=r"link_scans\.csv"):
-        FolderRows(folder).link_scans()
+        FolderRows(folder).table(ScanRecord)
 
 
 def test_a_damaged_trace(folder: Path) -> None:

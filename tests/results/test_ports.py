@@ -18,10 +18,12 @@ from bussim.results.store.memory import MemoryRows
 from bussim.results.store.rows import FileRows
 from bussim.trace.records import (
     CycleRecord,
+    DeviceValueRecord,
     FreeRecord,
     PollRecord,
     PortTotals,
     RunTotals,
+    ScanRecord,
     TransactionRecord,
 )
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
@@ -278,10 +280,10 @@ def test_tables_in_files_are_those_in_memory(tmp_path: Path, fmt: str) -> None:
     memory = MemoryRows(rows=True, traced=True)
     FEEDER.run(rows=memory, traced=True)
     stored = written(tmp_path / "run", fmt, traced=True)
-    for name in ("transactions", "free", "values", "link_scans"):
-        pd.testing.assert_frame_equal(getattr(stored, name)(), getattr(memory, name)(), check_exact=True)
+    for kind in (TransactionRecord, FreeRecord, DeviceValueRecord, ScanRecord):
+        pd.testing.assert_frame_equal(stored.table(kind), memory.table(kind), check_exact=True)
     assert list(stored.open_trace()) == list(memory.open_trace())
-    table = memory.transactions()
+    table = memory.table(TransactionRecord)
     master = RUN.summary["ports"]["press1.COM3"]
     assert len(table) == master["transactions"]
     assert (table["outcome"] == "ok").sum() == master["ok"]
@@ -290,8 +292,8 @@ def test_tables_in_files_are_those_in_memory(tmp_path: Path, fmt: str) -> None:
     assert (table["error"] == 9).sum() == master["timeouts"]
     assert table["response_ms"].max() == master["response_ms"]["max"]
     assert table["response_ms"].isna().sum() == len(table) - table["response_ms"].count() > 0
-    assert set(memory.free()["bytes"]) == {"41 31 0D", ""}
-    assert memory.values()["value"].tolist() == list(range(master["cycle_ms"]["count"]))
+    assert set(memory.table(FreeRecord)["bytes"]) == {"41 31 0D", ""}
+    assert memory.table(DeviceValueRecord)["value"].tolist() == list(range(master["cycle_ms"]["count"]))
 
 
 def test_csv_says_what_the_record_said(tmp_path: Path) -> None:
@@ -329,10 +331,10 @@ def test_only_tables_with_rows_are_written(tmp_path: Path) -> None:
     for name in ("modbus", "free", "values"):
         (tmp_path / "run" / f"{name}.csv").unlink()
     memory = MemoryRows(rows=True, traced=False)
-    for name in ("transactions", "free", "values"):
-        empty = getattr(stored, name)()
+    for kind in (TransactionRecord, FreeRecord, DeviceValueRecord):
+        empty = stored.table(kind)
         assert len(empty) == 0
-        pd.testing.assert_frame_equal(empty, getattr(memory, name)())
+        pd.testing.assert_frame_equal(empty, memory.table(kind))
 
 
 def test_without_rows_there_are_no_tables(tmp_path: Path) -> None:
@@ -340,10 +342,10 @@ def test_without_rows_there_are_no_tables(tmp_path: Path) -> None:
     assert list((tmp_path / "run").iterdir()) == []
     memory = MemoryRows(rows=False, traced=False)
     FEEDER.run(rows=memory)
-    for name in ("transactions", "free", "values"):
+    for kind in (TransactionRecord, FreeRecord, DeviceValueRecord):
         for kept in (stored, memory):
             with pytest.raises(UsageError, match="rows"):
-                getattr(kept, name)()
+                kept.table(kind)
 
 
 def test_rows_are_on_disk_while_the_run_goes_on(tmp_path: Path) -> None:

@@ -14,10 +14,10 @@ from bussim.errors import UsageError
 from bussim.results.store.load import FolderRows
 from bussim.results.store.memory import MemoryRows
 from bussim.results.store.names import cell, file_name, file_names, from_cell
-from bussim.results.store.rows import FileRows, nanoseconds
-from bussim.results.store.tables import CsvTable, open_table
-from bussim.trace.records import ScanRecord
-from bussim.units import TICKS_PER_SECOND
+from bussim.results.store.rows import FileRows
+from bussim.results.store.tables import INT, TEXT, CsvTable, open_table
+from bussim.trace.records import AttemptRecord, ScanRecord
+from bussim.units import TICKS_PER_SECOND, nanoseconds
 
 from .fakes import Fake
 
@@ -68,26 +68,28 @@ def test_all_formats_and_memory_give_the_same_tables(tmp_path: Path) -> None:
         folder = tmp_path / fmt
         folder.mkdir()
         stored = FolderRows(written(folder, fmt))
-        pd.testing.assert_frame_equal(stored.link_scans(), memory.link_scans(), check_exact=True)
-        pd.testing.assert_frame_equal(stored.exchanges(), memory.exchanges(), check_exact=True)
+        pd.testing.assert_frame_equal(stored.table(ScanRecord), memory.table(ScanRecord), check_exact=True)
+        pd.testing.assert_frame_equal(
+            stored.table(AttemptRecord), memory.table(AttemptRecord), check_exact=True
+        )
         assert stored.trace() == memory.trace()
-    scans = memory.link_scans()
+    scans = memory.table(ScanRecord)
     assert list(scans.columns) == HEADER.split(",")
     assert set(scans["bus"]) == {"=link,1"}
     assert scans["start_s"].is_monotonic_increasing
-    exchanges = memory.exchanges()
+    exchanges = memory.table(AttemptRecord)
     assert set(exchanges["code"]) == {"00", "01"}
     assert exchanges["turnaround_ms"].isna().equals(exchanges["outcome"] == "no reply")
 
 
 def test_tables_of_a_run_without_scans_have_their_columns(tmp_path: Path) -> None:
     memory = MemoryRows(rows=True, traced=True)
-    assert list(memory.link_scans().columns) == HEADER.split(",")
+    assert list(memory.table(ScanRecord).columns) == HEADER.split(",")
     for fmt in ("csv", "parquet"):
         FileRows(tmp_path, rows=True, traced=True, fmt=fmt).close()
         stored = FolderRows(tmp_path)
-        pd.testing.assert_frame_equal(stored.link_scans(), memory.link_scans())
-        pd.testing.assert_frame_equal(stored.exchanges(), memory.exchanges())
+        pd.testing.assert_frame_equal(stored.table(ScanRecord), memory.table(ScanRecord))
+        pd.testing.assert_frame_equal(stored.table(AttemptRecord), memory.table(AttemptRecord))
         (tmp_path / f"link_scans.{fmt}").unlink()
         (tmp_path / f"exchanges.{fmt}").unlink()
 
@@ -111,15 +113,17 @@ def test_parquet_is_written_in_row_groups_and_is_the_same_every_time(
 def test_without_pyarrow_the_message_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(UsageError, match=r"bussim\[parquet\]"):
-        open_table(tmp_path, "link_scans", {"bus": "text"}, "parquet")
+        open_table(tmp_path / "link_scans.parquet", {"bus": TEXT})
 
 
 def test_what_was_not_kept_is_said(tmp_path: Path) -> None:
     memory = MemoryRows(rows=False, traced=False)
     for kept in (memory, FolderRows(tmp_path)):
-        for method, word in ((kept.link_scans, "rows"), (kept.exchanges, "trace"), (kept.trace, "trace")):
+        for kind, word in ((ScanRecord, "rows"), (AttemptRecord, "trace")):
             with pytest.raises(UsageError, match=word):
-                method()
+                kept.table(kind)
+        with pytest.raises(UsageError, match="trace"):
+            kept.trace()
 
 
 @given(st.text(max_size=20))
@@ -131,7 +135,7 @@ def test_a_cell_is_never_a_formula_and_reads_back(text: str) -> None:
 @given(st.text(alphabet=st.characters(codec="utf-8"), max_size=8))
 def test_any_text_survives_csv(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.mktemp("csv") / "t.csv"
-    table = CsvTable(path, {"bus": "text", "number": "int"})
+    table = CsvTable(path, {"bus": TEXT, "number": INT})
     table.append((text, 1))
     table.close()
     with path.open(newline="", encoding="utf-8") as file:

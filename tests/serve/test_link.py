@@ -17,7 +17,7 @@ from bussim.scenario.loader import loads
 from bussim.serve.session import session_header
 from bussim.serve.targets import targets
 from bussim.sim.runner import simulate
-from bussim.trace.records import FrameRecord
+from bussim.trace.records import FrameRecord, ScanRecord
 from bussim.units import TICKS_PER_SECOND, milliseconds
 from tests.serve.serving import HEAD, Serving
 from tests.sim.build import Recorder
@@ -55,7 +55,7 @@ def test_a_link_runs_between_its_two_halves(paced: bool, record_property: pytest
     with Serving(LINK, "feeder", "stacker", options=options) as slaves:
         port = f"press={slaves.device}"
         with Serving(LINK, ports=(port,), options=options, rows=rows, traced=True) as master:
-            master.wait_for(lambda: len(rows.link_scans()) >= SCANS)
+            master.wait_for(lambda: len(rows.table(ScanRecord)) >= SCANS)
     totals, others = master.totals(), slaves.totals()
     (link,), (half,) = totals.links, others.links
     assert link.master == "press"
@@ -72,7 +72,7 @@ def test_a_link_runs_between_its_two_halves(paced: bool, record_property: pytest
     refresh = master.session.record().links["link"].refresh
     assert refresh["feeder", "press"].gaps.count >= SCANS - 5
     assert set(refresh) == {("feeder", "press"), ("stacker", "press")}
-    measured = rows.link_scans()["duration_ms"].median()
+    measured = rows.table(ScanRecord)["duration_ms"].median()
     recorder = Recorder()
     simulate(loads(LINK, overrides=["duration=2 s"]), recorder)
     predicted = milliseconds(recorder.scans[10].duration)

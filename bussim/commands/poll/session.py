@@ -15,8 +15,8 @@ from bussim.engines.modbus.pdu import READS
 from bussim.errors import UsageError
 from bussim.live.polling import PollTurns, Turn
 from bussim.results.meters.histogram import Histogram
-from bussim.results.store.tables import CsvTable
-from bussim.units import milliseconds, seconds
+from bussim.results.store.tables import INT, MILLISECONDS, SECONDS, TEXT, CsvTable
+from bussim.units import milliseconds, nanoseconds, seconds
 
 if TYPE_CHECKING:
     from bussim.commands.poll.plan import Plan, Planned
@@ -32,15 +32,15 @@ _EXCEPTIONS = {
 }
 #: Columns of the CSV file.
 COLUMNS = {
-    "time_s": "s",
-    "station": "int",
-    "function": "int",
-    "address": "int",
-    "count": "int",
-    "attempts": "int",
-    "outcome": "text",
-    "response_ms": "ms",
-    "values": "text",
+    "time_s": SECONDS,
+    "station": INT,
+    "function": INT,
+    "address": INT,
+    "count": INT,
+    "attempts": INT,
+    "outcome": TEXT,
+    "response_ms": MILLISECONDS,
+    "values": TEXT,
 }
 
 
@@ -165,8 +165,6 @@ class _Csv:
 
     def write(self, turn: Turn, planned: Planned) -> None:
         """Write a turn."""
-        from bussim.results.store.rows import nanoseconds
-
         request, response = planned.poll.request, turn.response
         values = _values(turn, planned) if turn.last.error is None else []
         self._table.append(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,18 +12,10 @@ from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
 from bussim.results.store.names import from_cell
 from bussim.results.store.rows import FORMS, Form
-from bussim.results.store.tables import FORMATS, PANDAS_TYPES, import_pyarrow
+from bussim.results.store.tables import BYTES, FLAG, FORMATS, TEXT, Kind, import_pyarrow
 from bussim.results.summary import SCHEMA
 from bussim.trace.file import TRACE, Trace, read_trace
-from bussim.trace.records import (
-    AttemptRecord,
-    DeviceValueRecord,
-    FreeRecord,
-    InputRecord,
-    Record,
-    ScanRecord,
-    TransactionRecord,
-)
+from bussim.trace.records import Record, ScanRecord
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,29 +60,16 @@ class FolderRows:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def link_scans(self) -> pd.DataFrame:
-        """The table of link scans."""
-        return self._table(ScanRecord, _NO_ROWS)
-
-    def transactions(self) -> pd.DataFrame:
-        """The table of Modbus transactions."""
-        return self._table(TransactionRecord, _NO_ROWS)
-
-    def free(self) -> pd.DataFrame:
-        """The table of the free protocol."""
-        return self._table(FreeRecord, _NO_ROWS)
-
-    def values(self) -> pd.DataFrame:
-        """The table of observed devices."""
-        return self._table(DeviceValueRecord, _NO_ROWS)
-
-    def inputs(self) -> pd.DataFrame:
-        """The table of driven inputs."""
-        return self._table(InputRecord, _NO_ROWS)
-
-    def exchanges(self) -> pd.DataFrame:
-        """The table of attempts."""
-        return self._table(AttemptRecord, _NO_TRACE)
+    def table(self, kind: type[Record]) -> pd.DataFrame:
+        """The table of a type of record. Raises UsageError if the run did not keep it."""
+        form = FORMS[kind]
+        path = self._file(form)
+        if path is not None:
+            return _load_table(path, form.columns.kinds)
+        if form.always or self._file(FORMS[ScanRecord]) is None:
+            why = _NO_TRACE if form.traced else _NO_ROWS
+            raise UsageError(f"{self._folder} has no {form.stem}.csv or {form.stem}.parquet: {why}")
+        return _empty_table(form.columns.kinds)  # the run kept rows, but had none of these
 
     def trace(self) -> list[dict[str, Any]]:
         """The lines of ``trace.jsonl``."""
@@ -106,58 +86,48 @@ class FolderRows:
         """The trace, whose records are read as they are asked for."""
         return read_trace(self._folder)
 
-    def _table(self, kind: type[Record], why_none: str) -> pd.DataFrame:
-        form = FORMS[kind]
-        path = self._file(form)
-        if path is not None:
-            return _load_table(path, form.columns)
-        if form.always or self._file(FORMS[ScanRecord]) is None:
-            stem = form.stem
-            raise UsageError(f"{self._folder} has no {stem}.csv or {stem}.parquet: {why_none}")
-        return _empty_table(form.columns)  # the run kept rows, but had none of these
-
     def _file(self, form: Form) -> Path | None:
         paths = (self._folder / f"{form.stem}.{fmt}" for fmt in FORMATS)
         return next((path for path in paths if path.is_file()), None)
 
 
-def _empty_table(columns: dict[str, str]) -> pd.DataFrame:
+def _empty_table(kinds: Mapping[str, Kind]) -> pd.DataFrame:
     import pandas as pd
 
-    return pd.DataFrame({name: pd.Series([], dtype=PANDAS_TYPES[kind]) for name, kind in columns.items()})
+    return pd.DataFrame({name: pd.Series([], dtype=kind.pandas) for name, kind in kinds.items()})
 
 
-def _load_table(path: Path, columns: dict[str, str]) -> pd.DataFrame:
+def _load_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
+    """A table whose columns are those of ``kinds``: others are left out, what may be missing is none.
+
+    So a table of an earlier or a later version is read, too.
+    """
     import pandas as pd
 
-    types = {name: PANDAS_TYPES[kind] for name, kind in columns.items()}
     try:
         if path.suffix == ".csv":
-            # Flags are 0 and 1 there, which pandas reads as numbers only.
-            written = {**types, **dict.fromkeys(_of_kind(columns, "flag"), "int64")}
             table = pd.read_csv(
-                path, dtype=written, keep_default_na=False, na_values=_numbers_missing(columns)
+                path,
+                # Flags are 0 and 1 there, which pandas reads as numbers only.
+                dtype={name: "int64" if kind is FLAG else kind.pandas for name, kind in kinds.items()},
+                keep_default_na=False,
+                # Only an empty number is a missing one; a bus may be called "NA".
+                na_values={name: [""] for name, kind in kinds.items() if kind not in (TEXT, BYTES)},
             )
         else:
             import_pyarrow()
             table = pd.read_parquet(path)
-        if list(table.columns) != list(columns):
+        missing = [name for name in kinds if name not in table.columns]
+        if any(not kinds[name].may_miss for name in missing):
             raise UsageError(f"{path} has the columns {', '.join(table.columns)}; not a table of bussim")
+        for name in missing:
+            table[name] = "" if kinds[name] in (TEXT, BYTES) else None
         if path.suffix == ".csv":
-            for name in _of_kind(columns, "text"):
+            for name in (name for name, kind in kinds.items() if kind is TEXT):
                 table[name] = table[name].map(from_cell)
-        return table.astype(types)
+        return table[list(kinds)].astype({name: kind.pandas for name, kind in kinds.items()})
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} cannot be read: {error}") from error
-
-
-def _of_kind(columns: dict[str, str], wanted: str) -> list[str]:
-    return [name for name, kind in columns.items() if kind == wanted]
-
-
-def _numbers_missing(columns: dict[str, str]) -> dict[str, list[str]]:
-    """Only an empty number is a missing one; a bus may be called "NA"."""
-    return {name: [""] for name, kind in columns.items() if kind not in ("text", "bytes")}
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bussim.results.meters.ports import response_time
 from bussim.results.store.tables import (
-    ATTEMPT_COLUMNS,
-    FREE_COLUMNS,
-    INPUT_COLUMNS,
-    SCAN_COLUMNS,
-    TRANSACTION_COLUMNS,
-    VALUE_COLUMNS,
-    Row,
+    BYTES,
+    FLAG,
+    INT,
+    MILLISECONDS,
+    OPTIONAL_INT,
+    SECONDS,
+    TEXT,
+    Columns,
     Table,
     open_table,
 )
@@ -30,121 +30,104 @@ from bussim.trace.records import (
     TransactionRecord,
 )
 
+# The columns of each table. One that is added must be of a kind whose value may be missing: it is in the
+# tables of earlier versions.
 
-def nanoseconds(ticks: int) -> int:
-    """Ticks as the nearest whole number of nanoseconds (a tick is 125/9 ns, so a half never occurs)."""
-    return (ticks * 125 + 4) // 9
-
-
-def scan_row(scan: ScanRecord) -> Row:
-    """The row of a link scan, after :data:`SCAN_COLUMNS`."""
-    return (scan.bus, *scan_numbers(scan))
-
-
-def scan_numbers(scan: ScanRecord) -> tuple[int, ...]:
-    """The row of a link scan without its bus."""
-    return (
-        scan.number,
-        nanoseconds(scan.start),
-        nanoseconds(scan.duration),
-        scan.attempts,
-        scan.failed,
-        scan.stations_in_error,
-    )
-
-
-def attempt_row(attempt: AttemptRecord) -> Row:
-    """The row of an attempt, after :data:`ATTEMPT_COLUMNS`; code 00 where nothing failed."""
-    return (
-        attempt.bus,
-        nanoseconds(attempt.start),
-        nanoseconds(attempt.end),
-        attempt.station,
-        attempt.number,
-        attempt.outcome,
-        f"{attempt.code:02X}",
-        None if attempt.turnaround is None else nanoseconds(attempt.turnaround),
-    )
-
-
-def transaction_row(record: TransactionRecord) -> Row:
-    """The row of a transaction, after :data:`TRANSACTION_COLUMNS`; no error where all went well."""
-    return (
-        record.bus,
-        record.master,
-        record.poll,
-        record.attempt,
-        record.station,
-        record.function,
-        record.address,
-        record.quantity,
-        _ns(record.sent),
-        _ns(record.asked),
-        _ns(record.answer_end),
-        nanoseconds(record.end),
-        nanoseconds(record.taken),
-        _ns(response_time(record)),
-        record.outcome,
-        record.error,
-        record.exception,
-        record.mismatched,
-    )
-
-
-def free_row(record: FreeRecord) -> Row:
-    """The row of a sending or reception, after :data:`FREE_COLUMNS`."""
-    return (
-        record.bus,
-        record.node,
-        record.poll,
-        record.direction,
-        _ns(record.start),
-        nanoseconds(record.end),
-        record.data.hex(" ").upper(),
-        record.ended,
-        record.damaged,
-    )
-
-
-def value_row(record: DeviceValueRecord) -> Row:
-    """The row of a device's new value, after :data:`VALUE_COLUMNS`."""
-    return (nanoseconds(record.tick), record.plc, record.device, record.value)
-
-
-def input_row(record: InputRecord) -> Row:
-    """The row of a change on an input's wire, after :data:`INPUT_COLUMNS`."""
-    return (
-        nanoseconds(record.tick),
-        record.plc,
-        record.device,
-        record.level,
-        nanoseconds(record.sampled),
-        record.seen,
-    )
-
-
-def _ns(ticks: int | None) -> int | None:
-    return None if ticks is None else nanoseconds(ticks)
+SCANS: Columns[ScanRecord] = Columns(
+    {
+        "bus": (TEXT, lambda scan: scan.bus),
+        "index": (INT, lambda scan: scan.number),
+        "start_s": (SECONDS, lambda scan: scan.start),
+        "duration_ms": (MILLISECONDS, lambda scan: scan.duration),
+        "attempts": (INT, lambda scan: scan.attempts),
+        "failed": (INT, lambda scan: scan.failed),
+        "stations_in_error": (INT, lambda scan: scan.stations_in_error),
+    }
+)
+ATTEMPTS: Columns[AttemptRecord] = Columns(
+    {
+        "bus": (TEXT, lambda attempt: attempt.bus),
+        "start_s": (SECONDS, lambda attempt: attempt.start),
+        "end_s": (SECONDS, lambda attempt: attempt.end),
+        "station": (INT, lambda attempt: attempt.station),
+        "attempt": (INT, lambda attempt: attempt.number),
+        "outcome": (TEXT, lambda attempt: attempt.outcome),
+        "code": (TEXT, lambda attempt: f"{attempt.code:02X}"),
+        "turnaround_ms": (MILLISECONDS, lambda attempt: attempt.turnaround),
+    }
+)
+TRANSACTIONS: Columns[TransactionRecord] = Columns(
+    {
+        "bus": (TEXT, lambda record: record.bus),
+        "master": (TEXT, lambda record: record.master),
+        "poll": (TEXT, lambda record: record.poll),
+        "attempt": (INT, lambda record: record.attempt),
+        "station": (INT, lambda record: record.station),
+        "function": (INT, lambda record: record.function),
+        "address": (INT, lambda record: record.address),
+        "count": (INT, lambda record: record.quantity),
+        "sent_s": (SECONDS, lambda record: record.sent),
+        "asked_s": (SECONDS, lambda record: record.asked),
+        "answered_s": (SECONDS, lambda record: record.answer_end),
+        "end_s": (SECONDS, lambda record: record.end),
+        "taken_s": (SECONDS, lambda record: record.taken),
+        "response_ms": (MILLISECONDS, response_time),
+        "outcome": (TEXT, lambda record: record.outcome),
+        "error": (OPTIONAL_INT, lambda record: record.error),
+        "exception": (INT, lambda record: record.exception),
+        "mismatched": (FLAG, lambda record: record.mismatched),
+    }
+)
+FREE: Columns[FreeRecord] = Columns(
+    {
+        "bus": (TEXT, lambda record: record.bus),
+        "node": (TEXT, lambda record: record.node),
+        "poll": (TEXT, lambda record: record.poll),
+        "direction": (TEXT, lambda record: record.direction),
+        "start_s": (SECONDS, lambda record: record.start),
+        "end_s": (SECONDS, lambda record: record.end),
+        "bytes": (BYTES, lambda record: record.data.hex(" ").upper()),
+        "ended": (TEXT, lambda record: record.ended),
+        "damaged": (INT, lambda record: record.damaged),
+    }
+)
+VALUES: Columns[DeviceValueRecord] = Columns(
+    {
+        "time_s": (SECONDS, lambda record: record.tick),
+        "plc": (TEXT, lambda record: record.plc),
+        "device": (TEXT, lambda record: record.device),
+        "value": (INT, lambda record: record.value),
+    }
+)
+INPUTS: Columns[InputRecord] = Columns(
+    {
+        "time_s": (SECONDS, lambda record: record.tick),
+        "plc": (TEXT, lambda record: record.plc),
+        "device": (TEXT, lambda record: record.device),
+        "level": (INT, lambda record: record.level),
+        "sampled_s": (SECONDS, lambda record: record.sampled),
+        "seen": (FLAG, lambda record: record.seen),
+    }
+)
 
 
 class Form(NamedTuple):
     """The table of one type of record."""
 
     stem: str  # of the file
-    columns: dict[str, str]
-    row: Callable[[Any], Row]
+    columns: Columns[Any]
     traced: bool = False  # only of a traced run
     always: bool = False  # there also without a row
 
 
 #: The tables by type of record. The file of one that is not always there begins with its first row.
 FORMS: dict[type[Record], Form] = {
-    ScanRecord: Form("link_scans", SCAN_COLUMNS, scan_row, always=True),
-    AttemptRecord: Form("exchanges", ATTEMPT_COLUMNS, attempt_row, traced=True, always=True),
-    TransactionRecord: Form("modbus", TRANSACTION_COLUMNS, transaction_row),
-    FreeRecord: Form("free", FREE_COLUMNS, free_row),
-    DeviceValueRecord: Form("values", VALUE_COLUMNS, value_row),
-    InputRecord: Form("inputs", INPUT_COLUMNS, input_row),
+    ScanRecord: Form("link_scans", SCANS, always=True),
+    AttemptRecord: Form("exchanges", ATTEMPTS, traced=True, always=True),
+    TransactionRecord: Form("modbus", TRANSACTIONS),
+    FreeRecord: Form("free", FREE),
+    DeviceValueRecord: Form("values", VALUES),
+    InputRecord: Form("inputs", INPUTS),
 }
 
 
@@ -177,7 +160,7 @@ class FileRows:
         form = self._forms.get(kind)
         if form is not None:
             table = self._tables.get(kind) or self._open(kind, form)
-            table.append(form.row(record))
+            table.append(form.columns.row(record))
 
     def close(self) -> None:
         """Finish all files."""
@@ -186,4 +169,5 @@ class FileRows:
                 file.close()
 
     def _open(self, kind: type[Record], form: Form) -> Table:
-        return self._tables.setdefault(kind, open_table(self._folder, form.stem, form.columns, self._fmt))
+        path = self._folder / f"{form.stem}.{self._fmt}"
+        return self._tables.setdefault(kind, open_table(path, form.columns.kinds))

@@ -1,4 +1,4 @@
-"""Tables that are written row by row: columns, CSV and Parquet files.
+"""Tables that are written row by row: kinds of columns, CSV and Parquet files.
 
 Times are decimal fractions of whole nanoseconds, so that a row says the same in every format and
 on every machine.
@@ -8,100 +8,76 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import Any, Generic, NamedTuple, Protocol, TextIO, TypeVar
 
 from bussim.errors import UsageError
 from bussim.results.store.names import cell
+from bussim.units import nanoseconds
 
 #: Formats of the tables, by the extension of their files.
 FORMATS = ("csv", "parquet")
 
-#: Columns of the tables, and what they hold: text, bytes, a whole number (with "?" perhaps none), yes
-#: (1) or no (0), or a time in s or ms.
-SCAN_COLUMNS = {
-    "bus": "text",
-    "index": "int",
-    "start_s": "s",
-    "duration_ms": "ms",
-    "attempts": "int",
-    "failed": "int",
-    "stations_in_error": "int",
-}
-ATTEMPT_COLUMNS = {
-    "bus": "text",
-    "start_s": "s",
-    "end_s": "s",
-    "station": "int",
-    "attempt": "int",
-    "outcome": "text",
-    "code": "text",
-    "turnaround_ms": "ms",
-}
-TRANSACTION_COLUMNS = {
-    "bus": "text",
-    "master": "text",
-    "poll": "text",
-    "attempt": "int",
-    "station": "int",
-    "function": "int",
-    "address": "int",
-    "count": "int",
-    "sent_s": "s",
-    "asked_s": "s",
-    "answered_s": "s",
-    "end_s": "s",
-    "taken_s": "s",
-    "response_ms": "ms",
-    "outcome": "text",
-    "error": "int?",
-    "exception": "int",
-    "mismatched": "flag",
-}
-FREE_COLUMNS = {
-    "bus": "text",
-    "node": "text",
-    "poll": "text",
-    "direction": "text",
-    "start_s": "s",
-    "end_s": "s",
-    "bytes": "bytes",
-    "ended": "text",
-    "damaged": "int",
-}
-VALUE_COLUMNS = {
-    "time_s": "s",
-    "plc": "text",
-    "device": "text",
-    "value": "int",
-}
-INPUT_COLUMNS = {
-    "time_s": "s",
-    "plc": "text",
-    "device": "text",
-    "level": "int",
-    "sampled_s": "s",
-    "seen": "flag",
-}
-#: Decimals of times: whole nanoseconds.
-DECIMALS = {"s": 9, "ms": 6}
-#: pandas' types of the columns.
-PANDAS_TYPES = {
-    "text": "str",
-    "bytes": "str",
-    "int": "int64",
-    "int?": "Int64",
-    "flag": "bool",
-    "s": "float64",
-    "ms": "float64",
-}
+
+class Kind(NamedTuple):
+    """What a column holds, and how.
+
+    ``decimals`` are those of a time; its values in a row are whole nanoseconds. ``text`` writes a value
+    into a CSV file; None: as a name, which may need quotes. ``packed`` is the type code of an array that
+    holds the values in memory, empty where a value may be missing.
+    """
+
+    pandas: str
+    arrow: str
+    text: Callable[[Any], str] | None = str
+    decimals: int = 0
+    packed: str = ""
+    may_miss: bool = False
+
+
+def _seconds_text(ns: int) -> str:
+    whole, rest = divmod(ns, 1_000_000_000)
+    return f"{whole}.{rest:09d}"
+
+
+def _milliseconds_text(ns: int) -> str:
+    whole, rest = divmod(ns, 1_000_000)
+    return f"{whole}.{rest:06d}"
+
+
+TEXT = Kind("str", "string", None, packed="i", may_miss=True)
+#: Bytes as ``02 41 0D``, which no spreadsheet takes for a number.
+BYTES = Kind("str", "string", may_miss=True)
+INT = Kind("int64", "int64", packed="i")
+OPTIONAL_INT = Kind("Int64", "int64", may_miss=True)
+FLAG = Kind("bool", "bool_", lambda flag: "1" if flag else "0")
+SECONDS = Kind("float64", "float64", _seconds_text, decimals=9, packed="q", may_miss=True)
+MILLISECONDS = Kind("float64", "float64", _milliseconds_text, decimals=6, packed="q", may_miss=True)
+
 _ROW_GROUP = 65_536
 
-#: A value of a row; a time is a whole number of ns whatever its column's unit, bytes are written
-#: ``02 41 0D``, which no spreadsheet takes for a number.
 Value = str | int | None
+#: A time is a whole number of nanoseconds whatever its column's unit.
 Row = tuple[Value, ...]
+
+R = TypeVar("R")
+
+
+class Columns(Generic[R]):
+    """The columns of a table of records: of each its name, its kind and its value (a time in ticks)."""
+
+    def __init__(self, columns: Mapping[str, tuple[Kind, Callable[[R], Value]]]) -> None:
+        self.kinds = {name: kind for name, (kind, _) in columns.items()}
+        self._values = [(value, kind.decimals > 0) for kind, value in columns.values()]
+
+    def row(self, record: R) -> Row:
+        """The row of a record."""
+        row = []
+        for value_of, is_time in self._values:
+            value = value_of(record)
+            row.append(nanoseconds(value) if is_time and isinstance(value, int) else value)
+        return tuple(row)
 
 
 class Table(Protocol):
@@ -117,22 +93,22 @@ class Table(Protocol):
 class CsvTable:
     """A CSV file after RFC 4180: a header, a comma, a decimal point, CR LF; spreadsheets open it."""
 
-    def __init__(self, path: Path, columns: dict[str, str]) -> None:
+    def __init__(self, path: Path, kinds: Mapping[str, Kind]) -> None:
         self._file: TextIO = path.open("w", encoding="utf-8", newline="")
-        self._forms = [_TO_TEXT[kind] for kind in columns.values()]
-        self._texts: dict[str, str] = {}
-        self._file.write(",".join(columns) + "\r\n")
+        self._texts_of = [kind.text for kind in kinds.values()]
+        self._names: dict[str, str] = {}
+        self._file.write(",".join(kinds) + "\r\n")
 
     def append(self, row: Row) -> None:
         """Write a row."""
         texts = []
-        for value, form in zip(row, self._forms, strict=True):
+        for value, text in zip(row, self._texts_of, strict=True):
             if value is None:
                 texts.append("")
-            elif form is None:
+            elif text is None:
                 texts.append(self._name(str(value)))
             else:
-                texts.append(form(value))
+                texts.append(text(value))
         self._file.write(",".join(texts) + "\r\n")
 
     def close(self) -> None:
@@ -141,47 +117,23 @@ class CsvTable:
 
     def _name(self, text: str) -> str:
         # Names come again in every row; there are few of them.
-        known = self._texts.get(text)
+        known = self._names.get(text)
         if known is None:
             buffer = io.StringIO()
             csv.writer(buffer).writerow([cell(text)])
-            known = self._texts[text] = buffer.getvalue().removesuffix("\r\n")
+            known = self._names[text] = buffer.getvalue().removesuffix("\r\n")
         return known
-
-
-def _seconds_text(ns: int) -> str:
-    whole, rest = divmod(ns, 1_000_000_000)
-    return f"{whole}.{rest:09d}"
-
-
-def _milliseconds_text(ns: int) -> str:
-    whole, rest = divmod(ns, 1_000_000)
-    return f"{whole}.{rest:06d}"
-
-
-#: None: a name, which may need quotes.
-_TO_TEXT: dict[str, Callable[[Any], str] | None] = {
-    "text": None,
-    "bytes": str,
-    "int": str,
-    "int?": str,
-    "flag": lambda flag: "1" if flag else "0",
-    "s": _seconds_text,
-    "ms": _milliseconds_text,
-}
 
 
 class ParquetTable:
     """A Parquet file, written in row groups."""
 
-    def __init__(self, path: Path, columns: dict[str, str]) -> None:
+    def __init__(self, path: Path, kinds: Mapping[str, Kind]) -> None:
         pyarrow, parquet = import_pyarrow()
-        whole, text = pyarrow.int64(), pyarrow.string()
-        types = {"text": text, "bytes": text, "int": whole, "int?": whole, "flag": pyarrow.bool_()}
         self._table = pyarrow.table
-        self._columns = columns
+        self._kinds = kinds
         self._schema = pyarrow.schema(
-            [(name, types.get(kind, pyarrow.float64())) for name, kind in columns.items()]
+            [(name, getattr(pyarrow, kind.arrow)()) for name, kind in kinds.items()]
         )
         self._writer = parquet.ParquetWriter(path, self._schema)
         self._rows: list[Row] = []
@@ -201,10 +153,10 @@ class ParquetTable:
             self._writer.close()
 
     def _flush(self) -> None:
-        values = dict(zip(self._columns, zip(*self._rows, strict=True), strict=True))
-        for name, kind in self._columns.items():
-            if kind in DECIMALS:
-                unit = 10 ** DECIMALS[kind]
+        values = dict(zip(self._kinds, zip(*self._rows, strict=True), strict=True))
+        for name, kind in self._kinds.items():
+            if kind.decimals:
+                unit = 10**kind.decimals
                 values[name] = tuple(None if ns is None else ns / unit for ns in values[name])
         self._writer.write_table(self._table(values, schema=self._schema))
         self._rows.clear()
@@ -223,7 +175,6 @@ def import_pyarrow() -> tuple[Any, Any]:
     return pyarrow, parquet
 
 
-def open_table(folder: Path, stem: str, columns: dict[str, str], fmt: str) -> Table:
-    """Begin a table ``stem.csv`` or ``stem.parquet`` in a folder."""
-    path = folder / f"{stem}.{fmt}"
-    return CsvTable(path, columns) if fmt == "csv" else ParquetTable(path, columns)
+def open_table(path: Path, kinds: Mapping[str, Kind]) -> Table:
+    """Begin a table; its format is the path's ending, one of :data:`FORMATS`."""
+    return CsvTable(path, kinds) if path.suffix == ".csv" else ParquetTable(path, kinds)

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+
+from bussim.trace.codec import from_line, header_line, header_of, to_line, type_of
+from bussim.trace.file import TRACE, read_trace
+from bussim.trace.records import FrameRecord, PollRecord, Record, ScanRecord, TraceHeader
+
+#: Folders of runs that were written by bussim 0.1.0 and stay as they are.
+STORED = Path(__file__).parents[1] / "results" / "stored"
+RUNS = sorted(path.name for path in STORED.iterdir())
+RECORDS: tuple[type[Record], ...] = get_args(Record)
+
+
+def lines_of(run: str) -> list[dict[str, Any]]:
+    with (STORED / run / TRACE).open(encoding="utf-8") as file:
+        return [json.loads(line) for line in file]
+
+
+def test_every_type_of_record_is_in_a_stored_trace() -> None:
+    stored = {line["type"] for run in RUNS for line in lines_of(run)}
+    assert stored == {"trace", *map(type_of, RECORDS)}
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_a_trace_of_an_earlier_version_is_read_and_keeps_its_keys(run: str) -> None:
+    header, *lines = lines_of(run)
+    trace = read_trace(STORED / run)
+    assert header_line(trace.header).items() >= header.items()
+    buses = {bus.name: bus for bus in trace.header.buses}
+    for line, record in zip(lines, trace, strict=True):
+        again = json.loads(json.dumps(to_line(record, buses)))
+        assert again.items() >= line.items()
+        known = [key for key in again if key in line]
+        assert known == list(line)  # in their order
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=type_of)
+def test_keys_of_a_later_version_are_left_out(record: type[Record]) -> None:
+    run, line = next((run, line) for run in RUNS for line in lines_of(run) if line["type"] == type_of(record))
+    buses = {bus.name: bus for bus in read_trace(STORED / run).header.buses}
+    assert from_line({**line, "phase": 3}, buses) == from_line(line, buses)
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=type_of)
+def test_a_field_with_a_default_may_be_missing_and_no_other(record: type[Record]) -> None:
+    run, line = next((run, line) for run in RUNS for line in lines_of(run) if line["type"] == type_of(record))
+    buses = {bus.name: bus for bus in read_trace(STORED / run).header.buses}
+    whole = from_line(line, buses)
+    assert whole is not None
+    for name in record._fields:
+        key = name if name in line else "tick"
+        if name in record._field_defaults and not (record is FrameRecord and name in ("baud", "format")):
+            found = from_line({k: v for k, v in line.items() if k != key or name == "ppm"}, buses)
+            assert found == whole._replace(**{name: record._field_defaults[name]})
+        elif key in line:
+            with pytest.raises(ValueError, match=f"{key} is missing"):
+                from_line({k: v for k, v in line.items() if k != key}, buses)
+
+
+def test_a_header_lacks_what_was_added_later() -> None:
+    header = header_of({"type": "trace", "schema": 1, "tick_hz": 72_000_000, "buses": {}, "later": 1})
+    assert header == TraceHeader()
+
+
+def test_ticks_are_called_tick_where_they_are_always_known() -> None:
+    scan = to_line(ScanRecord("link", 0, 7, 3, 1, 0, 0, ""), {})
+    assert list(scan)[:3] == ["type", "tick", "bus"]
+    assert scan["tick"] == 7
+    assert list(to_line(PollRecord("b", "m", "p", 20, 60, 1, None, 0), {}))[:2] == ["type", "tick"]
