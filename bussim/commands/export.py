@@ -9,12 +9,19 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.errors import UsageError
+from bussim.export.formats import FORMATS
 
 if TYPE_CHECKING:
-    from bussim.export.run import Exported
+    from bussim.export.source import Written
     from bussim.trace.file import Trace
 
-_FORMATS = ("pcapng", "vcd", "sr", "perfetto", "csv", "parquet")
+
+def _formats() -> str:
+    """The formats by the tools that read them, for ``--help``."""
+    tools: dict[str, list[str]] = {}
+    for name, form in FORMATS.items():
+        tools.setdefault(form.tool, []).append(name)
+    return "; ".join(f"{', '.join(names)}: {tool}" for tool, names in tools.items()) + "."
 
 
 @click.command()
@@ -22,9 +29,9 @@ _FORMATS = ("pcapng", "vcd", "sr", "perfetto", "csv", "parquet")
 @click.option(
     "--to",
     "fmt",
-    type=click.Choice(_FORMATS),
+    type=click.Choice(list(FORMATS)),
     required=True,
-    help="pcapng: Wireshark; vcd, sr: PulseView; perfetto: ui.perfetto.dev; csv, parquet: one row a frame.",
+    help=_formats(),
 )
 @click.option("--bus", metavar="NAME", help="Only this bus (default: every one).")
 @click.option("--from", "since", metavar="T", help="Begin so long after the run's start, such as 10s.")
@@ -54,7 +61,7 @@ def command(
     Needs a run with --trace. Prints the file, and what the tool that opens it must be told.
     """
     from bussim.commands.common.output import busy, checked_target, traced_again
-    from bussim.export.run import ENDINGS, export_trace
+    from bussim.export.run import export_trace
     from bussim.results.store.load import load_run
     from bussim.trace.file import TRACE, read_trace
 
@@ -69,15 +76,15 @@ def command(
         raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
     trace = read_trace(folder)
     place = _default(folder, fmt, trace, bus) if out is None else Path(out)
-    target = checked_target(place, [ENDINGS[fmt]], force=force)
+    target = checked_target(place, [FORMATS[fmt].ending], force=force)
     with busy(f"writing {target}"):
         done = export_trace(
             trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial"
         )
     if as_json:
-        click.echo(json.dumps(_as_json(done, fmt), indent=2, ensure_ascii=False))
+        click.echo(json.dumps(_as_json(target, done, fmt), indent=2, ensure_ascii=False))
         return
-    click.echo(done.path)
+    click.echo(target)
     for hint in done.hints:
         click.echo(hint)
 
@@ -104,22 +111,21 @@ def _time(option: str, text: str) -> int:
 
 
 def _default(folder: Path, fmt: str, trace: Trace, bus: str | None) -> Path:
-    from bussim.export.run import ENDINGS, STEMS
     from bussim.results.store.names import file_names
 
-    stem = STEMS.get(fmt, "trace")
+    stem, ending = FORMATS[fmt].stem, FORMATS[fmt].ending
     if bus is not None:
         safe = file_names(each.name for each in trace.header.buses)
         stem += f"_{safe.get(bus, '')}"
-    return (folder if folder.is_dir() else folder.parent) / f"{stem}{ENDINGS[fmt]}"
+    return (folder if folder.is_dir() else folder.parent) / f"{stem}{ending}"
 
 
-def _as_json(done: Exported, fmt: str) -> dict[str, object]:
+def _as_json(target: Path, done: Written, fmt: str) -> dict[str, object]:
     return {
         "schema": 1,
-        "file": str(done.path),
+        "file": str(target),
         "format": fmt,
-        "events" if fmt == "perfetto" else "frames": done.items,
+        FORMATS[fmt].items: done.items,
         "buses": list(done.buses),
         "open_with": list(done.hints),
     }

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
-from bussim.export.heard import lows_of
-from bussim.export.source import Selection, Survey, in_order
+from bussim.export.received import lows_of
+from bussim.export.source import Job, Selection, Survey, Written, in_order
 from bussim.line.wave import Interval
 from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_US
@@ -50,7 +51,7 @@ class Lanes:
 
     def __init__(self, selection: Selection, survey: Survey) -> None:
         self._selection = selection
-        self._lateness = survey.lateness
+        self._survey = survey
         #: All lanes: each bus, then its transmitters in cable order, then its receivers.
         self.lanes: list[Lane] = []
         self._bus: dict[str, int] = {}
@@ -74,9 +75,16 @@ class Lanes:
         if selection.stop is not None:
             self.end = min(self.end, microseconds(selection.stop))
 
-    def name_of(self, bus: str) -> str:
-        """The name of a bus's own lane."""
-        return self.lanes[self._bus[bus]].name
+    def decoders(self) -> Iterator[str]:
+        """What PulseView needs to decode the lanes, as lines for the user."""
+        for bus in self._survey.buses.values():
+            lane = self.lanes[self._bus[bus.name]].name
+            yield f"PulseView: decoder UART, lane {lane}: {bus.timing.baud} {bus.timing.format}"
+            if "modbus-rtu" in bus.protocols:
+                yield (
+                    f"PulseView: for Modbus on {lane} give UART the answering station's lane as RX and the "
+                    "master's as TX, and stack Modbus on it"
+                )
 
     def _add(self, bus: str, wanted: str, taken: set[str]) -> int:
         name = stem = unspaced(wanted)
@@ -92,7 +100,7 @@ class Lanes:
         """Every change of levels inside the picture, by time; what is low as it begins, changes then."""
         levels = _Levels(len(self.lanes))
         pending: list[_Event] = []
-        for frame in in_order(self._selection.frames(), self._lateness):
+        for frame in in_order(self._selection.frames(), self._survey.lateness):
             # No later frame begins before this one: what lies before it is settled.
             begun = microseconds(frame.start)
             pending.sort()
@@ -108,22 +116,22 @@ class Lanes:
     def _pulls(self, frame: FrameRecord) -> Iterator[tuple[tuple[int, ...], list[Interval]]]:
         """Where a frame pulls which lanes low."""
         sender = self._sender[frame.bus, frame.sender]
-        together = [self._bus[frame.bus]]
+        alike = [self._bus[frame.bus]]
         for node, lane in self._receivers[frame.bus]:
             own = frame.damaged_at.get(node)
             if node == frame.sender:
-                continue  # deaf while its own driver is on
+                continue  # it receives nothing while its own driver is on
             if own:
                 # A bit inverted on the wire and again in the receiver is right once more.
                 yield (lane,), lows_of(frame, sorted(set(frame.damaged_bits) ^ set(own)))
             else:
-                together.append(lane)
+                alike.append(lane)
         clean = lows_of(frame, ())
         if frame.damaged_bits:
             yield (sender,), clean
-            yield tuple(together), lows_of(frame, frame.damaged_bits)
+            yield tuple(alike), lows_of(frame, frame.damaged_bits)
         else:
-            yield (sender, *together), clean
+            yield (sender, *alike), clean
 
     def _events(self, lanes: tuple[int, ...], lows: list[Interval]) -> Iterator[_Event]:
         """When lanes begin (+1) and end (-1) to be pulled low, inside the picture."""
@@ -179,3 +187,10 @@ def by_scope(lanes: Iterable[Lane]) -> dict[str, list[int]]:
     for number, lane in enumerate(lanes):
         found.setdefault(lane.scope, []).append(number)
     return found
+
+
+def write_lanes(path: Path, job: Job, write: Callable[[Path, Lanes, str], None]) -> Written:
+    """Write the lanes of a job in a format that has waveforms; ``write`` gets the job's comment."""
+    lanes = Lanes(job.selection, job.survey)
+    write(path, lanes, job.comment)
+    return Written(job.survey.frames, tuple(job.survey.buses), tuple(lanes.decoders()))

@@ -10,9 +10,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from bussim.export.heard import Heard, hear, remarks
 from bussim.export.pcapng import SYMBOL_ERROR, PcapngWriter
-from bussim.export.source import BusSurvey, Selection, Survey, in_order
+from bussim.export.received import Received, receive, remarks
+from bussim.export.source import BusSurvey, Job, Selection, Survey, Written, in_order
 from bussim.export.udp import PORT, Gateway
 from bussim.line.protocols import BusProtocol
 from bussim.units import nanoseconds
@@ -27,10 +27,11 @@ _WRONG: Final = 0x80
 DISSECTORS: Final = {"nn": "nn.lua", "modbus-ascii": "mbascii.lua"}
 
 
-def write_pcapng(path: Path, selection: Selection, survey: Survey, comment: str, encapsulation: str) -> None:
+def write_pcapng(path: Path, job: Job) -> Written:
     """Write the frames as packets, one interface a bus (two where two protocols are spoken on it)."""
+    selection, survey, encapsulation = job.selection, job.survey, job.encapsulation
     with path.open("wb") as file:
-        writer = PcapngWriter(file, f"bussim {__version__}", comment)
+        writer = PcapngWriter(file, f"bussim {__version__}", job.comment)
         interfaces: dict[tuple[str, str], int] = {}
         gateways: dict[str, Gateway] = {}
         for number, bus in enumerate(survey.buses.values(), 1):
@@ -45,22 +46,23 @@ def write_pcapng(path: Path, selection: Selection, survey: Survey, comment: str,
                     gateways[bus.name] = Gateway(number, bus)
         for gateway in gateways.values():
             writer.names(gateway.names())
-        for heard in hear(in_order(selection.frames(), survey.lateness), survey):
-            frame = heard.frame
-            bus, data = survey.buses[frame.bus], _data(heard)
+        for received in receive(in_order(selection.frames(), survey.lateness), survey):
+            frame = received.frame
+            bus, data = survey.buses[frame.bus], _data(received)
             if frame.protocol == "modbus-rtu" and frame.bus in gateways:
                 data = gateways[frame.bus].wrap(frame, data)
             writer.packet(
                 interfaces[frame.bus, frame.protocol],
                 nanoseconds(frame.start),
                 data,
-                _comment(heard, bus),
-                SYMBOL_ERROR if heard.wrong else 0,
+                _comment(received, bus),
+                SYMBOL_ERROR if received.wrong else 0,
             )
+    return Written(survey.frames, tuple(survey.buses), tuple(how_to_open(survey, encapsulation)))
 
 
 def _spoken(selection: Selection, name: str) -> list[str]:
-    """What a bus speaks on which nobody said anything."""
+    """The protocol of a bus without a frame."""
     bus = selection.trace.header.bus(name)
     return ["nn"] if bus is not None and bus.protocol is BusProtocol.NN else ["modbus-rtu"]
 
@@ -70,20 +72,20 @@ def _description(bus: BusSurvey, protocol: str) -> str:
     return f"{_NAMES.get(protocol, protocol)}, {bus.timing.baud} {bus.timing.format}: {nodes}"
 
 
-def _data(heard: Heard) -> bytes:
-    if not heard.wrong or heard.frame.protocol not in DISSECTORS:
-        return heard.chars
-    data = bytearray(heard.chars)
-    for place, _ in heard.wrong:
+def _data(received: Received) -> bytes:
+    if not received.wrong or received.frame.protocol not in DISSECTORS:
+        return received.chars
+    data = bytearray(received.chars)
+    for place, _ in received.wrong:
         data[place] |= _WRONG
     return bytes(data)
 
 
-def _comment(heard: Heard, bus: BusSurvey) -> str:
-    found = remarks(heard, bus.timing)
-    if heard.frame.kind == "jabber":
+def _comment(received: Received, bus: BusSurvey) -> str:
+    found = remarks(received, bus.timing)
+    if received.frame.kind == "jabber":
         found.insert(0, "jabber")
-    return f"{heard.frame.sender}: {'; '.join(found)}" if found else ""
+    return f"{received.frame.sender}: {'; '.join(found)}" if found else ""
 
 
 def how_to_open(survey: Survey, encapsulation: str) -> list[str]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bussim.errors import UsageError
-from bussim.export.source import Selection, nothing_there
+from bussim.export.source import Job, Selection, Written, nothing_there
 from bussim.line.protocols import BusProtocol
 from bussim.trace.records import (
     AttemptRecord,
@@ -43,11 +43,12 @@ Event = dict[str, Any]
 Timed = tuple[int, int, Event]
 
 
-def write_perfetto(path: Path, selection: Selection, comment: str) -> int:
-    """Write the trace; returns how many events.
+def write_perfetto(path: Path, job: Job) -> Written:
+    """Write the trace as events.
 
     Raises UsageError where there is none, or more than :data:`MOST_EVENTS`.
     """
+    selection, comment = job.selection, job.comment
     tracks = _Tracks(selection)
     events: list[Timed] = []
     for number, (tick, event) in enumerate(_Events(selection, tracks).all()):
@@ -68,7 +69,7 @@ def write_perfetto(path: Path, selection: Selection, comment: str) -> int:
             file.write(",\n" if number else "")
             file.write(json.dumps(event, ensure_ascii=False, separators=(",", ":")))
         file.write("\n]}\n")
-    return len(events)
+    return Written(len(events), tuple(selection.buses), ("open it at https://ui.perfetto.dev",))
 
 
 def microseconds(ticks: int) -> float:

@@ -23,8 +23,12 @@ _CHUNK = 4 * 1024 * 1024
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
-def write_sigrok(path: Path, lanes: Lanes) -> None:
-    """Write the lanes. Raises UsageError, before a file is begun, where they are too long or too many."""
+def write_sigrok(path: Path, lanes: Lanes, comment: str) -> None:
+    """Write the lanes; the format has no room for a ``comment``.
+
+    Raises UsageError, before a file is begun, where they are too long or too many.
+    """
+    del comment
     length = lanes.end - lanes.begin
     if length > MOST_SECONDS * 1_000_000:
         raise UsageError(

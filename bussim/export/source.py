@@ -6,7 +6,8 @@ import heapq
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
@@ -31,7 +32,7 @@ class Selection:
             raise UsageError(f"the trace has no bus {self.bus!r}; {suggest(self.bus, known)}")
 
     def frames(self) -> Iterator[FrameRecord]:
-        """The frames that touch the window, in the order in which they were told."""
+        """The frames that touch the window, in the order of the trace."""
         return self.trace.of(FrameRecord, bus=self.bus, start=self.start, stop=self.stop)
 
     @property
@@ -40,9 +41,31 @@ class Selection:
         return [bus.name for bus in self.trace.header.buses if self.bus in (None, bus.name)]
 
 
+@dataclass(frozen=True)
+class Job:
+    """What a writer of a format needs. ``encapsulation`` is how pcapng wraps Modbus RTU: serial or udp."""
+
+    selection: Selection
+    comment: str = ""
+    encapsulation: str = "serial"
+
+    @cached_property
+    def survey(self) -> Survey:
+        """What a first reading of the frames finds; raises as :func:`survey`."""
+        return survey(self.selection)
+
+
+class Written(NamedTuple):
+    """What a writer has written: how many frames (Perfetto: events) of which buses, and how to open it."""
+
+    items: int
+    buses: tuple[str, ...]
+    hints: tuple[str, ...] = ()
+
+
 @dataclass(slots=True)
 class BusSurvey:
-    """One bus: its rate and format, who is on it (in cable order), and what is spoken.
+    """One bus: its rate and format, the nodes on it (in cable order), and its protocols.
 
     ``stations`` are station numbers by node, ``receivers`` the nodes in whose receiver alone something
     was damaged.
@@ -61,8 +84,8 @@ class BusSurvey:
 class Survey:
     """What a first reading of the frames finds.
 
-    ``lateness`` is how many ticks a frame's start may lie before the latest start told before it:
-    frames are told when they are over.
+    ``lateness`` is how many ticks a frame's start may lie before the latest start of the frames before it:
+    a trace has frames in the order in which they ended.
     """
 
     buses: dict[str, BusSurvey]
@@ -135,7 +158,7 @@ def timing_of(baud: int, fmt: str, ppm: float) -> LineTiming:
 
 
 def in_order(frames: Iterable[FrameRecord], lateness: int) -> Iterator[FrameRecord]:
-    """Frames by their starts; those that begin together in the order in which they were told."""
+    """Frames by their starts; those that begin together in the order of the trace."""
     heap: list[tuple[int, int, FrameRecord]] = []
     newest = 0
     for number, frame in enumerate(frames):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bussim.export.heard import Heard, hear
-from bussim.export.source import Selection, Survey, in_order
+from bussim.export.received import Received, receive
+from bussim.export.source import Job, Written, in_order
 from bussim.results.store.tables import (
     BYTES,
     FLAG,
@@ -16,33 +16,32 @@ from bussim.results.store.tables import (
     Columns,
     CsvTable,
     ParquetTable,
-    Table,
 )
 
-#: ``bytes`` are the characters sent, ``heard`` those that a receiver on the bus read
-#: (:mod:`bussim.export.heard`); bits are counted from the frame's first start bit. ``damaged_at`` names the
-#: receivers in which alone bits were inverted, ``damaged_at_bits`` says which, receiver by receiver.
-COLUMNS: Columns[Heard] = Columns(
+#: ``bytes`` are the characters sent, ``heard`` those that :mod:`bussim.export.received` reads of them;
+#: bits are counted from the frame's first start bit. ``damaged_at`` names the receivers in which alone bits
+#: were inverted, ``damaged_at_bits`` says which, receiver by receiver.
+COLUMNS: Columns[Received] = Columns(
     {
-        "bus": (TEXT, lambda heard: heard.frame.bus),
-        "start_s": (SECONDS, lambda heard: heard.frame.start),
-        "end_s": (SECONDS, lambda heard: heard.frame.end),
-        "sender": (TEXT, lambda heard: heard.frame.sender),
-        "protocol": (TEXT, lambda heard: heard.frame.protocol),
-        "kind": (TEXT, lambda heard: heard.frame.kind),
-        "station": (OPTIONAL_INT, lambda heard: heard.frame.station),
-        "counter": (OPTIONAL_INT, lambda heard: heard.frame.counter),
-        "characters": (INT, lambda heard: len(heard.frame.chars)),
-        "bytes": (BYTES, lambda heard: heard.frame.chars.hex(" ").upper()),
-        "heard": (BYTES, lambda heard: heard.chars.hex(" ").upper()),
-        "wrong_characters": (INT, lambda heard: len(heard.wrong)),
-        "damaged_bits": (BYTES, lambda heard: _numbers(heard.frame.damaged_bits)),
-        "damaged_at": (TEXT, lambda heard: "; ".join(heard.frame.damaged_at)),
-        "damaged_at_bits": (BYTES, lambda heard: "; ".join(map(_numbers, heard.frame.damaged_at.values()))),
-        "collided": (FLAG, lambda heard: heard.frame.collided),
-        "cut": (FLAG, lambda heard: heard.frame.cut),
-        "baud": (INT, lambda heard: heard.frame.baud),
-        "format": (TEXT, lambda heard: heard.frame.format),
+        "bus": (TEXT, lambda it: it.frame.bus),
+        "start_s": (SECONDS, lambda it: it.frame.start),
+        "end_s": (SECONDS, lambda it: it.frame.end),
+        "sender": (TEXT, lambda it: it.frame.sender),
+        "protocol": (TEXT, lambda it: it.frame.protocol),
+        "kind": (TEXT, lambda it: it.frame.kind),
+        "station": (OPTIONAL_INT, lambda it: it.frame.station),
+        "counter": (OPTIONAL_INT, lambda it: it.frame.counter),
+        "characters": (INT, lambda it: len(it.frame.chars)),
+        "bytes": (BYTES, lambda it: it.frame.chars.hex(" ").upper()),
+        "heard": (BYTES, lambda it: it.chars.hex(" ").upper()),
+        "wrong_characters": (INT, lambda it: len(it.wrong)),
+        "damaged_bits": (BYTES, lambda it: _numbers(it.frame.damaged_bits)),
+        "damaged_at": (TEXT, lambda it: "; ".join(it.frame.damaged_at)),
+        "damaged_at_bits": (BYTES, lambda it: "; ".join(map(_numbers, it.frame.damaged_at.values()))),
+        "collided": (FLAG, lambda it: it.frame.collided),
+        "cut": (FLAG, lambda it: it.frame.cut),
+        "baud": (INT, lambda it: it.frame.baud),
+        "format": (TEXT, lambda it: it.frame.format),
     }
 )
 
@@ -51,11 +50,13 @@ def _numbers(bits: tuple[int, ...]) -> str:
     return " ".join(map(str, bits))
 
 
-def write_table(path: Path, selection: Selection, survey: Survey, fmt: str) -> None:
-    """Write the frames."""
-    table: Table = CsvTable(path, COLUMNS.kinds) if fmt == "csv" else ParquetTable(path, COLUMNS.kinds)
+def write_table(path: Path, job: Job, table_type: type[CsvTable | ParquetTable]) -> Written:
+    """Write a row a frame into a table of that type."""
+    survey = job.survey
+    table = table_type(path, COLUMNS.kinds)
     try:
-        for heard in hear(in_order(selection.frames(), survey.lateness), survey):
-            table.append(COLUMNS.row(heard))
+        for received in receive(in_order(job.selection.frames(), survey.lateness), survey):
+            table.append(COLUMNS.row(received))
     finally:
         table.close()
+    return Written(survey.frames, tuple(survey.buses))

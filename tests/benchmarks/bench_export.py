@@ -15,7 +15,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from bussim.export.run import ENDINGS, export_trace
+from bussim.export.formats import FORMATS
+from bussim.export.run import export_trace
 from bussim.trace.file import TRACE, TraceWriter, read_trace
 from tests.export.samples import LINK, OVEN, exchanges, link_frames, trace
 
@@ -32,11 +33,11 @@ def main() -> None:
             writer = TraceWriter(file, trace(buses=(LINK, OVEN)).header)
             for frame in frames:
                 writer.write(frame)
-        for to, ending in ENDINGS.items():
+        for to, form in FORMATS.items():
             begun = time.process_time()
-            export_trace(read_trace(place), place / f"out{ending}", to)
+            export_trace(read_trace(place), place / f"out{form.ending}", to)
             taken = time.process_time() - begun
-            size = (place / f"out{ending}").stat().st_size
+            size = (place / f"out{form.ending}").stat().st_size
             print(f"{to:<9} {len(frames):>6,} frames {taken:6.2f} s {size / 1e3:9,.0f} kB")
 
 

@@ -1,19 +1,23 @@
 from __future__ import annotations
 
 import random
+import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bussim.export
 from bussim.errors import UsageError
+from bussim.export.formats import FORMATS
 from bussim.export.source import Selection, in_order, survey
 from bussim.units import TICKS_PER_SECOND
-from tests.export.samples import FEEDER, LINK, frame, link_frames, trace
+from tests.export.samples import FEEDER, LINK, exported, frame, link_frames, trace
 
 
 @given(starts=st.lists(st.integers(0, 50), min_size=1, max_size=40), choose=st.randoms(use_true_random=False))
-def test_frames_come_by_their_starts_however_late_they_are_told(
+def test_frames_come_by_their_starts_however_late_they_are_recorded(
     starts: list[int], choose: random.Random
 ) -> None:
     frames = [frame(LINK, start, "press1", bytes((number,))) for number, start in enumerate(starts)]
@@ -82,3 +86,18 @@ def test_a_rate_that_no_uart_has_is_refused(change: dict[str, object]) -> None:
     one = frame(LINK, 0, "press1", b"\x05")._replace(**change)  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="the trace is damaged"):
         survey(Selection(trace(one)))
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_every_format_writes_a_file_of_its_own(tmp_path: Path, to: str) -> None:
+    done = exported(trace(*link_frames(20)), tmp_path / f"a{FORMATS[to].ending}", to)
+    others = [other for other in FORMATS if other != to]
+    for other in others:
+        again = exported(trace(*link_frames(20)), tmp_path / f"b{FORMATS[other].ending}", other)
+        assert again.read_bytes() != done.read_bytes()
+
+
+def test_the_package_describes_every_format() -> None:
+    assert bussim.export.__doc__ is not None
+    for name, form in FORMATS.items():
+        assert re.search(rf"^{name} ", bussim.export.__doc__, re.MULTILINE), form

@@ -10,10 +10,11 @@ import pytest
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import unpack_bits, unpack_words
 from bussim.engines.nn.frames import MODES, decode
-from bussim.export.heard import Heard, hear
 from bussim.export.packets import script
+from bussim.export.received import Received, receive
 from bussim.export.source import Selection, in_order, survey
 from bussim.line.checksums import crc16
+from bussim.line.protocols import BusProtocol
 from bussim.trace.file import Trace
 from bussim.trace.records import FrameRecord, TraceBus
 from bussim.units import TICKS_PER_SECOND
@@ -167,10 +168,10 @@ def test_the_crc_status_of_damaged_frames_is_that_of_what_was_heard(
     assert bad > 50
 
 
-def heard_of(source: Trace) -> list[Heard]:
+def heard_of(source: Trace) -> list[Received]:
     selection = Selection(source)
     found = survey(selection)
-    return list(hear(in_order(selection.frames(), found.lateness), found))
+    return list(receive(in_order(selection.frames(), found.lateness), found))
 
 
 NN_FIELDS = [
@@ -270,7 +271,15 @@ def test_no_bytes_break_a_dissector(tmp_path: Path, bus: TraceBus, options: list
             else chance.randbytes(size)
         )
         chars = chance.choice(headers) + some
-        frames.append(frame(bus, now, bus.nodes[0], chars, protocol="nn" if bus.nn else "modbus-ascii"))
+        frames.append(
+            frame(
+                bus,
+                now,
+                bus.nodes[0],
+                chars,
+                protocol="nn" if bus.protocol is BusProtocol.NN else "modbus-ascii",
+            )
+        )
         now = frames[-1].end + 50_000
     path = exported(trace(*frames, buses=(bus,)), tmp_path / "a.pcapng", "pcapng")
     text = tshark_text(path, options)

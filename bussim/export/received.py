@@ -1,8 +1,8 @@
-"""Frames as a receiver on the bus has read them.
+"""Frames as a receiver on the bus reads them.
 
-It stands for all of them: it has the bus's rate and format and an exact clock, sees what noise did
-to everybody, and both of two frames that collide (a 0 wins). What noise did in one receiver only, it
-does not see. A character belongs to the frame that began last before it.
+It stands for all of them: it has the bus's rate and format and an exact clock, sees what noise did on the
+wire, and both of two frames that collide (a 0 wins). What noise did in one receiver only, it does not see.
+A character belongs to the frame that began last before it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from bussim.line.uart import Uart
 from bussim.line.wave import Interval, Wave, clip, low_intervals
 from bussim.trace.records import FrameRecord
 
-#: Frames that run into each other are judged together up to so many: a jabbering station has no end.
-_MOST_TOGETHER = 512
+#: Most overlapping frames that are read at once: a jabbering station has no end.
+_MOST_OVERLAPPING = 512
 
 
-class Heard(NamedTuple):
+class Received(NamedTuple):
     """A frame and what was read of it.
 
     ``wrong`` are the characters (from 0) whose parity or stop bit was wrong, with which of the two;
-    ``over`` who else was sending meanwhile.
+    ``over`` are the other senders that were sending meanwhile.
     """
 
     frame: FrameRecord
@@ -40,31 +40,34 @@ def lows_of(frame: FrameRecord, flips: Sequence[int]) -> list[Interval]:
     return clip(low_intervals(frame.chars, timing, frame.start, flips), frame.start, frame.end)
 
 
-def hear(frames: Iterable[FrameRecord], survey: Survey) -> Iterator[Heard]:
-    """What was read of frames that come by their starts; so ordered again."""
-    listeners = {name: _Listener(bus.timing) for name, bus in survey.buses.items()}
-    ready: list[tuple[int, int, Heard]] = []
+def receive(frames: Iterable[FrameRecord], survey: Survey) -> Iterator[Received]:
+    """What is read of frames that come by their starts; in the same order."""
+    receivers = {name: _Receiver(bus.timing) for name, bus in survey.buses.items()}
+    ready: list[tuple[int, int, Received]] = []
     number = 0
+
+    def close(receiver: _Receiver) -> None:
+        nonlocal number
+        for received in receiver.close():
+            heapq.heappush(ready, (received.frame.start, number, received))
+            number += 1
+
     for frame in frames:
-        for listener in listeners.values():
-            if listener.open and (listener.until <= frame.start or listener.full):
-                for heard in listener.judge():
-                    heapq.heappush(ready, (heard.frame.start, number, heard))
-                    number += 1
-        listeners[frame.bus].add(frame)
-        begun = min(listener.since for listener in listeners.values() if listener.open)
+        for receiver in receivers.values():
+            if receiver.frames and (receiver.until <= frame.start or receiver.full):
+                close(receiver)
+        receivers[frame.bus].add(frame)
+        begun = min(receiver.frames[0].start for receiver in receivers.values() if receiver.frames)
         while ready and ready[0][0] <= begun:
             yield heapq.heappop(ready)[2]
-    for listener in listeners.values():
-        for heard in listener.judge():
-            heapq.heappush(ready, (heard.frame.start, number, heard))
-            number += 1
+    for receiver in receivers.values():
+        close(receiver)
     while ready:
         yield heapq.heappop(ready)[2]
 
 
-class _Listener:
-    """One bus: frames that may have to do with each other. ``until`` is when they are over."""
+class _Receiver:
+    """One bus: ``frames`` that may overlap, and ``until`` when they are over."""
 
     def __init__(self, timing: LineTiming) -> None:
         self._timing = timing
@@ -72,24 +75,16 @@ class _Listener:
         self._mask = (1 << timing.format.data_bits) - 1
         self._uart = Uart(timing)
         self._character = timing.characters(1)
-        self._together: list[FrameRecord] = []
+        self.frames: list[FrameRecord] = []
         self.until = 0
 
     @property
-    def open(self) -> bool:
-        return bool(self._together)
-
-    @property
     def full(self) -> bool:
-        return len(self._together) >= _MOST_TOGETHER
-
-    @property
-    def since(self) -> int:
-        return self._together[0].start
+        return len(self.frames) >= _MOST_OVERLAPPING
 
     def add(self, frame: FrameRecord) -> None:
         """A frame begins before the others are over, or is the first."""
-        self._together.append(frame)
+        self.frames.append(frame)
         # A receiver may still be inside a character that began in what is damaged.
         after = 0 if self._plain(frame) else self._character
         self.until = max(self.until, frame.end + after)
@@ -104,19 +99,17 @@ class _Listener:
             or frame.format != self._format
         )
 
-    def judge(self) -> list[Heard]:
-        """What was read; then there is nothing open."""
-        frames, self._together, self.until = self._together, [], 0
+    def close(self) -> list[Received]:
+        """What was read of the frames; then there are none."""
+        frames, self.frames, self.until = self.frames, [], 0
         if len(frames) == 1 and self._plain(frames[0]):
             chars = frames[0].chars
             if self._mask != 0xFF:
                 chars = bytes(value & self._mask for value in chars)
-            return [Heard(frames[0], chars)]
-        if not frames:
-            return []
-        return self._read(frames)
+            return [Received(frames[0], chars)]
+        return self._read(frames) if frames else []
 
-    def _read(self, frames: list[FrameRecord]) -> list[Heard]:
+    def _read(self, frames: list[FrameRecord]) -> list[Received]:
         wave = Wave(lows_of(frame, frame.damaged_bits) for frame in frames)
         chars = [bytearray() for _ in frames]
         wrong: list[list[tuple[int, str]]] = [[] for _ in frames]
@@ -129,7 +122,7 @@ class _Listener:
                 wrong[at].append((len(chars[at]), "parity" if char.stop_ok else "framing"))
             chars[at].append(char.value)
         return [
-            Heard(frame, bytes(chars[at]), tuple(wrong[at]), _senders_over(frame, frames))
+            Received(frame, bytes(chars[at]), tuple(wrong[at]), _senders_over(frame, frames))
             for at, frame in enumerate(frames)
         ]
 
@@ -144,15 +137,17 @@ def _senders_over(frame: FrameRecord, others: Iterable[FrameRecord]) -> tuple[st
     )
 
 
-def remarks(heard: Heard, timing: LineTiming) -> list[str]:
-    """What is to be told of a frame that did not reach everybody as it was meant, in words."""
-    frame = heard.frame
+def remarks(received: Received, timing: LineTiming) -> list[str]:
+    """What went wrong with a frame on its way to the receivers, in words."""
+    frame = received.frame
     found: list[str] = []
     if frame.damaged_bits:
-        found.append(f"{_bits(frame.damaged_bits)} inverted on the wire")
-    found += [f"{_bits(bits)} inverted at {name} only" for name, bits in frame.damaged_at.items() if bits]
-    if heard.over or frame.collided:
-        found.append(f"collided with {_names(heard.over)}" if heard.over else "collided")
+        found.append(f"{_numbered('bit', frame.damaged_bits)} inverted on the wire")
+    found += [
+        f"{_numbered('bit', bits)} inverted at {name} only" for name, bits in frame.damaged_at.items() if bits
+    ]
+    if received.over or frame.collided:
+        found.append(f"collided with {', '.join(received.over)}" if received.over else "collided")
     own = timing_of(frame.baud, frame.format, frame.ppm)
     if frame.cut:
         left = min(len(frame.chars), int((frame.end - frame.start) / own.character))
@@ -160,11 +155,11 @@ def remarks(heard: Heard, timing: LineTiming) -> list[str]:
     if (own.baud, own.format) != (timing.baud, timing.format):
         found.append(f"sent at {frame.baud} {frame.format}, the bus has {timing.baud} {timing.format}")
     for kind in ("parity", "framing"):
-        places = [place + 1 for place, which in heard.wrong if which == kind]
+        places = [place + 1 for place, which in received.wrong if which == kind]
         if places:
-            found.append(f"{kind} error in {_count('character', places)}")
+            found.append(f"{kind} error in {_numbered('character', places)}")
     mask = (1 << own.format.data_bits) - 1
-    if heard.chars != bytes(value & mask for value in frame.chars):
+    if received.chars != bytes(value & mask for value in frame.chars):
         found.append(f"sent was {frame.chars.hex(' ').upper()}")
     return found
 
@@ -173,15 +168,7 @@ def remarks(heard: Heard, timing: LineTiming) -> list[str]:
 _MOST_LISTED = 16
 
 
-def _bits(bits: Sequence[int]) -> str:
-    return _count("bit", bits)
-
-
-def _count(what: str, numbers: Sequence[int]) -> str:
+def _numbered(what: str, numbers: Sequence[int]) -> str:
     listed = ", ".join(map(str, numbers[:_MOST_LISTED]))
     more = f" and {len(numbers) - _MOST_LISTED} more" if len(numbers) > _MOST_LISTED else ""
     return f"{what}{'s' if len(numbers) > 1 else ''} {listed}{more}"
-
-
-def _names(names: Sequence[str]) -> str:
-    return ", ".join(names)

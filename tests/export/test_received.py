@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.export.heard import Heard, hear, remarks
+from bussim.export.received import Received, receive, remarks
 from bussim.export.source import Selection, in_order, survey
 from bussim.line.characters import CharFormat
 from bussim.line.protocols import BusProtocol
@@ -14,13 +14,13 @@ from bussim.trace.records import FrameRecord, TraceBus
 from tests.export.samples import FEEDER, LINK, OVEN, bits_of, exchanges, frame, link_frames, timing, trace
 
 
-def heard(*frames: FrameRecord, buses: tuple[TraceBus, ...] = (LINK,)) -> list[Heard]:
+def heard(*frames: FrameRecord, buses: tuple[TraceBus, ...] = (LINK,)) -> list[Received]:
     selection = Selection(trace(*frames, buses=buses))
     found = survey(selection)
-    return list(hear(in_order(selection.frames(), found.lateness), found))
+    return list(receive(in_order(selection.frames(), found.lateness), found))
 
 
-def told(one: Heard, bus: TraceBus = LINK) -> str:
+def told(one: Received, bus: TraceBus = LINK) -> str:
     return "; ".join(remarks(one, timing(bus.baud, bus.format)))
 
 
