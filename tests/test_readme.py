@@ -10,7 +10,8 @@ import pytest
 import bussim
 from bussim.cli import COMMANDS
 from bussim.engines.nn.frames import MODES
-from bussim.engines.nn.states import MASTER, mermaid
+from bussim.engines.nn.states import MASTER
+from bussim.engines.states import mermaid
 from bussim.plc.link_registers import LinkBoard
 from bussim.plc.memory import Memory
 from bussim.plc.profiles import PROFILES

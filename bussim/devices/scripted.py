@@ -51,7 +51,6 @@ class ScriptedDevice:
         self._draws = draws
         self.due = -1
         self.due_counter = 0
-        self.wants_image = False
         #: No frames are recognised here: always None.
         self.heard: FreeFrame | None = None
         self.heard_start = 0
@@ -151,9 +150,9 @@ class ScriptedDevice:
         self.due = at
         return TRANSMIT
 
-    def begin_transmit(self, now: int, image: bytes = b"", counter: int = 0) -> FreeFrame:
+    def begin_transmit(self, now: int, counter: int = 0) -> FreeFrame:
         """What is due."""
-        del image, counter
+        del counter
         if self._out is None:
             raise RuntimeError("nothing waits to be sent")
         self._begun = now

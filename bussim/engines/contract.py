@@ -1,11 +1,13 @@
 """What every protocol engine offers, and what it asks of the driver that runs it.
 
-An engine never waits, draws or logs. The driver tells it what its receiver heard and when, asks it
-when it wants to be called, and does what :meth:`Engine.poll` returns, in order. The same engine
-therefore runs in simulated time and on a serial port.
+An engine has no clock, draws no random numbers and logs nothing. The driver passes it what the receiver
+received and when, asks it when it must be called, and does what :meth:`Engine.poll` returns, in order.
+The same engine therefore runs in simulated time and on a serial port.
 
-Methods that hear something return *hints*: a set of bits that say what the driver has to look at,
-so that a listener whom a frame does not concern costs one call and a comparison with zero.
+Methods that take what was received return *hints*: a set of bits that say what the driver has to look at,
+so that an engine that a frame does not concern costs one call and a comparison with zero. Bits from
+:data:`OWN_HINTS` on belong to the protocol (:mod:`bussim.engines.nn.contract`); a driver that does not
+know them passes over them.
 """
 
 from __future__ import annotations
@@ -15,20 +17,20 @@ from typing import NamedTuple, Protocol, TypeVar
 #: A transmission is due: :attr:`Engine.due` says from when. A driver takes it from there (and sets
 #: ``due`` to -1) or from ``poll``.
 TRANSMIT = 1
-#: The frame's block was taken over as its station's newest image.
-STORED = 2
 #: :meth:`Engine.deadline` may be earlier than the driver knows.
 DEADLINE = 4
-#: An unfinished or damaged frame is open: the driver must report the line's quiet.
+#: An unfinished or damaged frame is open: the driver must call :meth:`Engine.line_idle`.
 OPEN = 8
 #: Events wait in :meth:`Engine.poll`.
 EVENTS = 16
-#: A request waits for the driver to have it served (a PLC does so at END).
+#: A request waits until the driver has it served.
 SERVE = 32
+#: The first hint that a protocol defines for itself.
+OWN_HINTS = 64
 
 
 class RxChar(NamedTuple):
-    """One character as a receiver judged it."""
+    """One character as a receiver read it."""
 
     value: int
     parity_ok: bool = True
@@ -38,9 +40,9 @@ class RxChar(NamedTuple):
 class Transmit(NamedTuple):
     """The engine wants to send. Its bytes are asked for when the first bit leaves.
 
-    ``at`` is the earliest tick. ``reply`` marks an answer: the driver adds the device's own
-    turnaround to ``at``. ``counter`` names the request that is answered (0 where not a reply) and
-    goes back to :meth:`Engine.begin_transmit` with it, since several replies may be pending.
+    ``at`` is the earliest tick. ``reply``: the driver adds the device's own turnaround to it.
+    ``counter`` names the request that is answered (0 where not a reply) and goes back to
+    :meth:`Engine.begin_transmit` with it, since several replies may be pending.
     """
 
     at: int
@@ -57,29 +59,30 @@ class Engine(Protocol[FrameT, EventT]):
 
     due: int  # earliest tick of the transmission that the hint TRANSMIT announces, else -1
     due_counter: int  # its counter, for begin_transmit
-    wants_image: bool  # whether begin_transmit will need the block's image
+    heard: FrameT | None  # the latest valid frame that receive or line_idle completed
+    heard_start: int  # its first edge
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
-        """The receiver heard a character whose first edge was at ``start``; returns hints."""
+        """The receiver read a character whose first edge was at ``start``; returns hints."""
 
     def receive_frame(self, frame: FrameT, start: int, end: int) -> int:
-        """A whole undamaged frame was heard: the same as its characters one by one; returns hints.
+        """A whole undamaged frame was received: the same as its characters one by one; returns hints.
 
-        Only while nothing is half heard: after the hint OPEN the driver goes on character by character
-        until a frame completes without it or the line was quiet.
+        Only while no frame is open: after the hint OPEN the driver goes on character by character
+        until a frame completes without it or the line was idle.
         """
 
     def line_idle(self, now: int) -> int:
-        """The line has been quiet for the protocol's gap; returns hints."""
+        """The line has been idle for the protocol's gap; returns hints."""
 
     def deadline(self) -> int | None:
         """When to call :meth:`on_deadline`, None for never. It only ever moves by a call."""
 
     def on_deadline(self, now: int) -> int:
-        """The deadline has come (after whatever was completely heard by then); returns hints."""
+        """The deadline has come (after all that was completely received by then); returns hints."""
 
-    def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> FrameT:
-        """The driver is switched on at ``now``: the frame to send. What was half heard is dropped.
+    def begin_transmit(self, now: int, counter: int = 0) -> FrameT:
+        """The line driver is switched on at ``now``: the frame to send. An open frame is dropped.
 
         Events that this causes are announced by the next hint, at the latest by ``transmit_done``.
         """

@@ -46,7 +46,7 @@ class LiveEngine(Protocol):
     def on_deadline(self, now: int) -> int:
         """The deadline has come."""
 
-    def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Sendable:
+    def begin_transmit(self, now: int, counter: int = 0) -> Sendable:
         """The frame to send."""
 
     def transmit_done(self, now: int) -> int:
@@ -59,10 +59,8 @@ class LiveEngine(Protocol):
 class Handling:
     """What happens to an engine's transmissions and events; to be overridden where more is wanted."""
 
-    def image(self, now: int) -> bytes:
-        """The block that a data frame of the N:N link carries."""
-        del now
-        return b""
+    def prepare(self, engine: Any, now: int) -> None:
+        """Set the block that an N:N engine's next frame carries; the frame begins at ``now``."""
 
     def when(self, transmit: Transmit, now: int) -> int | None:
         """When a transmission is to leave, None for never (a reply that a fault swallows)."""
@@ -181,7 +179,8 @@ class EngineRunner:
         self._pending.popleft()
         self._on_air = True
         self._quieted()
-        frame = self.engine.begin_transmit(now, self._handling.image(now), counter)
+        self._handling.prepare(self.engine, now)
+        frame = self.engine.begin_transmit(now, counter)
         chars = self._handling.chars(frame)
         if chars:
             self.port.send(chars, now)

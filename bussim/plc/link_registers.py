@@ -11,7 +11,8 @@ from collections.abc import Container, Mapping
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master, MasterConfig
-from bussim.engines.nn.slave import Slave, SlaveConfig
+from bussim.engines.nn.monitor import SlaveConfig
+from bussim.engines.nn.slave import Slave
 from bussim.engines.nn.status import STATIONS, LinkStatus
 from bussim.line.characters import NN_LINE
 from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # for those who ask for registers here

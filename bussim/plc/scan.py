@@ -41,8 +41,8 @@ class ScanCycle:
         # are then made one by one, since a change of load moves all that lie ahead.
         self._drawn: list[int] | None = None
         self._used = 0
-        # Where every END is to be told: up to which tick they were.
-        self._told: int | None = None
+        # Where every END is to be recorded: up to which tick they have been; those after it are kept.
+        self._recorded: int | None = None
         #: Called with an END when those after it have moved.
         self.on_change: Callable[[int], None] | None = None
         #: Finished scans, their total and longest duration in ticks, over all RUNs, as of the latest
@@ -82,17 +82,17 @@ class ScanCycle:
             self._running = False
             self._extra, self._drawn, self._used = 0, None, 0
 
-    def tell(self) -> None:
-        """From now on, in RUN or not, ENDs are kept until :meth:`passed` has told them."""
-        self._told = -1
+    def keep_ends(self) -> None:
+        """From now on, in RUN or not, ENDs are kept until :meth:`passed` has returned them."""
+        self._recorded = -1
 
     def passed(self, tick: int) -> list[int]:
-        """The ENDs up to a tick, not after the present, that it has not told yet (after :meth:`tell`)."""
-        if self._told is None or not self._ends:
+        """The ENDs up to a tick, not after the present, since the last call (after :meth:`keep_ends`)."""
+        if self._recorded is None or not self._ends:
             return []
         ends = self._reach(tick, tick)
-        found = ends[bisect_right(ends, self._told) : bisect_right(ends, tick)]
-        self._told = max(self._told, tick)
+        found = ends[bisect_right(ends, self._recorded) : bisect_right(ends, tick)]
+        self._recorded = max(self._recorded, tick)
         return found
 
     def set_load(self, end: int, extra: int) -> None:
@@ -118,8 +118,8 @@ class ScanCycle:
 
     def _forget(self, place: int) -> None:
         """What lies before an entry of ``_ends`` need not be kept any more."""
-        if self._told is not None:
-            place = min(place, bisect_right(self._ends, self._told) - 1)
+        if self._recorded is not None:
+            place = min(place, bisect_right(self._ends, self._recorded) - 1)
         if place > 0:
             self._leave(place, self._ends[place], self._longest(place))
             del self._ends[:place]
@@ -128,8 +128,8 @@ class ScanCycle:
     def _reach(self, tick: int, now: int) -> list[int]:
         """The ENDs from the latest one before ``now`` on (at least), drawn on until they pass a tick."""
         ends = self._ends
-        if self._told is not None:
-            now = min(now, self._told)
+        if self._recorded is not None:
+            now = min(now, self._recorded)
         while self._running and ends[-1] <= tick:
             if self._drawn is not None:
                 self._lengthen(self._drawn, tick, now)

@@ -1,13 +1,12 @@
-"""The way from a line of the simulation to a wire, and back.
+"""The bridge between a line of the simulation and a wire.
 
-What a node sends goes out when it begins (paced: each byte when its last stop bit has left). What a
-fault or noise does to it is done before: the other side gets the characters that a receiver on the
-line would have read, without those that it would have known to be wrong. What comes in is heard by
-every node of the line that is not sending.
+Out: a node's frame is written when it begins (paced: each byte when its last stop bit has left), after
+faults and noise: the other side gets the characters that a receiver on the line would have read, without
+those that it would have known to be wrong. In: every node of the line that is not sending receives.
 
-Silences: a system hands bytes over in chunks, so that a pause inside a frame proves nothing. What is
-half heard and not a whole RTU frame ends only after the protocol's silence and the tolerance of the
-wire's options; a chunk that comes before goes on where the one before it ended. Two chunks with a frame
+Silences: an operating system passes bytes on in chunks, so that a pause inside a frame proves nothing. An
+unfinished frame that is not a whole RTU frame ends only after the protocol's silence and the tolerance of
+the wire's options; a chunk that comes before goes on where the one before it ended. Two chunks with a frame
 of a node of this line between them are two frames, however short the pauses.
 """
 
@@ -26,8 +25,7 @@ from bussim.live.wire import Wire
 from bussim.serve.external_node import ExternalNode
 from bussim.serve.journal import Journal
 from bussim.sim.kernel import SENDING, Kernel
-from bussim.sim.wire.node import Node
-from bussim.sim.wire.transmission import Transmission
+from bussim.sim.wire.contract import LineNode, Transmission
 
 if TYPE_CHECKING:
     from bussim.serve.partly_external_line import PartlyExternalLine
@@ -43,16 +41,16 @@ class Bridge:
         self._kernel = kernel
         self._arrivals = Arrivals(wire.timing)
         self._mask = (1 << wire.timing.format.data_bits) - 1
-        self._timer = kernel.timer(self._pace, SENDING)
+        self._timer = kernel.timer(self._write_due, SENDING)
         self._queue: deque[tuple[int, int]] = deque()  # (end, value) of characters that wait for their time
-        self._echo = 0  # characters of our own that are still to be heard
-        self._open = bytearray()  # what came since the line was quiet, at most a little more than a frame
+        self._echo = 0  # characters of this line's nodes whose echo is still to come
+        self._open = bytearray()  # received since the line was idle, at most a little more than a frame
         self._last = 0  # when the last chunk was over
-        self._spoke = False  # a node of this line has sent since
+        self._sent_since = False  # a node of this line has sent since
         self.journal: Journal | None = None
 
     def attach(self, line: PartlyExternalLine, kernel: Kernel) -> None:
-        """This is the way out of a line whose nodes are not seated yet."""
+        """Connect a line, whose nodes are not on its cable yet."""
         self.line = line
         self.external_node = ExternalNode(line, kernel)
         if line.sink.traced:
@@ -60,14 +58,14 @@ class Bridge:
 
     # -- out ---------------------------------------------------------------------------------------
 
-    def leave(self, tx: Transmission) -> None:
-        """A node begins to send."""
+    def send(self, tx: Transmission) -> None:
+        """Write what a node begins to send."""
         if tx.silent:
             return
         if self.journal is not None:
             self.journal.cut()
         if tx.damaged or not tx.sender.nominal:
-            read = sampled(tx, self.external_node.position, self.line.timing)
+            read = read_transmission(tx, self.external_node.position, self.line.timing)
             sound = [char for char in read if char.parity_ok and char.stop_ok]
             chars, ends = bytes(char.value for char in sound), [char.end for char in sound]
         else:
@@ -75,7 +73,7 @@ class Bridge:
         if self._mask < 0xFF:
             chars = bytes(value & self._mask for value in chars)
         if not self.wire.connected:
-            self._echo = 0  # nothing of what was sent will come back
+            self._echo = 0  # no echo of what was sent will come
         elif self.wire.options.echo:
             self._echo += len(chars)
         if not self.wire.options.paced:
@@ -88,7 +86,7 @@ class Bridge:
         if self._queue and self._timer.at < 0:
             self._timer.set(max(self._queue[0][0], self._kernel.now))
 
-    def _pace(self, now: int) -> None:
+    def _write_due(self, now: int) -> None:
         queue, due = self._queue, bytearray()
         now = max(now, self.wire.clock.now())
         while queue and queue[0][0] <= now:
@@ -98,13 +96,13 @@ class Bridge:
         if queue:
             self._timer.set(max(queue[0][0], self._kernel.now))
 
-    def left(self, now: int) -> None:
+    def sent(self, now: int) -> None:
         """A node's transmission is over."""
-        self._spoke = True
+        self._sent_since = True
         self._arrivals.busy_until = max(self._arrivals.busy_until, now)
 
     def cut(self) -> None:
-        """A node's transmission is cut off: what has not left yet stays here."""
+        """A node's transmission is cut off: what was not written yet is dropped."""
         if self.wire.options.echo:
             self._echo = max(0, self._echo - len(self._queue))
         self._queue.clear()
@@ -113,13 +111,13 @@ class Bridge:
     # -- in ----------------------------------------------------------------------------------------
 
     def take(self, data: bytes, now: int, late: int) -> None:
-        """Bytes have come by ``now``; ``late`` ticks later they were read."""
-        data = self._foreign(data)
+        """Receive bytes that had come by ``now`` and were read ``late`` ticks later."""
+        data = self._without_echo(data)
         if not data:
             return
         line, tolerance = self.line, self.wire.options.tolerance
         if not self._queue:
-            self._end_what_is_sent(now)
+            self._finish_sending(now)
         character = line.character
         chars = self._arrivals.chunk(data, now)
         begun = late + (now - character if self.wire.instant else chars[0][1])
@@ -134,18 +132,20 @@ class Bridge:
         for port in line.ports:
             if port.engine is None or port.driving:
                 continue
-            heard = chars if damaged is None and port.nominal else self._as_heard(port, damaged, chars, data)
-            quiet_at = port.receiver.quiet_at
+            heard = chars
+            if damaged is not None or not port.nominal:
+                heard = self._as_received(port, damaged, chars, data)
+            quiet_at = port.receiver.idle_at
             if 0 <= quiet_at <= begun:
-                port.receiver.line_quiet(now)
+                port.receiver.line_idle(now)
             elif quiet_at >= 0 and heard:
                 char, _, end = heard[0]
                 heard = [(char, min(self._last, end), end), *heard[1:]]
-            port.receiver.overhear(heard, now, port.quiet(port.timing) + extra + late)
+            port.receiver.receive_external(heard, now, port.quiet(port.timing) + extra + late)
         self._last = now + late
 
-    def _end_what_is_sent(self, now: int) -> None:
-        """What nodes send has left already, since it was answered: all who hear it have heard it all."""
+    def _finish_sending(self, now: int) -> None:
+        """What nodes send has left already, since a reply came: its receivers have received all of it."""
         ports = self.line.ports
         for port in ports:
             tx = port.sending
@@ -156,7 +156,7 @@ class Bridge:
                     other.receiver.replan(tx.end)
             port.finish_early(now)
 
-    def _foreign(self, data: bytes) -> bytes:
+    def _without_echo(self, data: bytes) -> bytes:
         if not self._echo:
             return data
         own = min(self._echo, len(data))
@@ -164,15 +164,15 @@ class Bridge:
         return data[own:]
 
     def _separate(self, begun: int, now: int) -> None:
-        """What was open is over if somebody has sent since, or the line was quiet for long enough."""
+        """End the unfinished frame if a node has sent since, or the line was idle for long enough."""
         line = self.line
-        line.listen_to_all()
-        if self._spoke:
-            self._spoke = False
+        line.receive_by_character()
+        if self._sent_since:
+            self._sent_since = False
             self._open.clear()
             for port in line.ports:
                 if port.engine is not None and not port.driving:
-                    port.receiver.line_quiet(now)
+                    port.receiver.line_idle(now)
         elif self._open:
             quiet = max(
                 (port.quiet(port.timing) for port in line.ports if port.engine is not None), default=0
@@ -181,7 +181,7 @@ class Bridge:
                 self._open.clear()
 
     def _whole(self) -> bool:
-        """Whether what is open is a whole RTU frame, which its silence ends at once."""
+        """Whether the bytes so far are a whole RTU frame, which its silence ends at once."""
         rtu = any(self.line.protocol_of(port) == "modbus-rtu" for port in self.line.ports)
         return rtu and isinstance(decode_rtu(bytes(self._open)), Adu)
 
@@ -202,14 +202,14 @@ class Bridge:
             self.external_node, None, bytes(value & self._mask for value in data), start, end, timing
         )
 
-    def _as_heard(
-        self, port: Node, damaged: Transmission | None, chars: list[Timed], data: bytes
+    def _as_received(
+        self, port: LineNode, damaged: Transmission | None, chars: list[Timed], data: bytes
     ) -> list[Timed]:
-        """The characters of a chunk as a port's receiver makes them of the line's level."""
+        """The characters of a chunk as a port's receiver reads them from the line's level."""
         tx = damaged or self._transmission(chars, data)
         read = [
             RxChar(char.value, char.parity_ok, char.stop_ok)
-            for char in sampled(tx, port.position, port.timing)
+            for char in read_transmission(tx, port.position, port.timing)
         ]
         fault = (tx.rx_chars or {}).get(port.position)
         if fault is not None:
@@ -219,7 +219,7 @@ class Bridge:
         return [(char, *chars[min(place, last)][1:]) for place, char in enumerate(read)]
 
 
-def sampled(tx: Transmission, position: int, timing: LineTiming) -> list[Sampled]:
+def read_transmission(tx: Transmission, position: int, timing: LineTiming) -> list[Sampled]:
     """What the receiver at a position reads of a transmission alone on its line."""
     uart, wave = Uart(timing), Wave([tx.lows(position)])
     read: list[Sampled] = []

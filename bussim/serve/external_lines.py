@@ -1,21 +1,20 @@
-"""Lines of the simulation that lead out of it: what their nodes send leaves by a :class:`Bridge`."""
+"""Lines of the simulation with external nodes: a :class:`Bridge` connects the two."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 
+from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, ENQ, KIND_NAMES, PARAMETERS, POLL, SOH, STX, Frame
 from bussim.line.characters import LineTiming
 from bussim.serve.bridge import Bridge
 from bussim.serve.partly_external_line import PartlyExternalLine
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
-from bussim.sim.nn.port import LinkPort
-from bussim.sim.nn.reporter import Reporter
+from bussim.sim.nn.contract import LinkStation
+from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.serial.bus import SerialBus
-from bussim.sim.wire.line import Witness
-from bussim.sim.wire.node import Node
-from bussim.sim.wire.transmission import Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, LineReporter, Transmission, WireFrame
 from bussim.trace.records import Sink
 
 _LINK_KINDS = {ENQ: KIND_NAMES[POLL], STX: KIND_NAMES[DATA], SOH: KIND_NAMES[PARAMETERS]}
@@ -23,41 +22,41 @@ _EXTERNAL_STREAM = "outside"
 
 
 class BridgedLine(PartlyExternalLine):
-    """What every line with a way out does otherwise.
+    """What every line with a bridge does otherwise.
 
-    Nobody knows what was really sent outside: a frame from there is never taken for an undetected error.
+    What external nodes really sent is unknown: a frame of theirs is never counted as an undetected error.
     """
 
     bridge: Bridge
 
     # -- what its nodes send ------------------------------------------------------------------------
 
-    def begin(self, port: Node, frame: WireFrame, now: int) -> Transmission:
+    def begin(self, port: LineNode, frame: WireFrame, now: int) -> Transmission:
         """See the line."""
         tx = super().begin(port, frame, now)
-        self.bridge.leave(tx)
+        self.bridge.send(tx)
         return tx
 
-    def begin_jabber(self, port: Node, chars: bytes, now: int, *, first: bool) -> Transmission:
+    def begin_jabber(self, port: LineNode, chars: bytes, now: int, *, first: bool) -> Transmission:
         """See the line."""
         tx = super().begin_jabber(port, chars, now, first=first)
-        self.bridge.leave(tx)
+        self.bridge.send(tx)
         return tx
 
-    def finish(self, port: Node, tx: Transmission, now: int) -> None:
+    def finish(self, port: LineNode, tx: Transmission, now: int) -> None:
         """See the line."""
         super().finish(port, tx, now)
-        self.bridge.left(now)
+        self.bridge.sent(now)
 
     def cut_transmission(self, tx: Transmission, now: int) -> None:
         """See the line."""
         super().cut_transmission(tx, now)
         self.bridge.cut()
 
-    # -- what comes from outside ---------------------------------------------------------------------
+    # -- what external nodes send --------------------------------------------------------------------
 
-    def connected(self, one: Node, other: Node) -> bool:
-        """See the line; the way out is never cut."""
+    def connected(self, one: LineNode, other: LineNode) -> bool:
+        """See the line; the cable to external nodes is never cut."""
         external = self.bridge.external_node
         return one is external or other is external or super().connected(one, other)
 
@@ -72,47 +71,30 @@ class BridgedLine(PartlyExternalLine):
     def kind_name(self, tx: Transmission) -> str:
         """See the line."""
         if tx.sender is self.bridge.external_node:
-            return self.kind_of_strange(tx.chars)
+            return self.kind_of_external(tx.chars)
         return super().kind_name(tx)
 
-    def kind_of_strange(self, chars: bytes) -> str:
-        """What kind of frame characters from outside may be."""
+    def kind_of_external(self, chars: bytes) -> str:
+        """The kind of frame that an external node's characters may be."""
         raise NotImplementedError
 
     def accepted(
         self,
-        port: Node,
+        port: LineNode,
         frame: WireFrame,
         start: int,
         now: int,
-        sender: Node | None,
+        sender: LineNode | None,
         blamed: Transmission | None,
-        *,
-        stored: bool,
+        hints: int,
     ) -> None:
         """See the line."""
         del blamed
-        super().accepted(port, frame, start, now, sender, None, stored=stored)
+        super().accepted(port, frame, start, now, sender, None, hints)
 
 
 class ExternalSerialBus(BridgedLine, SerialBus):
-    """A bus beside the link with a way out."""
-
-    def __init__(
-        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness, bridge: Bridge
-    ) -> None:
-        super().__init__(name, timing, sink, witness)
-        self.bridge = bridge
-        bridge.attach(self, kernel)
-
-    def kind_of_strange(self, chars: bytes) -> str:
-        """Requests where somebody here answers."""
-        del chars
-        return "request" if any(node.kind == "response" for node in self.ports) else "response"
-
-
-class ExternalLinkBus(BridgedLine, LinkBus):
-    """An N:N line with a way out; ``external_nodes`` are the PLCs by station that are to be found there."""
+    """A serial bus with a bridge."""
 
     def __init__(
         self,
@@ -120,53 +102,74 @@ class ExternalLinkBus(BridgedLine, LinkBus):
         timing: LineTiming,
         kernel: Kernel,
         sink: Sink,
-        reporter: Reporter,
+        line_reporter: LineReporter,
+        bridge: Bridge,
+    ) -> None:
+        super().__init__(name, timing, sink, line_reporter)
+        self.bridge = bridge
+        bridge.attach(self, kernel)
+
+    def kind_of_external(self, chars: bytes) -> str:
+        """Requests where a node of this bus answers, else responses."""
+        del chars
+        return "request" if any(node.kind == "response" for node in self.ports) else "response"
+
+
+class ExternalLinkBus(BridgedLine, LinkBus):
+    """An N:N line with a bridge; ``external_nodes`` are the PLCs by station that are not simulated."""
+
+    def __init__(
+        self,
+        name: str,
+        timing: LineTiming,
+        kernel: Kernel,
+        sink: Sink,
+        reporter: LinkReporter,
         bridge: Bridge,
         external_nodes: Mapping[int, str],
     ) -> None:
         super().__init__(name, timing, kernel, sink, reporter)
-        # The short ways for what nearly always happens do not lead outside.
+        # A shared listener and fast exchanges would leave the bridge out.
         self.shared = False
         self.bridge = bridge
         self._external_nodes = dict(external_nodes)
         self._external_names = list(external_nodes.values())
         bridge.attach(self, kernel)
 
-    def connect(self, ports: Sequence[LinkPort], horizon: int) -> None:
+    def connect(self, ports: Sequence[LinkStation], horizon: int) -> None:
         """See the bus."""
         super().connect(ports, horizon)
-        self._others = -1  # that all heard a block can never be told: there are others outside
+        self._others = -1  # never all stations: what external ones received is unknown
 
     @property
     def plc_names(self) -> tuple[str, ...]:
-        """See the bus; whoever was heard from outside follows."""
+        """See the bus; external stations that were received follow."""
         return (*super().plc_names, *self._external_names)
 
     def external_name(self, station: int) -> str:
-        """See the base class; by a name that the class was given."""
+        """See the base class; the PLC's name where the scenario has one."""
         name = self._external_nodes.get(station)
         if name is None:
             name = self._external_nodes[station] = f"station {station} outside"
             self._external_names.append(name)
         return name
 
-    def kind_of_strange(self, chars: bytes) -> str:
-        """By the header."""
+    def kind_of_external(self, chars: bytes) -> str:
+        """The kind by its header."""
         return _LINK_KINDS.get(chars[0], "")
 
     def accepted(
         self,
-        port: Node,
+        port: LineNode,
         frame: WireFrame,
         start: int,
         now: int,
-        sender: Node | None,
+        sender: LineNode | None,
         blamed: Transmission | None,
-        *,
-        stored: bool,
+        hints: int,
     ) -> None:
-        """See the line; a block from outside is a refresh, too."""
-        super().accepted(port, frame, start, now, sender, blamed, stored=stored)
-        if stored and sender is None and isinstance(frame, Frame):
+        """See the line; a block of an external station is a refresh, too."""
+        super().accepted(port, frame, start, now, sender, blamed, hints)
+        if hints & STORED and sender is None and isinstance(frame, Frame):
             source = len(self.ports) + self._external_names.index(self.external_name(frame.station))
             self.sink.refreshed(self.name, source, now, [port.position])

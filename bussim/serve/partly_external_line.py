@@ -1,4 +1,4 @@
-"""A line of the simulation on which there are others, too, as the way to them sees it."""
+"""A line of the simulation with external nodes, as its bridge sees it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from bussim.sim.wire.line import Line
 
 
 class PartlyExternalLine(Line):
-    """A line that somebody is on who is not simulated."""
+    """A line with nodes that are not simulated."""
 
     def external_name(self, station: int) -> str:
         """The name of a station that is not on this line."""
         return f"station {station}"
 
-    def listen_to_all(self) -> None:
-        """Something comes that is no node's: whoever waits for silence hears it as it comes."""
-        self._all_listen_alone()
+    def receive_by_character(self) -> None:
+        """Characters of an external node come: every node receives them one by one."""
+        self._hand_over_all()

@@ -24,9 +24,9 @@ from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.loop import RealTime
 from bussim.serve.targets import Target
 from bussim.sim.kernel import Kernel
-from bussim.sim.nn.reporter import Reporter
+from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.runner import Simulation
-from bussim.sim.wire.line import Witness
+from bussim.sim.wire.contract import LineReporter
 from bussim.trace.records import RunTotals, Sink, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
 
@@ -55,12 +55,12 @@ class _Bridges:
         return bridge
 
     def serial_bus(
-        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, line_reporter: LineReporter
     ) -> ExternalSerialBus:
         """A line beside the link, at the rate and format of its wire."""
         del timing
         bridge = self._way(name, kernel)
-        return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, witness, bridge)
+        return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, line_reporter, bridge)
 
     def link_bus(
         self,
@@ -68,7 +68,7 @@ class _Bridges:
         timing: LineTiming,
         kernel: Kernel,
         sink: Sink,
-        reporter: Reporter,
+        reporter: LinkReporter,
         external_nodes: dict[int, str],
     ) -> ExternalLinkBus:
         """A line of a link."""

@@ -1,4 +1,4 @@
-"""Tells a traced run's sink the ENDs of every PLC, also those that nobody else looked at."""
+"""Records the ENDs of every PLC of a traced run, also those that no port, input or link waited for."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from bussim.sim.kernel import DEADLINES, Kernel
 from bussim.trace.records import Sink
 from bussim.units import TICKS_PER_SECOND
 
-#: How often ENDs are told, in ticks. They are kept so long, some ten thousand of a PLC at most.
+#: How often ENDs are recorded, in ticks. They are kept so long, some ten thousand of a PLC at most.
 PERIOD = TICKS_PER_SECOND
 
 
 class EndRecorder:
-    """Of those PLCs whose ENDs are not told one by one as they happen."""
+    """Records for those PLCs whose ENDs are not recorded one by one as they happen."""
 
     def __init__(self, plcs: Iterable[Plc], kernel: Kernel, sink: Sink) -> None:
         self._plcs = tuple(plcs)
         self._sink = sink
         for plc in self._plcs:
-            plc.cycle.tell()
+            plc.cycle.keep_ends()
         self._timer = kernel.timer(self._on_time, DEADLINES)
         if self._plcs:
             self._timer.set(PERIOD)
@@ -30,12 +30,12 @@ class EndRecorder:
         self._timer.set(now + PERIOD)
 
     def flush(self, tick: int) -> None:
-        """Tell all ENDs up to a tick."""
+        """Record all ENDs up to a tick."""
         for plc in self._plcs:
-            self.tell(plc, tick)
+            self.record(plc, tick)
 
-    def tell(self, plc: Plc, tick: int) -> None:
-        """Tell the ENDs of one PLC up to a tick: it is about to stop."""
+    def record(self, plc: Plc, tick: int) -> None:
+        """Record the ENDs of one PLC up to a tick: it is about to stop."""
         if plc in self._plcs:
             ticks = plc.cycle.passed(tick)
             if ticks:

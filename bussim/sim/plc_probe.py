@@ -1,4 +1,4 @@
-"""Tells a run's sink what a PLC's inputs, observed devices and program do."""
+"""Records what a PLC's inputs, observed devices and program do."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _STANDS_STILL = (
 
 
 class PlcProbe:
-    """Of one PLC. ``ends``: also every END of it, as it happens.
+    """The probe of one PLC. ``ends``: it also records every END, as it happens.
 
-    Of what its program meets the first of a kind is told at once, how often it came afterwards
+    A program's first error of a kind is noted at once; how often it came is a warning at the end
     (:meth:`warnings`).
     """
 
@@ -29,7 +29,7 @@ class PlcProbe:
         self._plc = plc
         self._program = program
         self._sink = sink
-        self._met: dict[int, tuple[str, int]] = {}  # by code: the first one in words, their number
+        self._faults: dict[int, tuple[str, int]] = {}  # by code: the first one in words, their number
         plc.faulted = self._faulted
         plc.changed = self._changed
         plc.sampled = self._sampled
@@ -51,20 +51,20 @@ class PlcProbe:
 
     def _faulted(self, fault: OperationFault | Halt, now: int) -> None:
         name, code = self._plc.name, fault.code
-        text, count = self._met.get(code, ("", 0))
+        text, count = self._faults.get(code, ("", 0))
         if not count:
             if isinstance(fault, Halt):
-                kind, told = "program_stopped", fault.text
-                text = f"{name}'s program stopped at {seconds(fault.tick):.3f} s: {told}; {_STANDS_STILL}"
+                kind, note = "program_stopped", fault.text
+                text = f"{name}'s program stopped at {seconds(fault.tick):.3f} s: {note}; {_STANDS_STILL}"
             else:
-                kind, told = "program_error", fault.text(self._program)
-                text = f"{name}'s program met an error in the scan up to {seconds(now):.3f} s: {told}"
-            self._sink.note(NoteRecord(now, kind, name, told, {"code": code}))
-        self._met[code] = (text, count + (fault.number if isinstance(fault, OperationFault) else 1))
+                kind, note = "program_error", fault.text(self._program)
+                text = f"{name}'s program met an error in the scan up to {seconds(now):.3f} s: {note}"
+            self._sink.note(NoteRecord(now, kind, name, note, {"code": code}))
+        self._faults[code] = (text, count + (fault.number if isinstance(fault, OperationFault) else 1))
 
     def warnings(self, now: int) -> list[str]:
-        """What its program met, for the end of a run at ``now``: one sentence for each code."""
+        """The program's errors up to the end of a run at ``now``: one sentence for each code."""
         self._plc.record_faults(now)
         return [
-            text if count == 1 else f"{text}; {count:,} times in all" for text, count in self._met.values()
+            text if count == 1 else f"{text}; {count:,} times in all" for text, count in self._faults.values()
         ]

@@ -10,7 +10,7 @@ from bussim.line.characters import LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.line.random_streams import Streams
 from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
-from bussim.plc.link_registers import D_STATION, bad_parameters, master_config, setting_values
+from bussim.plc.link_registers import D_STATION, bad_parameters, setting_values
 from bussim.plc.memory import parse_device
 from bussim.plc.plc import Plc
 from bussim.scenario import model
@@ -20,7 +20,7 @@ from bussim.sim.faults import FaultPlan
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
-from bussim.sim.nn.reporter import Reporter
+from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.noise import place_noise
 from bussim.sim.plc_probe import PlcProbe
 from bussim.sim.serial.bus import SerialBus
@@ -29,7 +29,8 @@ from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.units import DeviceUnit, PlcUnit, Unit
-from bussim.sim.wire.line import Line, Witness
+from bussim.sim.wire.contract import LineReporter
+from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
 from bussim.trace.records import LinkTotals, RunTotals, Sink
 
@@ -39,17 +40,17 @@ _PROGRESS_STEPS = 400
 
 
 class ExternalLines(Protocol):
-    """Lines that lead out of the simulation: who sits on them, and what they are."""
+    """Lines that lead out of the simulation: the nodes on them, and how they are built."""
 
-    lateness: int  # ticks by which what comes from there may be late
+    lateness: int  # ticks by which characters from there may be late
 
     def place(self, node: str) -> str | None:
-        """The name of the line that a node sits on in place of its bus; None: it stays there."""
+        """The name of the external line that a node is on in place of its bus; None: it stays on its bus."""
 
     def serial_bus(
-        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, witness: Witness
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, line_reporter: LineReporter
     ) -> SerialBus:
-        """Such a line beside the link."""
+        """An external serial bus."""
 
     def link_bus(
         self,
@@ -57,18 +58,18 @@ class ExternalLines(Protocol):
         timing: LineTiming,
         kernel: Kernel,
         sink: Sink,
-        reporter: Reporter,
+        reporter: LinkReporter,
         external_nodes: dict[int, str],
     ) -> LinkBus:
-        """Such a line of a link; ``external_nodes`` are the PLCs by station that are to be found outside."""
+        """An external line of a link; ``external_nodes`` are the PLCs by station that are not simulated."""
 
 
 class Simulation:
     """A scenario in simulated time. Times are ticks from the start.
 
-    ``links`` are the N:N lines by name, ``serial_buses`` the others; ``nodes`` all that sits on them.
-    With ``outside`` some nodes of a bus sit on lines of their own that lead out of the simulation. A
-    link is in or out as a whole: its stations that sit on no such line are taken to be found there.
+    ``links`` are the N:N lines by name, ``serial_buses`` the others; ``nodes`` are the nodes of all of them.
+    With ``external`` some nodes of a bus are on lines of their own that lead out of the simulation. A link
+    is external as a whole or not at all: its stations that are on no such line are not simulated.
     """
 
     def __init__(self, scenario: model.Scenario, sink: Sink, external: ExternalLines | None = None) -> None:
@@ -87,7 +88,7 @@ class Simulation:
         self.serial_buses: dict[str, SerialBus] = {}
         self.nodes: dict[str, Node] = {}
         self.serial_reporter = SerialReporter(sink)
-        # The lines that a bus of the scenario has become: one, but for those that lead outside.
+        # The lines of a bus of the scenario: one, unless some of its nodes are on external lines.
         self._lines: dict[str, list[Line]] = {bus.name: [] for bus in scenario.buses}
         self._primaries: dict[str, str | None] = {}
         # By bus: the first PLC with each station number.
@@ -107,7 +108,7 @@ class Simulation:
         self.faults = FaultPlan(scenario, self.kernel, self.units, buses, self.nodes, streams, sink)
 
     def _absent(self) -> set[str]:
-        """PLCs that take no part in their link: others of it are outside, and so is the link."""
+        """PLCs that take no part in their link: it is external, and they are not on an external line."""
         if self._external is None:
             return set()
         place = self._external.place
@@ -116,7 +117,7 @@ class Simulation:
         return {name for name, bus in plc_names.items() if bus in away and place(name) is None}
 
     def _parts(self, names: Sequence[str]) -> dict[str | None, list[str]]:
-        """Nodes of a bus by the line that they sit on, None the bus itself."""
+        """Nodes of a bus by the external line that they are on, None the bus itself."""
         place = self._external.place if self._external is not None else None
         parts: dict[str | None, list[str]] = {}
         for name in names:
@@ -127,29 +128,29 @@ class Simulation:
         linked = [plc for plc in self._scenario.plcs if plc.link and plc.link.bus == spec.name]
         parts = self._parts([plc.name for plc in linked])
         if len(parts) > 1:
-            parts.pop(None, None)  # whoever is not served on a link that leads outside is outside, too
+            parts.pop(None, None)  # a link is external as a whole
         for name, members in parts.items():
             self._build_link_line(spec, name, linked, [plc for plc in linked if plc.name in members])
 
     def _build_link_line(
         self, spec: model.Bus, outer: str | None, all_linked: list[model.Plc], linked: list[model.Plc]
     ) -> None:
-        """A link's line with some of its PLCs; ``outer`` is its name if it leads outside."""
+        """Build a link's line with some of its PLCs; ``outer`` is its name if it is external."""
         line = outer or spec.name
-        everybody: dict[int, str] = {}
+        by_station: dict[int, str] = {}
         for plc in all_linked:
-            everybody.setdefault(plc.registers.get(f"D{D_STATION}", 0), plc.name)
+            by_station.setdefault(plc.registers.get(f"D{D_STATION}", 0), plc.name)
         stations = {plc.name: plc.registers.get(f"D{D_STATION}", 0) for plc in linked}
-        self._names[line] = everybody
+        self._names[line] = by_station
         primary = next((plc.name for plc in linked if stations[plc.name] == 0 and _accepted(plc)), None)
         self._primaries[line] = primary
         longest = max((plc.profile.turnaround.longest for plc in all_linked), default=0)
         if outer is None or self._external is None:
-            reporter = Reporter(line, self._sink, self._names[line], primary, longest)
+            reporter = LinkReporter(line, self._sink, self._names[line], primary, longest)
             bus = LinkBus(line, spec.timing, self.kernel, self._sink, reporter)
         else:
-            external_nodes = {number: name for number, name in everybody.items() if name not in stations}
-            reporter = Reporter(
+            external_nodes = {number: name for number, name in by_station.items() if name not in stations}
+            reporter = LinkReporter(
                 line, self._sink, self._names[line], primary, longest + self._external.lateness
             )
             bus = self._external.link_bus(
@@ -208,7 +209,7 @@ class Simulation:
             clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
             self._probes.append(PlcProbe(plc, programs[name], self._sink, ends=name in timed))
             units[name] = PlcUnit(
-                plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.tell
+                plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.record
             )
         for device in self._scenario.devices:
             node = self.nodes[device.name]
@@ -263,45 +264,10 @@ class Simulation:
         )
 
     def _link_totals(self, bus: LinkBus) -> LinkTotals:
-        primary_name = self._primaries[bus.name]
-        reporter = bus.reporter
-        polls = reporter.polls
-        failed = {station: dict(codes) for station, codes in reporter.failed_attempts.items()}
-        errors = dict(reporter.station_errors)
-        settings = config = None
-        if primary_name is not None:
-            spec = next(plc for plc in self._scenario.plcs if plc.name == primary_name)
-            config = master_config(spec.profile, setting_values(spec.profile, spec.registers))
-            settings = config.settings
-            errors = {k: errors.get(k, 0) for k in range(1, settings.slaves + 1)}
-            engine = self.plcs[primary_name].master
-            if engine is not None:
-                polls += engine.polls
-                for station, codes in engine.failed_attempts.items():
-                    known = failed.setdefault(station, {})
-                    for code, count in codes.items():
-                        known[code] = known.get(code, 0) + count
-                for station, count in engine.station_errors.items():
-                    errors[station] = errors.get(station, 0) + count
-        return LinkTotals(
-            bus=bus.name,
-            plc_names=bus.plc_names,
-            station_names=dict(self._names[bus.name]),
-            master=primary_name,
-            slaves=settings.slaves if settings else None,
-            mode=settings.mode if settings else None,
-            retries=settings.retries if settings else None,
-            attempts=config.attempts if config else None,
-            timeout=config.timeout if config else None,
-            polls=polls,
-            failed_attempts=failed,
-            station_errors=errors,
-            busy=bus.busy,
-            frames=bus.frames,
-            collisions=bus.collisions,
-            undetected=bus.undetected_frames,
-            healthy_at=reporter.healthy_at,
-        )
+        primary = self._primaries[bus.name]
+        spec = next((plc for plc in self._scenario.plcs if plc.name == primary), None)
+        engine = self.plcs[primary].master if primary is not None else None
+        return totals.link_totals(bus, spec, engine, self._names[bus.name])
 
 
 def _accepted(spec: model.Plc) -> bool:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from bussim.engines.nn.master import Master
+from bussim.plc.link_registers import master_config, setting_values
 from bussim.plc.plc import Plc
+from bussim.scenario import model
 from bussim.scenario.model import HmiSettings
+from bussim.sim.nn.bus import LinkBus
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.plc_port import PlcPort
-from bussim.trace.records import BusTotals, DeviceTotals, PlcTotals, PortTotals
+from bussim.trace.records import BusTotals, DeviceTotals, LinkTotals, PlcTotals, PortTotals
 
 
 def plc_totals(plc: Plc) -> PlcTotals:
@@ -19,6 +23,41 @@ def plc_totals(plc: Plc) -> PlcTotals:
         scans=cycle.count,
         scan_mean=cycle.total / cycle.count if cycle.count else None,
         scan_max=cycle.longest if cycle.count else None,
+    )
+
+
+def link_totals(
+    bus: LinkBus, primary: model.Plc | None, engine: Master | None, names: dict[int, str]
+) -> LinkTotals:
+    """A link as its primary master (None: it has none) sees it; ``engine`` is that master's while in RUN.
+
+    ``names`` are the PLCs' names by station number.
+    """
+    counts, reporter = bus.reporter.counts(engine), bus.reporter
+    errors = dict(counts.station_errors)
+    settings = config = None
+    if primary is not None:
+        config = master_config(primary.profile, setting_values(primary.profile, primary.registers))
+        settings = config.settings
+        errors = {**dict.fromkeys(range(1, settings.slaves + 1), 0), **errors}
+    return LinkTotals(
+        bus=bus.name,
+        plc_names=bus.plc_names,
+        station_names=dict(names),
+        master=None if primary is None else primary.name,
+        slaves=settings.slaves if settings else None,
+        mode=settings.mode if settings else None,
+        retries=settings.retries if settings else None,
+        attempts=config.attempts if config else None,
+        timeout=config.timeout if config else None,
+        polls=counts.polls,
+        failed_attempts={station: dict(codes) for station, codes in counts.failed_attempts.items()},
+        station_errors=errors,
+        busy=bus.busy,
+        frames=bus.frames,
+        collisions=bus.collisions,
+        undetected=bus.undetected_frames,
+        healthy_at=reporter.healthy_at,
     )
 
 

@@ -1,4 +1,4 @@
-"""What is switched on and off as one: a PLC with all its ports, or a device."""
+"""What has a supply of its own: a PLC with all its ports, or a device."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bussim.sim.wire.node import Node
 
 
 class Unit(Protocol):
-    """Something with a supply of its own."""
+    """A PLC or a device."""
 
     @property
     def nodes(self) -> Sequence[Node]:
@@ -30,7 +30,7 @@ class Unit(Protocol):
 class PlcUnit:
     """A PLC with its port on the link, if it has one, and its other ports.
 
-    ``record_ends`` is told that it goes to STOP: its ENDs up to a tick are all that there are.
+    ``record_ends(plc, tick)`` is called when it goes to STOP: there are no more ENDs after the tick.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class PlcUnit:
             self._record_ends(plc, now - 1)
             plc.stop(now)
             for port in self.ports:
-                port.tell()
+                port.report_events()
         if plc.state is not PlcState.OFF and not powered:
             plc.power_off(now)
             if self.link is not None:
@@ -82,7 +82,7 @@ class PlcUnit:
         for port in self.ports:
             port.run(now)
         if self._clock is not None:
-            self._clock.look(now)
+            self._clock.schedule_end(now)
 
 
 class DeviceUnit:

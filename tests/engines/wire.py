@@ -14,11 +14,13 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import chain, count, repeat
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar, Transmit
+from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.events import NnEvent, StationBack, StationLost
 from bussim.engines.nn.frames import DATA, MODES, STX, Frame, LinkSettings, decode
 from bussim.engines.nn.master import Master, MasterConfig, MasterState
-from bussim.engines.nn.slave import Slave, SlaveConfig, SlaveState
+from bussim.engines.nn.monitor import SlaveConfig
+from bussim.engines.nn.slave import Slave, SlaveState
 from bussim.line.characters import NN_LINE
 from bussim.line.uart import Sampled, Uart
 from bussim.line.wave import Wave, clip, low_intervals
@@ -173,9 +175,9 @@ class LinkAttachment:
         counter = self._pending.pop(0)[2]
         if isinstance(self.engine, Slave) and self.vanishes(next(self._replies)):
             return
-        image = self.image if self.engine.wants_image else b""
         wanted = self.engine.wants_image
-        frame = self.engine.begin_transmit(now, image, counter)
+        self.engine.image = self.image if wanted else b""
+        frame = self.engine.begin_transmit(now, counter)
         assert wanted == (frame.kind == DATA)
         self._deaf()
         tx = Tx(self, frame, frame.chars, now, now + CHAR * len(frame.chars), len(self.sent))

@@ -14,7 +14,8 @@ from bussim.engines.free.events import Received, Sent
 from bussim.engines.nn.events import ScanEnded
 from bussim.engines.nn.frames import MODES, QUIET_CHARS, LinkSettings
 from bussim.engines.nn.master import Master, MasterConfig
-from bussim.engines.nn.slave import Slave, SlaveConfig
+from bussim.engines.nn.monitor import SlaveConfig
+from bussim.engines.nn.slave import Slave
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Arrivals, Timed
 from bussim.live.options import PortOptions
@@ -38,10 +39,11 @@ class Noted(Handling):
         self._size = size
         self.sent = 0
 
-    def image(self, now: int) -> bytes:
+    def prepare(self, engine: object, now: int) -> None:
         del now
-        self.sent += 1
-        return (self.sent & 0xFF).to_bytes(1, "big") * self._size
+        if isinstance(engine, (Master, Slave)) and engine.wants_image:
+            self.sent += 1
+            engine.image = (self.sent & 0xFF).to_bytes(1, "big") * self._size
 
     def event(self, event: object, now: int) -> None:
         del now

@@ -77,7 +77,7 @@ class Line(RuleBasedStateMachine):
         if not hasattr(self, "bus"):
             return
         assert self.bus.drivers == sum(map(drivers, self.bus.ports))
-        assert len(self.bus._air) == sum(map(on_air, self.bus.ports))
+        assert len(self.bus._on_wire) == sum(map(on_air, self.bus.ports))
         assert self.bus._open_receivers == sum(port.receiver.is_open for port in self.bus.ports)
         self.bus.close(self.simulation.now)
         assert 0 <= self.bus.busy <= self.simulation.now
@@ -95,10 +95,10 @@ class Line(RuleBasedStateMachine):
             self.simulation.faults._begin(model.Fault("stop", model.Stop(name)), self.simulation.now)
         busy = self.bus.busy
         self.simulation.run(self.simulation.now + 10 * MS)
-        # Everybody is in STOP: no driver is on, nothing is heard, nothing will happen.
+        # Every PLC is in STOP: no driver is on, nothing is received, nothing will happen.
         self.bus.close(self.simulation.now)
         assert self.bus.drivers == 0
-        assert self.bus._air == []
+        assert self.bus._on_wire == []
         assert self.bus._open_receivers == 0
         for port in self.bus.ports:
             assert port._start_timer.at == port._end_timer.at == port._release_timer.at == -1

@@ -65,7 +65,7 @@ def test_those_of_a_latency_come_as_they_happen() -> None:
 def test_none_is_lost_however_rarely_one_asks(jitter: int) -> None:
     def cycle() -> ScanCycle:
         made = ScanCycle(Streams(1).generator("scan", "x"))
-        made.tell()
+        made.keep_ends()
         made.run(0, 1000, jitter, 10)
         return made
 
@@ -84,7 +84,7 @@ def test_none_is_lost_however_rarely_one_asks(jitter: int) -> None:
 
 def test_none_is_lost_when_the_load_changes() -> None:
     cycle = ScanCycle(Streams(1).generator("scan", "x"))
-    cycle.tell()
+    cycle.keep_ends()
     cycle.run(0, 1000, 200, 10)
     seen, now = [], -1
     for number in range(3000):

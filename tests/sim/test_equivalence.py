@@ -20,7 +20,7 @@ from bussim.scenario import model
 from bussim.sim.kernel import Timer
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
-from bussim.sim.wire.line import Audience
+from bussim.sim.wire.cable import Listeners
 from bussim.trace.records import NoteRecord
 
 from . import chance
@@ -102,7 +102,7 @@ def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
     assert other.record.frames == other.record.attempts == []
 
 
-def _one_by_one(bus: LinkBus, sender: LinkPort) -> Audience:
+def _one_by_one(bus: LinkBus, sender: LinkPort) -> Listeners:
     """Everybody hears character by character."""
     hearers = [
         port

@@ -20,7 +20,7 @@ from bussim.scenario import model
 from bussim.sim.kernel import Timer
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.node import SerialNode
-from bussim.sim.wire.line import Audience
+from bussim.sim.wire.cable import Listeners
 from tests.sim.build import MS, SECOND, Done, fault, run
 from tests.sim.serial import PLAIN, device, hmi, poll, scripted, serial_bus
 
@@ -317,7 +317,7 @@ def test_a_talker_speaks_by_the_clock_and_answers() -> None:
 # -- one way or another -------------------------------------------------------------------------------
 
 
-def _one_by_one(bus: SerialBus, sender: SerialNode) -> Audience:
+def _one_by_one(bus: SerialBus, sender: SerialNode) -> Listeners:
     hearers = [
         port
         for port in bus.ports

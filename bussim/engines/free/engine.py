@@ -66,7 +66,6 @@ class FreePort:
         "heard_start",
         "state",
         "timed_out",
-        "wants_image",
     )
 
     def __init__(self, config: FreeConfig) -> None:
@@ -75,7 +74,6 @@ class FreePort:
         #: When what waits to be sent may leave; meaningful after the hint TRANSMIT.
         self.due = -1
         self.due_counter = 0
-        self.wants_image = False
         #: No frames are recognised here: always None.
         self.heard: FreeFrame | None = None
         self.heard_start = self.heard_end = 0
@@ -278,9 +276,9 @@ class FreePort:
 
     # -- sending -------------------------------------------------------------------------------
 
-    def begin_transmit(self, now: int, image: bytes = b"", counter: int = 0) -> FreeFrame:
+    def begin_transmit(self, now: int, counter: int = 0) -> FreeFrame:
         """The bytes that wait. What was half heard stays: the program's data are no frames."""
-        del image, counter
+        del counter
         if self._out is None:
             raise RuntimeError("nothing waits to be sent")
         self._sending = True

@@ -16,7 +16,7 @@ class FreeState(StrEnum):
 
 
 class FreeInput(StrEnum):
-    """What moves the receiver on."""
+    """What changes the receiver's state."""
 
     START = "RUN"
     STOP = "STOP or power-off"

@@ -94,7 +94,6 @@ class Master:
         "quiet",
         "ready_at",
         "state",
-        "wants_image",
     )
 
     def __init__(self, config: MasterConfig) -> None:
@@ -104,7 +103,6 @@ class Master:
         self.due = -1
         #: The number of the transaction that is due or runs (the latest one's, when idle).
         self.due_counter = 0
-        self.wants_image = False
         #: Ticks of silence after which the driver calls :meth:`line_idle`.
         self.quiet = config.framing.quiet
         #: The earliest tick at which the next request may leave.
@@ -338,9 +336,9 @@ class Master:
 
     # -- sending -------------------------------------------------------------------------------
 
-    def begin_transmit(self, now: int, image: bytes = b"", counter: int = 0) -> Adu:
+    def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The request that is due."""
-        del image, counter
+        del counter
         self._move(MasterInput.BEGUN)
         self._reader.reset()
         self._sent = now
@@ -352,7 +350,7 @@ class Master:
             return 0
         self._asked = now
         broadcast = self._station == BROADCAST
-        self._move(MasterInput.TOLD_ALL if broadcast else MasterInput.ASKED)
+        self._move(MasterInput.BROADCAST if broadcast else MasterInput.REQUESTED)
         self._deadline = now + (self.config.turnaround if broadcast else self.config.timeout)
         return DEADLINE
 

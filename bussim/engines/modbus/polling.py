@@ -19,7 +19,7 @@ class PollingMaster:
     Raises ValueError for a poll that a master cannot send.
     """
 
-    __slots__ = ("_events", "_next", "list", "master", "wants_image")
+    __slots__ = ("_events", "_next", "list", "master")
 
     def __init__(self, config: MasterConfig, polls: PollList[Poll]) -> None:
         for number, poll in enumerate(polls.polls):
@@ -28,7 +28,6 @@ class PollingMaster:
                 raise ValueError(f"poll {number} cannot be sent: {MEANINGS[error]}")
         self.master = Master(config)
         self.list = polls
-        self.wants_image = False
         self._events: deque[MasterEvent | PollEvent] = deque()
         self._next: int | None = None  # when the next turn can begin
 
@@ -101,9 +100,9 @@ class PollingMaster:
             return self._step(now, 0)
         return self._step(now, self.master.on_deadline(now))
 
-    def begin_transmit(self, now: int, image: bytes = b"", counter: int = 0) -> Adu:
+    def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The request that is due."""
-        return self.master.begin_transmit(now, image, counter)
+        return self.master.begin_transmit(now, counter)
 
     def transmit_done(self, now: int) -> int:
         """The request has left."""

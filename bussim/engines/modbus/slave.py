@@ -75,7 +75,6 @@ class Slave:
         "maps",
         "quiet",
         "state",
-        "wants_image",
     )
 
     def __init__(self, config: SlaveConfig, maps: Mapping[int, RegisterMap]) -> None:
@@ -85,7 +84,6 @@ class Slave:
         #: Earliest tick of the reply that the hint TRANSMIT announces, and its request's number.
         self.due = -1
         self.due_counter = 0
-        self.wants_image = False
         #: Ticks of silence after which the driver calls :meth:`line_idle`.
         self.quiet = config.framing.quiet
         #: The latest sound frame that was completely heard, whosever it is, and its two ends.
@@ -264,9 +262,9 @@ class Slave:
 
     # -- sending -------------------------------------------------------------------------------
 
-    def begin_transmit(self, now: int, image: bytes = b"", counter: int = 0) -> Adu:
+    def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The reply that is due. Raises RuntimeError if none is."""
-        del now, image, counter
+        del now, counter
         if self._reply is None or self.state is not SlaveState.ANSWERING:
             raise RuntimeError(f"the slave is {self.state.value}: no reply is due")
         self._move(SlaveInput.BEGUN)

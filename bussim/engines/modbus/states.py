@@ -1,7 +1,7 @@
 """The state machines of the Modbus master and slave, as tables.
 
-The engines take every change of state from these tables, and the diagrams in the documentation are
-made from them. Inputs are words for what the driver tells the engine or what it hears.
+The engines take every change of state from these tables; the manual's diagrams are generated from them
+(:func:`bussim.engines.states.mermaid`).
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ class MasterState(StrEnum):
     IDLE = "idle"
     DUE = "due"  # a request waits for its first edge
     SENDING = "sending"
-    REPLY = "reply"  # it listens until the timeout
+    REPLY = "reply"  # it receives until the timeout
     TURNAROUND = "turnaround"  # after a broadcast
 
 
 class MasterInput(StrEnum):
-    """What moves the master on."""
+    """What changes the master's state."""
 
     START = "RUN"
     STOP = "STOP or power-off"
     SUBMITTED = "request submitted"
     BEGUN = "first edge"
-    ASKED = "request sent"
-    TOLD_ALL = "broadcast sent"
+    REQUESTED = "request sent"
+    BROADCAST = "broadcast sent"
     DECIDED = "answered, failed or timed out"
     TURNED = "turnaround over"
 
@@ -37,8 +37,8 @@ MASTER: dict[tuple[MasterState, MasterInput], MasterState] = {
     (MasterState.STOPPED, MasterInput.START): MasterState.IDLE,
     (MasterState.IDLE, MasterInput.SUBMITTED): MasterState.DUE,
     (MasterState.DUE, MasterInput.BEGUN): MasterState.SENDING,
-    (MasterState.SENDING, MasterInput.ASKED): MasterState.REPLY,
-    (MasterState.SENDING, MasterInput.TOLD_ALL): MasterState.TURNAROUND,
+    (MasterState.SENDING, MasterInput.REQUESTED): MasterState.REPLY,
+    (MasterState.SENDING, MasterInput.BROADCAST): MasterState.TURNAROUND,
     (MasterState.REPLY, MasterInput.DECIDED): MasterState.IDLE,
     (MasterState.TURNAROUND, MasterInput.TURNED): MasterState.IDLE,
     **{(state, MasterInput.STOP): MasterState.STOPPED for state in MasterState},
@@ -57,7 +57,7 @@ class SlaveState(StrEnum):
 
 
 class SlaveInput(StrEnum):
-    """What moves the slave on."""
+    """What changes the slave's state."""
 
     START = "RUN"
     BAD_STATION = "RUN with an impossible station number"

@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar, Transmit
 from bussim.engines.nn import codes
+from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.events import (
     AllHealthy,
     AttemptEnded,
@@ -95,6 +96,7 @@ class Master:
         "failed_attempts",
         "heard",
         "heard_start",
+        "image",
         "polls",
         "state",
         "station_errors",
@@ -115,8 +117,9 @@ class Master:
         #: The latest valid frame that :meth:`receive` completed, and its first edge.
         self.heard: Frame | None = None
         self.heard_start = 0
-        #: Whether :meth:`begin_transmit` will need the block's image.
+        #: See :class:`bussim.engines.nn.contract.NnEngine`.
         self.wants_image = False
+        self.image = b""
         #: First attempts so far.
         self.polls = 0
         #: Failed attempts by station and code, station errors by station; never cleared by STOP.
@@ -310,8 +313,8 @@ class Master:
 
     # -- sending -------------------------------------------------------------------------------
 
-    def begin_transmit(self, now: int, image: bytes, counter: int = 0) -> Frame:
-        """The frame that is due; ``image`` is the block at the latest END (a data frame's content)."""
+    def begin_transmit(self, now: int, counter: int = 0) -> Frame:
+        """The frame that is due; a data frame carries :attr:`image`."""
         del counter  # a master answers nobody
         if self._reader.length:
             self._reader.reset()
@@ -324,6 +327,7 @@ class Master:
         if self.state is MasterState.PARAMETERS:
             return encode_parameters(self._counter, self.config.settings)
         self._scan_begins(now)
+        image = self.image
         if image is not self._encoded_image:
             if image != self._encoded_image:
                 self._encoded.clear()

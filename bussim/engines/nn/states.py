@@ -1,19 +1,17 @@
 """The state machines of the N:N link, as tables.
 
-The engines take every change of state from these tables; the diagrams in the README are generated
-from them. Inputs are words for what the driver tells the engine. That settings are taken over at
-STOP→RUN, and that a slave waits for the master's: FX communication manual JY992D69901.
+The engines take every change of state from these tables; the manual's diagrams are generated from them
+(:func:`bussim.engines.states.mermaid`). That settings are taken over at STOP→RUN, and that a slave waits
+for the master's: FX communication manual JY992D69901.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import StrEnum
-from typing import TypeVar
 
 
 class MasterState(StrEnum):
-    """What the master does next, or now."""
+    """What the master does now or next."""
 
     STOPPED = "stopped"
     PARAMETERS = "parameters"  # the parameter frame is due or being sent
@@ -23,7 +21,7 @@ class MasterState(StrEnum):
 
 
 class MasterInput(StrEnum):
-    """What moves the master on."""
+    """What changes the master's state."""
 
     START = "first END in RUN"
     STOP = "STOP or power-off"
@@ -46,7 +44,7 @@ MASTER: dict[tuple[MasterState, MasterInput], MasterState] = {
 
 
 class SlaveState(StrEnum):
-    """How far a slave has got."""
+    """What a slave does now."""
 
     STOPPED = "stopped"
     WAITING = "waiting"  # for parameters
@@ -55,7 +53,7 @@ class SlaveState(StrEnum):
 
 
 class SlaveInput(StrEnum):
-    """What moves a slave on."""
+    """What changes a slave's state."""
 
     START = "RUN"
     STOP = "STOP or power-off"
@@ -71,18 +69,3 @@ SLAVE: dict[tuple[SlaveState, SlaveInput], SlaveState] = {
     (SlaveState.LINKED, SlaveInput.FOREIGN_MODE): SlaveState.REFUSING,
     **{(state, SlaveInput.STOP): SlaveState.STOPPED for state in SlaveState},
 }
-
-
-StateT = TypeVar("StateT", bound=StrEnum)
-CauseT = TypeVar("CauseT", bound=StrEnum)
-
-
-def mermaid(table: Mapping[tuple[StateT, CauseT], StateT]) -> str:
-    """The table as a Mermaid state diagram (STOP, which leads to ``stopped`` from everywhere, left out)."""
-    lines = ["stateDiagram-v2", "    [*] --> stopped"]
-    lines += [
-        f"    {state.value} --> {target.value}: {cause.value}"
-        for (state, cause), target in table.items()
-        if not cause.value.startswith("STOP")
-    ]
-    return "\n".join(lines)

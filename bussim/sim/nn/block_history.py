@@ -1,8 +1,10 @@
-"""Which blocks each station of a link has received, without writing them down for each of them.
+"""Which blocks each station of a link has received, without a list for each of them.
 
-Nearly always everybody hears a block, so one common history per station number serves all; a
-receiver that missed one, or heard one alone, has a history of its own until it hears with the others
-again. A history reaches back as far as some PLC's latest END can lie behind.
+A PLC takes over, at its END, the newest block of each station that it has received by then; the simulation
+works that out when some END asks, which is long after. Nearly always all stations receive a block alike,
+so one common history for each station number serves all of them; a receiver that missed a block, or
+received one that others did not, has a history of its own until it receives one with the others again. A
+history reaches back as far as some PLC's latest END can lie behind.
 """
 
 from __future__ import annotations
@@ -10,35 +12,35 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 
-#: Histories are cut back only when they have grown past this.
+#: Histories are pruned only when they have grown past this.
 _SLACK = 16
 
 Entry = tuple[int, bytes]  # when it was received, the image
 
 
 class _Histories:
-    """Of one station number: the common history and those of the receivers apart from it."""
+    """The blocks of one station number: the common history and those of single receivers."""
 
-    __slots__ = ("apart", "before", "common")
+    __slots__ = ("before", "common", "own")
 
     def __init__(self) -> None:
         self.common: deque[Entry] = deque()
-        self.apart: dict[int, deque[Entry]] = {}
-        # Of receivers that joined late: since when the common history is theirs, and what was before.
+        self.own: dict[int, deque[Entry]] = {}
+        # By receiver that has joined the common history late: since when it applies, and what was before.
         self.before: dict[int, tuple[int, tuple[Entry, ...]]] = {}
 
     def split(self, position: int) -> deque[Entry]:
-        """The history of a receiver that is apart from now on."""
-        own = self.apart.get(position)
+        """The receiver's own history from now on, begun with what it has received so far."""
+        own = self.own.get(position)
         if own is None:
             since, earlier = self.before.pop(position, (0, ()))
-            own = self.apart[position] = deque(earlier)
+            own = self.own[position] = deque(earlier)
             own.extend(entry for entry in self.common if entry[0] >= since)
         return own
 
     def entries(self, position: int) -> Iterator[Entry]:
-        """What a receiver had, the newest first."""
-        own = self.apart.get(position)
+        """The blocks that a receiver has received, the newest first."""
+        own = self.own.get(position)
         if own is not None:
             yield from reversed(own)
             return
@@ -50,15 +52,15 @@ class _Histories:
 
 
 class BlockHistory:
-    """Histories of a link's blocks; ``horizon`` is the longest PLC scan on it in ticks."""
+    """Histories of a link's blocks. ``horizon`` is the longest PLC scan on the link in ticks."""
 
-    def __init__(self, horizon: int) -> None:
-        self._horizon = horizon
+    def __init__(self, horizon: int = 0) -> None:
+        self.horizon = horizon
         self._stations: dict[int, _Histories] = {}
-        #: When anybody received a block last.
+        #: When some station received a block last.
         self.latest = -1
 
-    def heard(self, station: int, tick: int, image: bytes, missed: Collection[int] = ()) -> None:
+    def received(self, station: int, tick: int, image: bytes, missed: Collection[int] = ()) -> None:
         """Every position but ``missed`` (and the sender, which ignores it) received a station's block."""
         self.latest = tick
         histories = self._stations.get(station)
@@ -70,13 +72,13 @@ class BlockHistory:
         common.append((tick, image))
         if len(common) > _SLACK:
             self._prune(common, tick)
-        if histories.apart and len(histories.apart) > len(missed):
-            for position in [position for position in histories.apart if position not in missed]:
-                own = histories.apart.pop(position)
+        if histories.own and len(histories.own) > len(missed):
+            for position in [position for position in histories.own if position not in missed]:
+                own = histories.own.pop(position)
                 self._prune(own, tick)
                 histories.before[position] = (tick, tuple(own))
 
-    def heard_alone(self, station: int, tick: int, image: bytes, position: int) -> None:
+    def received_by(self, position: int, station: int, tick: int, image: bytes) -> None:
         """One position received a block that the others did not (or not as a whole frame)."""
         self.latest = tick
         own = self._stations.setdefault(station, _Histories()).split(position)
@@ -85,20 +87,20 @@ class BlockHistory:
             self._prune(own, tick)
 
     def _prune(self, history: deque[Entry], tick: int) -> None:
-        while len(history) > 1 and history[1][0] <= tick - self._horizon:
+        while len(history) > 1 and history[1][0] <= tick - self.horizon:
             history.popleft()
 
     def forget(self, position: int) -> None:
         """A PLC lost its memory: nothing received so far reaches it any more."""
         for histories in self._stations.values():
             histories.before.pop(position, None)
-            histories.apart[position] = deque()
+            histories.own[position] = deque()
 
     def visible(self, position: int, end: int, since: int = -1) -> Iterator[tuple[int, bytes]]:
-        """The newest block of each station that a position received after ``since``, by its END at ``end``."""
+        """Each station's newest block that a position received after ``since`` and by its END at ``end``."""
         for station, histories in self._stations.items():
-            if not histories.apart and histories.common[-1][0] <= since:
-                continue  # nothing since, whoever it is
+            if not histories.own and histories.common[-1][0] <= since:
+                continue  # no receiver has got one since
             for tick, image in histories.entries(position):
                 if tick <= end:
                     if tick > since:

@@ -1,51 +1,52 @@
-"""The N:N link's line: who keeps which block, and what is done in one go where nobody can come between."""
+"""The N:N link's line: it keeps the blocks that stations have received, and shares work among listeners."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 
-from bussim.engines.contract import STORED
+from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, Frame
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import DEADLINES, Kernel
 from bussim.sim.nn.block_history import BlockHistory
+from bussim.sim.nn.contract import LinkStation
 from bussim.sim.nn.fast_path import FastPath
-from bussim.sim.nn.port import LinkPort
-from bussim.sim.nn.reporter import Reporter
+from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.nn.shared_listener import SharedListener
+from bussim.sim.wire.contract import LineNode, Transmission, WireFrame
 from bussim.sim.wire.line import Line
-from bussim.sim.wire.node import Node
-from bussim.sim.wire.transmission import Transmission, WireFrame
 from bussim.trace.records import Sink
 
 
 class LinkBus(Line):
-    """One N:N line. ``ports`` are all its nodes: nothing else can sit on such a line."""
+    """One N:N line. ``ports`` are all its nodes: no other devices share such a line."""
 
     protocol = "nn"
 
-    def __init__(self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: Reporter) -> None:
+    def __init__(
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: LinkReporter
+    ) -> None:
         super().__init__(name, timing, sink, reporter)
         self.reporter = reporter
-        self.ports: Sequence[LinkPort] = []
-        self.block_history = BlockHistory(0)
+        self.ports: Sequence[LinkStation] = []
+        self.block_history = BlockHistory()
         self.shared_listener = SharedListener()
-        #: Whether slaves may be told together (a test compares both ways).
+        #: Whether slaves may share a listener (a test compares runs with and without).
         self.shared = True
-        self.fast_path = FastPath(self, kernel)
+        self.fast_path = FastPath(self, kernel, self.shared_listener, self.block_history)
         self._shared_timer = kernel.timer(self._watch_shared, DEADLINES)
         self._others = 0
 
-    def connect(self, ports: Sequence[LinkPort], horizon: int) -> None:
-        """LinkAttachment the ports, in cable order; ``horizon`` is the longest PLC scan on the line in ticks."""
-        self.position(ports)
+    def connect(self, ports: Sequence[LinkStation], horizon: int) -> None:
+        """Put the ports on the cable, in cable order; ``horizon`` is the longest PLC scan in ticks."""
+        self.set_nodes(ports)
         self.ports = ports
         self._others = len(ports) - 1
-        self.block_history = BlockHistory(horizon)
+        self.block_history.horizon = horizon
 
     @property
     def plc_names(self) -> tuple[str, ...]:
-        """Names by the positions that refreshes are told with."""
+        """Names by the positions that records of refreshes use."""
         return tuple(port.name for port in self.ports)
 
     # -- frames ------------------------------------------------------------------------------------
@@ -75,34 +76,34 @@ class LinkBus(Line):
         assert isinstance(frame, Frame)  # noqa: S101 - narrows the type; the link has no others
         return frame.station, frame.counter
 
-    # -- who listens -------------------------------------------------------------------------------
+    # -- listeners ---------------------------------------------------------------------------------
 
     def listeners_changed(self) -> None:
-        """Some port listens otherwise than before."""
+        """Some port receives otherwise than before."""
         super().listeners_changed()
-        self.fast_path.close()
+        self.fast_path.invalidate()
 
-    def listens_alone(self, port: Node) -> None:
-        """A port is going to listen for itself."""
+    def hand_over(self, port: LineNode) -> None:
+        """A port receives for itself from now on: the shared listener ends for all its members."""
         if port in self.shared_listener.members:
-            self._all_listen_alone()
+            self._hand_over_all()
 
-    def _all_listen_alone(self) -> None:
-        """Every slave listens for itself from now on, also to what is on the line."""
-        members = self.shared_listener.dissolve()
+    def _hand_over_all(self) -> None:
+        """Every slave receives for itself from now on, also what is on the wire."""
+        members = self.shared_listener.release()
         if not members:
             return
-        self._stood_in_for = ()
+        self._represented = ()
         for port in members:
-            port.watch()
-        for tx in self._air:
+            port.arm_deadline()
+        for tx in self._on_wire:
             if tx.shared:
                 self._split(tx, members)
         self.listeners_changed()
 
     @staticmethod
-    def _split(tx: Transmission, members: Iterable[LinkPort]) -> None:
-        """What the shared listener was to hear of a frame, its former members hear."""
+    def _split(tx: Transmission, members: Iterable[LinkStation]) -> None:
+        """A frame that the shared listener was to receive goes to its former members."""
         tx.shared = 0
         tx.listeners += tuple(
             (port, port.engine.receive_frame)
@@ -111,20 +112,23 @@ class LinkBus(Line):
         )
 
     def _watch_shared(self, now: int) -> None:
-        """The lazy watchdog of all members in one."""
+        """The members' common watchdog; like a node's, its timer may fire early and is then set again."""
         shared_listener = self.shared_listener
         if shared_listener.members:
             if shared_listener.deadline > now:
                 self._shared_timer.set(shared_listener.deadline)
             else:
-                self._all_listen_alone()
+                self._hand_over_all()
 
-    def _gather(self) -> None:
-        """The master's data frame is over: slaves that are calm and agree listen together."""
+    def _form_shared_listener(self) -> None:
+        """Let slaves that are steady and agree share a listener, now that the master's data frame is over.
+
+        That is the point of a link scan where no poll is pending, so that their states can be equal.
+        """
         if self.shared and not self._open_receivers and not any(self._segments):
-            self._all_listen_alone()
+            self._hand_over_all()
             self.shared_listener.form(self.ports)
-            self._stood_in_for = self.shared_listener.members
+            self._represented = self.shared_listener.members
             self.listeners_changed()
             if self.shared_listener.members:
                 timer, deadline = self._shared_timer, self.shared_listener.deadline
@@ -132,29 +136,31 @@ class LinkBus(Line):
                     timer.set(deadline)
 
     def _deliver(self, frame: WireFrame, tx: Transmission, now: int) -> None:
-        """A whole undamaged frame reaches everybody who listens to whole frames."""
+        """Pass a whole undamaged frame to every port that receives whole frames."""
         assert type(frame) is Frame  # noqa: S101 - narrows the type; the link has no others
         start, kind, sender = tx.start, frame.kind, tx.sender
         shared_listener = self.shared_listener
-        if tx.shared and not shared_listener.hear(frame, start, now):
+        if tx.shared and not shared_listener.receive(frame, start, now):
             members = shared_listener.members
-            self._all_listen_alone()
+            self._hand_over_all()
             self._split(tx, members)
         if kind != DATA:
             if tx.shared and kind == POLL:
                 polled = shared_listener.by_station.get(frame.station)
                 if polled is not None:
                     polled.schedule(now, frame.counter)
-            for port, hear in tx.listeners:
-                hints = hear(frame, start, now)
+            for port, receive in tx.listeners:
+                hints = receive(frame, start, now)
                 if hints:
                     port.handle(hints, now)
             return
+        # A data frame. Nearly always all stations store its block: then counting them is enough, and only
+        # otherwise are positions listed.
         listeners = tx.listeners
         took = tx.shared
         missed: list[int] = []
-        for port, hear in listeners:
-            hints = hear(frame, start, now)
+        for port, receive in listeners:
+            hints = receive(frame, start, now)
             if hints & STORED:
                 took += 1
                 if hints == STORED:
@@ -163,7 +169,7 @@ class LinkBus(Line):
                 missed.append(port.position)
             port.handle(hints, now)
         if took == self._others:
-            self.block_history.heard(frame.station, now, frame.data)
+            self.block_history.received(frame.station, now, frame.data)
             self.sink.refreshed(self.name, sender.position, now, None)
         elif took:
             positions = [port.position for port, _ in listeners if port.position not in missed]
@@ -172,35 +178,33 @@ class LinkBus(Line):
             others = [
                 port.position for port in self.ports if port is not sender and port.position not in positions
             ]
-            self.block_history.heard(frame.station, now, frame.data, others)
+            self.block_history.received(frame.station, now, frame.data, others)
             self.sink.refreshed(self.name, sender.position, now, positions)
         if not frame.station and listeners:
-            self._gather()
+            self._form_shared_listener()
 
     def accepted(
         self,
-        port: Node,
+        port: LineNode,
         frame: WireFrame,
         start: int,
         now: int,
-        sender: Node | None,
+        sender: LineNode | None,
         blamed: Transmission | None,
-        *,
-        stored: bool,
+        hints: int,
     ) -> None:
-        """See the line; and a block that one port took alone goes into the block history."""
-        super().accepted(port, frame, start, now, sender, blamed, stored=stored)
-        if stored:
+        """See the line; a block that this port alone has stored goes into the block history."""
+        super().accepted(port, frame, start, now, sender, blamed, hints)
+        if hints & STORED:
             assert isinstance(frame, Frame)  # noqa: S101 - narrows the type; the link has no others
-            self.block_history.heard_alone(frame.station, now, frame.data, port.position)
+            self.block_history.received_by(port.position, frame.station, now, frame.data)
             if sender is not None:
                 self.sink.refreshed(self.name, sender.position, now, [port.position])
 
-    def detach(self, port: Node) -> None:
-        """A port's engine is about to stop: it hears nothing more."""
+    def detach(self, port: LineNode) -> None:
+        """A port's engine is about to stop: it receives nothing more, and its counts are added up."""
         super().detach(port)
-        assert isinstance(port, LinkPort)  # noqa: S101 - narrows the type; the link has no others
-        self.reporter.detach(port)
+        self.reporter.add_up(self.ports[port.position])
 
     def close(self, now: int) -> None:
         """The run is over (for now): everything is brought up to date."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from bussim.engines.contract import TRANSMIT
+from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.events import NnEvent
 from bussim.engines.nn.frames import QUIET_CHARS
 from bussim.engines.nn.master import Master
@@ -14,16 +14,13 @@ from bussim.plc.plc import Plc, PlcState
 from bussim.plc.profiles import Reply
 from bussim.plc.turnaround import Turnarounds
 from bussim.sim.kernel import Kernel
+from bussim.sim.nn.bus import LinkBus
+from bussim.sim.wire.contract import LineNode
 from bussim.sim.wire.node import Node
-
-if TYPE_CHECKING:
-    from bussim.sim.nn.bus import LinkBus
-
-_IDLE = b""
 
 
 class LinkPort(Node):
-    """The port that M8179 selects. Its node is named as the PLC."""
+    """The port that M8179 selects. Its node has the PLC's name."""
 
     __slots__ = (
         "_longest_turnaround",
@@ -57,13 +54,13 @@ class LinkPort(Node):
         """Two characters (assumed; see the link's frames)."""
         return timing.characters(QUIET_CHARS)
 
-    def understands(self, sender: Node) -> bool:
+    def understands(self, sender: LineNode) -> bool:
         """Always: a link has no other frames than its own."""
         del sender
         return True
 
     def report(self, item: NnEvent, now: int) -> None:
-        """To the bus's reporter."""
+        """Pass an event on to the bus's reporter."""
         self.reporter.engine_event(self, item, now)
 
     @property
@@ -72,7 +69,7 @@ class LinkPort(Node):
         return self.plc.state is not PlcState.OFF
 
     def run(self, engine: LinkEngine | None, first_end: int, now: int) -> None:
-        """The PLC is in RUN: it listens, and a master begins after its first END."""
+        """The PLC is in RUN: its port receives, and a master begins after its first END."""
         self.engine = engine
         self.is_master = isinstance(engine, Master)
         if engine is None:
@@ -83,14 +80,24 @@ class LinkPort(Node):
         self.bus.join_midway(self, now)
 
     def halt(self, now: int) -> None:
-        """STOP or power-off."""
+        """STOP or power-off: see the base class."""
         super().halt(now)
         self._waits.clear()
 
-    # -- the engine's wishes -----------------------------------------------------------------------
+    # -- what the engine asks for ------------------------------------------------------------------
+
+    def handle(self, hints: int, now: int) -> None:
+        """Do what the engine asks for with its hints."""
+        engine = self.engine
+        # The ordinary case: a frame was received (and perhaps stored) that calls for one of its own.
+        if hints & ~STORED == TRANSMIT and engine is not None and engine.due >= 0:
+            at, engine.due = engine.due, -1
+            self.schedule(at, engine.due_counter)
+            return
+        super().handle(hints, now)
 
     def _on_deadline(self, now: int) -> None:
-        if self not in self.bus.shared_listener.members:  # the shared listener watches for all its members
+        if self not in self.bus.shared_listener.members:  # the bus has one watchdog for all members
             super()._on_deadline(now)
 
     # -- sending -----------------------------------------------------------------------------------
@@ -100,8 +107,8 @@ class LinkPort(Node):
         return self._turnarounds.draw() + self.extra_turnaround
 
     @property
-    def prompt(self) -> bool:
-        """Whether its frames leave when its engine wants them, and its driver goes off with their end."""
+    def undelayed(self) -> bool:
+        """Whether its frames leave when its engine asks for it, and its driver goes off at their end."""
         return not (self.jabbering or self.late_release or self.replies_at_end or self.tail)
 
     @property
@@ -110,7 +117,7 @@ class LinkPort(Node):
         return self._longest_turnaround + self.extra_turnaround
 
     def schedule(self, at: int, counter: int) -> None:
-        """A frame is to be sent from ``at`` on; a slave adds its turnaround."""
+        """Schedule a frame to be sent from ``at`` on; a slave adds its turnaround."""
         if not self.is_master:
             at += self.turnaround()
             if self.replies_at_end:
@@ -119,7 +126,7 @@ class LinkPort(Node):
         if self.pending:
             super().schedule(at, counter)
             return
-        # Nearly always nothing else waits; eight times a link scan a call is worth saving.
+        # Nearly always nothing else waits: eight calls a link scan are saved.
         now = self._kernel.now
         if at < now:
             at = now
@@ -138,18 +145,23 @@ class LinkPort(Node):
             return
         if pending:
             self._start_timer.set(max(pending[0][0], now))
-        if bus.disturber.replies_at_risk and not self.is_master and bus.reply_vanishes(self, now):
+        if (
+            not self.is_master
+            and bus.disturber.replies_at_risk
+            and bus.disturber.reply_vanishes(self.position, now)
+        ):
             return
-        image = self.plc.image_at(now) if engine.wants_image else _IDLE
-        frame = engine.begin_transmit(now, image, counter)
+        if engine.wants_image:
+            engine.image = self.plc.image_at(now)
+        frame = engine.begin_transmit(now, counter)
         if self.tail or self.receiver.is_open:
             self._begin(frame, now)
-        else:  # as _begin does it; the ordinary way is worth a call
+        else:  # as _begin does it, without the call
             self.sending = tx = bus.begin(self, frame, now)
             self._end_timer.chain(tx.end)
 
     def _ends_moved(self, end: int) -> None:
-        """The PLC's scans after ``end`` take another time: replies that wait for END are scheduled anew."""
+        """The PLC's scans after ``end`` take another time: reschedule the replies that wait for END."""
         waits, now = self._waits, self._kernel.now
         if not waits:
             return

@@ -1,9 +1,10 @@
-"""From what the engines of one bus report to the run's records and totals."""
+"""Makes records and totals of what the engines of one bus report."""
 
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from copy import deepcopy
+from dataclasses import dataclass, field
 
 from bussim.engines.nn.codes import MEANINGS
 from bussim.engines.nn.events import (
@@ -28,18 +29,32 @@ from bussim.plc.link_registers import (
     selected_port,
 )
 from bussim.plc.plc import Plc
+from bussim.sim.nn.contract import LinkStation
 from bussim.trace.records import AttemptRecord, NoteRecord, ScanRecord, Sink
 from bussim.units import format_ms
 
-if TYPE_CHECKING:
-    from bussim.sim.nn.port import LinkPort
+
+@dataclass(slots=True)
+class MasterCounts:
+    """What masters have counted: first attempts, failed attempts by station and code, station errors."""
+
+    polls: int = 0
+    failed_attempts: dict[int, Counter[int]] = field(default_factory=dict)
+    station_errors: Counter[int] = field(default_factory=Counter)
+
+    def add(self, engine: Master) -> None:
+        """Add the counts of an engine."""
+        self.polls += engine.polls
+        for station, by_code in engine.failed_attempts.items():
+            self.failed_attempts.setdefault(station, Counter()).update(by_code)
+        self.station_errors.update(engine.station_errors)
 
 
-class Reporter:
+class LinkReporter:
     """Writes one bus's records. ``names`` are the first PLC with each station number.
 
-    Answers later than ``longest_turnaround`` ticks are worth naming. A bus with several masters is
-    reported as its ``primary`` one sees it: the first along the cable.
+    A link scan's cause names its slowest reply if that came later than ``longest_turnaround`` ticks. A bus
+    with several masters is reported as the ``primary`` one sees it: the first along the cable.
     """
 
     def __init__(
@@ -53,11 +68,9 @@ class Reporter:
         # Link scans so far, over all RUNs of the primary master.
         self._scans = 0
         self.healthy_at: int | None = None
-        #: What finished engines of the primary master counted.
-        self.polls = 0
-        self.failed_attempts: dict[int, Counter[int]] = {}
-        self.station_errors: Counter[int] = Counter()
-        #: Things worth telling the user after the run, each once.
+        # Of engines of the primary master that have stopped.
+        self._stopped = MasterCounts()
+        #: Warnings for the user after the run, each once.
         self.warnings: list[str] = []
 
     def _note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
@@ -74,8 +87,8 @@ class Reporter:
 
     # -- engines -----------------------------------------------------------------------------------
 
-    def engine_event(self, port: LinkPort, event: NnEvent, now: int) -> None:
-        """An engine reported something."""
+    def engine_event(self, port: LinkStation, event: NnEvent, now: int) -> None:
+        """Record an engine's event."""
         if isinstance(event, (ScanEnded, AttemptEnded, AllHealthy)):
             if port.name == self._primary:
                 self._master_event(event)
@@ -135,7 +148,7 @@ class Reporter:
             None if event.reply is None else event.reply - event.polled,
         )
 
-    def _lost(self, port: LinkPort, event: StationLost) -> None:
+    def _lost(self, port: LinkStation, event: StationLost) -> None:
         if not event.new:
             return
         label = self.station_label(event.station)
@@ -143,7 +156,7 @@ class Reporter:
         self._note(event.tick, "station_error", port.name, text, station=event.station, code=event.code)
 
     def _cause(self, event: ScanEnded) -> str:
-        """Why a scan took longer than the plain one, in words."""
+        """Why a link scan took longer than one without faults, in words."""
         reasons: list[str] = []
         for station in dict.fromkeys(station for station, _ in event.failures):
             failed = [code for number, code in event.failures if number == station]
@@ -173,17 +186,20 @@ class Reporter:
         self._warn(text)
 
     def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
-        """A receiver believed a frame that nobody sent."""
+        """A receiver accepted a frame that no station sent."""
         text = f"took a damaged frame of {sender} for a valid {what} frame"
         self._note(tick, "undetected", receiver, text, sender=sender)
 
     # -- totals ------------------------------------------------------------------------------------
 
-    def detach(self, port: LinkPort) -> None:
-        """An engine ends: add up what the primary master counted."""
-        engine = port.engine
-        if isinstance(engine, Master) and port.name == self._primary:
-            self.polls += engine.polls
-            for station, by_code in engine.failed_attempts.items():
-                self.failed_attempts.setdefault(station, Counter()).update(by_code)
-            self.station_errors.update(engine.station_errors)
+    def add_up(self, port: LinkStation) -> None:
+        """An engine is about to stop: keep what the primary master has counted."""
+        if isinstance(port.engine, Master) and port.name == self._primary:
+            self._stopped.add(port.engine)
+
+    def counts(self, running: Master | None) -> MasterCounts:
+        """What the primary master has counted over all its RUNs, the running engine's included."""
+        total = deepcopy(self._stopped)
+        if running is not None:
+            total.add(running)
+        return total

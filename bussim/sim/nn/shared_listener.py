@@ -1,25 +1,24 @@
-"""Slaves that hear everything alike, told of it once.
+"""One listener in place of the engines of all slaves that receive the same frames.
 
-Nearly always every slave of a link has heard the same frames, all of them ordinary: then what each
-has in mind of the link is the same, and one state stands for all. Anything else (a repeat, a missing
-answer, a flag, damage) dissolves the shared listener, and every slave's own engine hears for itself again.
+Nearly always every slave of a link has received the same frames, all of them ordinary: then the reception
+state of each is the same, and keeping it once is enough. A frame costs one call instead of one for each
+slave. Anything else (a repeat, a missing reply, a flag, damage) ends this: the engines are brought up to
+the common state, and each receives for itself again until the next data frame of the master.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from bussim.engines.nn.codes import NOT_IN_NETWORK
 from bussim.engines.nn.frames import DATA, POLL, Frame
-from bussim.engines.nn.slave import NOBODY, Listening, Slave
-
-if TYPE_CHECKING:
-    from bussim.sim.nn.port import LinkPort
+from bussim.engines.nn.monitor import NONE_PENDING, ReceptionState
+from bussim.engines.nn.slave import Slave
+from bussim.sim.nn.contract import LinkStation
 
 
 class SharedListener:
-    """The members are slaves in calm whose listening states are equal; it knows nothing of frames' origin.
+    """The members are steady slaves with equal reception states; which node sent a frame plays no part.
 
     A member's engine lags behind until :meth:`sync`.
     """
@@ -44,19 +43,19 @@ class SharedListener:
     )
 
     def __init__(self) -> None:
-        self.members: tuple[LinkPort, ...] = ()
+        self.members: tuple[LinkStation, ...] = ()
         #: The member with a station number.
-        self.by_station: dict[int, LinkPort] = {}
+        self.by_station: dict[int, LinkStation] = {}
         self._flagged: set[int] = set()
         self._current: int | None = None
         self._longest = -1
         self._longest_at = 0
         self._block_size = -1
         self._watchdog = 0
-        self._stale = False  # something was heard since the members' engines were brought up to date
-        self._take(Listening(NOBODY, 0, 0, 0, 0, None, 0))
+        self._stale = False  # something was received since the members' engines were brought up to date
+        self._take(ReceptionState(NONE_PENDING, 0, 0, 0, 0, None, 0))
 
-    def _take(self, state: Listening) -> None:
+    def _take(self, state: ReceptionState) -> None:
         (
             self.pending,
             self._pending_counter,
@@ -67,25 +66,25 @@ class SharedListener:
             self._data_counter,
         ) = state
 
-    def form(self, ports: Sequence[LinkPort]) -> None:
-        """Take in those of these ports whose slaves are calm and agree with the first such one."""
+    def form(self, ports: Sequence[LinkStation]) -> None:
+        """Take in those of these ports whose slaves are steady and agree with the first such one."""
         slaves = [port.engine for port in ports if isinstance(port.engine, Slave)]
         if len({slave.config.station for slave in slaves}) < len(slaves):
-            return  # two stations with one number do not hear alike
-        state: Listening | None = None
-        members: list[LinkPort] = []
-        by_station: dict[int, LinkPort] = {}
+            return  # two stations with one number differ in what is addressed to them
+        state: ReceptionState | None = None
+        members: list[LinkStation] = []
+        by_station: dict[int, LinkStation] = {}
         flagged: set[int] = set()
         for port in ports:
             engine = port.engine
-            if not isinstance(engine, Slave) or not engine.calm or engine.settings is None:
+            if not isinstance(engine, Slave) or not engine.steady or engine.settings is None:
                 continue
             if state is None:
-                state = engine.listening
+                state = engine.reception
                 if state.pending >= 0:
                     return
                 self._block_size = engine.block_size
-            elif engine.listening != state or engine.block_size != self._block_size:
+            elif engine.reception != state or engine.block_size != self._block_size:
                 continue
             members.append(port)
             by_station[engine.config.station] = port
@@ -99,11 +98,11 @@ class SharedListener:
 
     @property
     def deadline(self) -> int:
-        """When the first member's watchdog on the master expires if nothing more is heard."""
+        """When the first member's watchdog on the master expires if nothing more is received."""
         return self._heard_master + self._watchdog
 
-    def dissolve(self) -> tuple[LinkPort, ...]:
-        """Bring every member's engine up to date and let it go; returns the former members."""
+    def release(self) -> tuple[LinkStation, ...]:
+        """Bring every member's engine up to date and release it; returns the former members."""
         members = self.members
         self.sync()
         self.members = ()
@@ -115,7 +114,7 @@ class SharedListener:
         if not self._stale:
             return
         self._stale = False
-        state = Listening(
+        state = ReceptionState(
             self.pending,
             self._pending_counter,
             self._outcome,
@@ -128,7 +127,7 @@ class SharedListener:
             engine = port.engine
             if not isinstance(engine, Slave):
                 continue
-            engine.listen_on(state)
+            engine.resume(state)
             if self._current is not None:
                 engine.status.measured(self._longest, self._longest_at)
                 engine.status.current = self._current
@@ -138,10 +137,10 @@ class SharedListener:
         """Whether a first poll of this station and its reply are ordinary while no poll is pending."""
         return bool(self.members) and station not in self._flagged
 
-    def hear(self, frame: Frame, start: int, end: int) -> bool:
-        """A frame that all members hear; returns whether it was an ordinary one, now heard.
+    def receive(self, frame: Frame, start: int, end: int) -> bool:
+        """Receive a frame for all members; returns whether it was an ordinary one.
 
-        If not, nothing has changed: dissolve and tell everybody.
+        If not, nothing has changed: release the members and pass the frame to their engines.
         """
         self._stale = True
         kind = frame.kind

@@ -1,50 +1,36 @@
-"""A bus beside the link, and the truth about its answers, which RTU frames do not carry."""
+"""A serial bus, and which request each reply on it answers, which RTU frames do not carry."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Hashable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.engines.modbus.adu import Adu
 from bussim.line.characters import LineTiming
-from bussim.sim.wire.line import Line, Witness
-from bussim.sim.wire.node import Node
-from bussim.sim.wire.transmission import Transmission, WireFrame
+from bussim.sim.serial.contract import Reply, SerialStation
+from bussim.sim.wire.contract import LineNode, LineReporter, Transmission, WireFrame
+from bussim.sim.wire.line import Line
 from bussim.trace.records import Sink
 
-if TYPE_CHECKING:
-    from bussim.sim.serial.node import SerialNode
-
-#: Replies that are remembered: more than can lie between an answer and the END that takes it over.
+#: Replies that are remembered: more than can lie between a reply and the END that takes it over.
 _REPLIES = 512
-
-
-class Reply(NamedTuple):
-    """A slave's reply on the wire: which request it answers, and when its values were taken."""
-
-    start: int
-    end: int
-    asked: int  # first edge of the request
-    served: int
-    chars: int
 
 
 class SerialBus(Line):
     """One bus with its PLC ports and devices in cable order."""
 
-    def __init__(self, name: str, timing: LineTiming, sink: Sink, witness: Witness) -> None:
-        super().__init__(name, timing, sink, witness)
-        self.ports: Sequence[SerialNode] = []
-        #: Nodes to whom a whole frame was told, and who wait for the silence that ends it.
-        self.waiting: set[SerialNode] = set()
-        # Of several frames at once only one is sound: a few of the latest are enough.
-        self._told: deque[Transmission] = deque(maxlen=8)
+    def __init__(self, name: str, timing: LineTiming, sink: Sink, line_reporter: LineReporter) -> None:
+        super().__init__(name, timing, sink, line_reporter)
+        self.ports: Sequence[SerialStation] = []
+        #: LineNodes to whom a whole frame was told, and who wait for the silence that ends it.
+        self.waiting: set[SerialStation] = set()
+        # Delivered whole; of several frames at once only one is sound: a few of the latest are enough.
+        self._delivered: deque[Transmission] = deque(maxlen=8)
         self._replies: deque[Reply] = deque(maxlen=_REPLIES)
 
-    def connect(self, nodes: Sequence[SerialNode]) -> None:
-        """LinkAttachment the nodes, in cable order."""
-        self.position(nodes)
+    def connect(self, nodes: Sequence[SerialStation]) -> None:
+        """Put the nodes on the cable, in cable order."""
+        self.set_nodes(nodes)
         self.ports = nodes
 
     # -- frames ------------------------------------------------------------------------------------
@@ -68,7 +54,7 @@ class SerialBus(Line):
         """See the line."""
         return "Modbus" if isinstance(frame, Adu) else "free-protocol"
 
-    def protocol_of(self, sender: Node) -> str:
+    def protocol_of(self, sender: LineNode) -> str:
         """See the line."""
         return self.ports[sender.position].protocol_name
 
@@ -77,48 +63,47 @@ class SerialBus(Line):
 
     # -- silences ----------------------------------------------------------------------------------
 
-    def listens_alone(self, port: Node) -> None:
-        """A node's receiver opens: what it was told of is what the receiver has heard so far."""
+    def hand_over(self, port: LineNode) -> None:
+        """A node's receiver opens: the whole frame that it waits behind counts as received so far."""
         node = self.ports[port.position]
         if node in self.waiting:
-            node.listen_on()
+            node.resume_reception()
 
-    def _all_listen_alone(self) -> None:
-        for node in sorted(self.waiting, key=_seat):
-            node.listen_on()
+    def _hand_over_all(self) -> None:
+        for node in sorted(self.waiting, key=_position):
+            node.resume_reception()
 
-    def begin(self, port: Node, frame: WireFrame, now: int) -> Transmission:
-        """A node's driver is switched on for a frame; who waited for silence does not get it."""
+    def begin(self, port: LineNode, frame: WireFrame, now: int) -> Transmission:
+        """Switch a node's driver on for a frame; nodes that waited for silence receive its characters."""
         if self.waiting:
-            self._all_listen_alone()
+            self._hand_over_all()
         return super().begin(port, frame, now)
 
     def _deliver(self, frame: WireFrame, tx: Transmission, now: int) -> None:
-        self._told.append(tx)
+        self._delivered.append(tx)
         super()._deliver(frame, tx, now)
 
     def accepted(
         self,
-        port: Node,
+        port: LineNode,
         frame: WireFrame,
         start: int,
         now: int,
-        sender: Node | None,
+        sender: LineNode | None,
         blamed: Transmission | None,
-        *,
-        stored: bool,
+        hints: int,
     ) -> None:
-        """See the line; the frame may have been told of as a whole, and only its end heard by an receiver."""
+        """See the line; the frame may have been delivered whole, and only its end read by the receiver."""
         if sender is None:
-            for tx in self._told:
+            for tx in self._delivered:
                 if tx.frame is not None and tx.start == start and tx.frame.chars == frame.chars:
                     sender = tx.sender
-        super().accepted(port, frame, start, now, sender, blamed, stored=stored)
+        super().accepted(port, frame, start, now, sender, blamed, hints)
 
-    # -- the truth ---------------------------------------------------------------------------------
+    # -- which request a reply answers -------------------------------------------------------------
 
     def replied(self, reply: Reply) -> None:
-        """A slave has begun to answer."""
+        """Record a slave's reply that begins now."""
         self._replies.append(reply)
 
     def reply_at(self, tick: int) -> Reply | None:
@@ -134,5 +119,5 @@ class SerialBus(Line):
         return found
 
 
-def _seat(node: Node) -> int:
+def _position(node: LineNode) -> int:
     return node.position

@@ -66,7 +66,7 @@ class DeviceNode(SerialNode):
         if self._cycle is not None and isinstance(settings, model.LxSettings):
             self._cycle.run(now, settings.scan.mean, settings.scan.jitter, None)
         engine, timing = self._behaviour.power_on(now)
-        self.speak(engine, timing, now)
+        self.use_engine(engine, timing, now)
         self.handle(engine.start(now), now)
         self._behaviour.tell(self.reporter)
 
@@ -90,7 +90,7 @@ class DeviceNode(SerialNode):
         if isinstance(self.engine, Slave):
             self.handle(self.engine.serve(now), now)
 
-    def take(self, item: Any, now: int) -> None:
+    def handle_event(self, item: Any, now: int) -> None:
         """What becomes of an event."""
         del now
         reporter = self.reporter

@@ -1,9 +1,9 @@
-"""A node that speaks Modbus or a protocol of its own: what PLC ports and devices have in common."""
+"""A node with Modbus or the free protocol: what PLC ports and devices have in common."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bussim.engines.contract import OPEN
 from bussim.engines.free.engine import FreePort
@@ -13,28 +13,28 @@ from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.slave import Slave
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import HEARING, Kernel
-from bussim.sim.serial.bus import Reply, SerialBus
+from bussim.sim.serial.bus import SerialBus
+from bussim.sim.serial.contract import Reply
+from bussim.sim.serial.reporter import SerialReporter
+from bussim.sim.wire.contract import LineNode
 from bussim.sim.wire.node import Node
 
-if TYPE_CHECKING:
-    from bussim.sim.serial.reporter import SerialReporter
-
-#: Requests whose truth is kept until their replies begin.
+#: Requests that are remembered until their replies begin.
 _MOST_SERVED = 64
 
 
 class SerialNode(Node):
     """One position of a serial bus.
 
-    ``kind`` names its frames ("request", "response" or "data"), ``tongue`` its protocol ("modbus-rtu",
-    "modbus-ascii", "free"): both follow from its engine. ``delays``, where given, draw what is added
-    to a reply's delay, uniform below ``jitter`` ticks.
+    ``kind`` names its frames ("request", "response" or "data"), ``protocol_name`` its protocol
+    ("modbus-rtu", "modbus-ascii", "free"): both follow from its engine. ``delays``, where given, draw what is
+    added to a reply's delay, uniform below ``jitter`` ticks.
     """
 
     __slots__ = (
         "_delays",
-        "_heard_until",
         "_jitter",
+        "_received_until",
         "_served",
         "_silence_timer",
         "bus",
@@ -65,14 +65,14 @@ class SerialNode(Node):
         self._delays = delays if jitter else None
         self._jitter = jitter
         self._silence_timer = kernel.timer(self._on_silence, HEARING)
-        self._heard_until = 0
+        self._received_until = 0
         # By the number of a request: its first edge, and when its values were taken.
         self._served: dict[int, tuple[int, int]] = {}
 
-    # -- what it speaks ----------------------------------------------------------------------------
+    # -- its protocol ------------------------------------------------------------------------------
 
-    def speak(self, engine: Any, timing: LineTiming, now: int) -> None:
-        """From now on its engine is this one, at this rate and format; it is not started yet."""
+    def use_engine(self, engine: Any, timing: LineTiming, now: int) -> None:
+        """Use this engine, at this rate and format, from now on; it is not started yet."""
         self.engine = engine
         self._served.clear()
         if isinstance(engine, (Slave, Master, PollingMaster)):
@@ -89,20 +89,20 @@ class SerialNode(Node):
         quiet: int = getattr(self.engine, "quiet", 0)
         return quiet or timing.characters(2)
 
-    def understands(self, sender: Node) -> bool:
+    def understands(self, sender: LineNode) -> bool:
         """Whether whole frames of another node are frames of its own protocol (free: any bytes)."""
         if isinstance(self.engine, FreePort):
             return True
         return isinstance(sender, SerialNode) and sender.protocol_name == self.protocol_name
 
-    # -- the engine's wishes -----------------------------------------------------------------------
+    # -- what the engine asks for ------------------------------------------------------------------
 
     def handle(self, hints: int, now: int) -> None:
-        """Look at what the engine asks for."""
+        """Do what the engine asks for with its hints."""
         if hints & OPEN:
             # An open receiver watches for the silence itself.
             if not self.receiver.is_open and self not in self.bus.waiting:
-                self._heard_until = now
+                self._received_until = now
                 self.bus.waiting.add(self)
                 self._silence_timer.set(now + self.quiet(self.timing))
             hints &= ~OPEN
@@ -115,38 +115,38 @@ class SerialNode(Node):
             self.handle(engine.line_idle(now), now)
 
     def catch_up(self, now: int) -> None:
-        """What a master or a free port makes of its deadline depends on the characters so far."""
-        self.bus.hear_so_far(self, now)
+        """Whether a master or a free port has timed out depends on the characters so far."""
+        self.bus.receive_so_far(self, now)
 
-    def listen_on(self) -> None:
-        """Something begins before the silence is over: the receiver takes it from where the frame ended."""
+    def resume_reception(self) -> None:
+        """Characters come before the silence is over: the receiver goes on from where the frame ended."""
         self.bus.waiting.discard(self)
         self._silence_timer.cancel()
-        self.receiver.hold(self._heard_until)
+        self.receiver.hold(self._received_until)
 
     def halt(self, now: int) -> None:
-        """STOP or power-off."""
+        """STOP or power-off: see the base class."""
         super().halt(now)
         self.bus.waiting.discard(self)
         self._silence_timer.cancel()
 
     def report(self, item: Any, now: int) -> None:
-        """An engine's event."""
+        """Take an event of the engine."""
         if isinstance(item, RequestServed) and not item.broadcast:
             served = self._served
             served[item.number] = (item.start, item.tick)
             if len(served) > _MOST_SERVED:
                 del served[next(iter(served))]
-        self.take(item, now)
+        self.handle_event(item, now)
 
-    def take(self, item: Any, now: int) -> None:
-        """What becomes of an event."""
+    def handle_event(self, item: Any, now: int) -> None:
+        """Act on an event of the engine."""
         raise NotImplementedError
 
     # -- sending -----------------------------------------------------------------------------------
 
     def schedule(self, at: int, counter: int) -> None:
-        """A frame is to be sent from ``at`` on; a reply takes its own time."""
+        """Schedule a frame to be sent from ``at`` on; a reply is delayed by the node's own turnaround."""
         if self.kind == "response":
             at += self.extra_turnaround
             if self._delays is not None:
@@ -163,10 +163,10 @@ class SerialNode(Node):
             self._start_timer.set(max(pending[0][0], now))
         bus = self.bus
         replies = self.kind == "response"
-        if replies and bus.disturber.replies_at_risk and bus.reply_vanishes(self, now):
+        if replies and bus.disturber.replies_at_risk and bus.disturber.reply_vanishes(self.position, now):
             self.handle(engine.give_up_reply(now), now)
             return
-        frame = engine.begin_transmit(now, b"", counter)
+        frame = engine.begin_transmit(now, counter)
         self.bus.waiting.discard(self)
         self._begin(frame, now)
         tx = self.sending

@@ -1,4 +1,4 @@
-"""A PLC's port beside its link, and the clock that carries out the ENDs which its ports wait for."""
+"""A PLC's port on a serial bus, and the timer of those ENDs that its ports wait for."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bussim.sim.serial.reporter import SerialReporter
 
 
 class PlcPort(SerialNode):
-    """One port of a PLC: what CPAVL and RS2 make of it is its board's business."""
+    """One port of a PLC. What CPAVL and RS2 do with it is the business of its port registers."""
 
     __slots__ = ("clock", "plc", "port_registers")
 
@@ -44,31 +44,31 @@ class PlcPort(SerialNode):
         """The PLC is in RUN and its parameters were taken over."""
         engine, settings = self.port_registers.engine, self.port_registers.settings
         if engine is not None and settings is not None:
-            self.speak(engine, settings.timing, now)
+            self.use_engine(engine, settings.timing, now)
             self.handle(engine.start(now), now)
-        self.tell()
+        self.report_events()
 
     def handle(self, hints: int, now: int) -> None:
-        """Look at what the engine asks for; a request waits for END."""
+        """Do what the engine asks for with its hints; a request waits for END."""
         super().handle(hints, now)
         if hints & SERVE:
-            self.look(now)
+            self.schedule_end(now)
 
-    def look(self, now: int) -> None:
-        """An END may be wanted now."""
+    def schedule_end(self, now: int) -> None:
+        """An END may be waited for now."""
         if self.clock is not None:
-            self.clock.look(now)
+            self.clock.schedule_end(now)
 
-    def take(self, item: Any, now: int) -> None:
-        """To the board, which END concerns."""
+    def handle_event(self, item: Any, now: int) -> None:
+        """Pass an event on to the port registers, which act on it at END."""
         if isinstance(item, (RequestServed, FrameRejected, StationRefused)) and self.kind == "response":
             self.reporter.slave_event(self, item)
         self.port_registers.event(item, now)
-        self.tell()
-        self.look(now)
+        self.report_events()
+        self.schedule_end(now)
 
-    def tell(self) -> None:
-        """Report what the board has to say."""
+    def report_events(self) -> None:
+        """Report the events of the port registers."""
         reporter = self.reporter
         while (event := self.port_registers.poll()) is not None:
             if isinstance(event, TransactionTaken):
@@ -86,7 +86,7 @@ class PlcPort(SerialNode):
 
 
 class EndClock:
-    """Carries out those ENDs of a PLC that some port of it waits for."""
+    """Carries out those ENDs of a PLC that some port of it waits for; other ENDs are no events."""
 
     def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort]) -> None:
         self._plc = plc
@@ -95,7 +95,7 @@ class EndClock:
         for port in self._ports.values():
             port.clock = self
 
-    def look(self, now: int) -> None:
+    def schedule_end(self, now: int) -> None:
         """Arm the timer for the next END that is waited for."""
         at = self._plc.wanted_end(now)
         if at is None:
@@ -111,5 +111,5 @@ class EndClock:
         hints = self._plc.end(now)
         for name, port in self._ports.items():
             port.handle(hints.get(name, 0), now)
-            port.tell()
-        self.look(now)
+            port.report_events()
+        self.schedule_end(now)

@@ -1,10 +1,9 @@
-"""From what the nodes of the serial buses report to the run's records and totals."""
+"""Makes records and totals of what the nodes of the serial buses report."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from bussim.engines.free.events import Received, Sent
 from bussim.engines.modbus.codes import MEANINGS
@@ -16,10 +15,8 @@ from bussim.engines.modbus.events import (
     TransactionEnded,
 )
 from bussim.plc.ports.events import PortErrorRaised, TurnEnded
+from bussim.sim.serial.contract import SerialStation
 from bussim.trace.records import CycleRecord, FreeRecord, NoteRecord, PollRecord, Sink, TransactionRecord
-
-if TYPE_CHECKING:
-    from bussim.sim.serial.node import SerialNode
 
 
 @dataclass(slots=True)
@@ -41,15 +38,15 @@ class SerialReporter:
         self._slaves: dict[str, SlaveCounts] = {}
         #: Port errors of PLCs by node and code.
         self.errors: dict[str, Counter[int]] = {}
-        #: Things worth telling the user after the run, each once.
+        #: Warnings for the user after the run, each once.
         self.warnings: list[str] = []
 
     def note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
-        """Anything worth a line."""
+        """Record a note."""
         self._sink.note(NoteRecord(tick, kind, where, text, detail))
 
     def warn(self, text: str) -> None:
-        """Tell the user after the run, once."""
+        """Warn the user after the run, once."""
         if text not in self.warnings:
             self.warnings.append(text)
 
@@ -61,14 +58,14 @@ class SerialReporter:
         return found
 
     def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
-        """A receiver believed a frame that nobody sent."""
+        """A receiver accepted a frame that no station sent."""
         text = f"took a damaged frame of {sender} for a valid {what} frame"
         self.note(tick, "undetected", receiver, text, sender=sender)
 
     # -- slaves ------------------------------------------------------------------------------------
 
-    def slave_event(self, node: SerialNode, event: RequestServed | FrameRejected | StationRefused) -> None:
-        """A slave's engine reported something."""
+    def slave_event(self, node: SerialStation, event: RequestServed | FrameRejected | StationRefused) -> None:
+        """Record an event of a slave's engine."""
         counts = self.counts(node.name)
         if isinstance(event, RequestServed):
             if event.broadcast:
@@ -84,14 +81,14 @@ class SerialReporter:
             self.note(event.tick, "refused", node.name, text)
             self.warn(f"{node.name}: {text}")
 
-    def answered(self, node: SerialNode) -> None:
+    def answered(self, node: SerialStation) -> None:
         """A slave's reply begins."""
         self.counts(node.name).answered += 1
 
     # -- masters -----------------------------------------------------------------------------------
 
     def transaction(
-        self, node: SerialNode, event: TransactionEnded, poll: str, attempt: int, taken: int
+        self, node: SerialStation, event: TransactionEnded, poll: str, attempt: int, taken: int
     ) -> None:
         """The outcome of a master's transaction was taken over at ``taken``."""
         request = event.request
@@ -132,7 +129,7 @@ class SerialReporter:
             text = f"took an answer to an earlier request for that to station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 
-    def turn(self, node: SerialNode, turn: TurnEnded) -> None:
+    def turn(self, node: SerialStation, turn: TurnEnded) -> None:
         """A poll's turn is over, and its last answer taken over."""
         code = None if turn.error is None else int(turn.error)
         self._sink.poll_turn(
@@ -141,12 +138,12 @@ class SerialReporter:
             )
         )
 
-    def cycle(self, node: SerialNode, cycle: CycleEnded) -> None:
-        """A poll list has gone round."""
+    def cycle(self, node: SerialStation, cycle: CycleEnded) -> None:
+        """Every poll of a list has had its turn."""
         begun = cycle.tick - cycle.duration
         self._sink.cycle(CycleRecord(node.bus.name, node.name, cycle.number, begun, cycle.duration))
 
-    def port_error(self, node: SerialNode, event: PortErrorRaised) -> None:
+    def port_error(self, node: SerialStation, event: PortErrorRaised) -> None:
         """A PLC's port has set M8063 and D8063 = 7xyy."""
         errors = self.errors.setdefault(node.name, Counter())
         code = int(event.error)
@@ -161,13 +158,13 @@ class SerialReporter:
 
     # -- free protocol -----------------------------------------------------------------------------
 
-    def sent(self, node: SerialNode, sent: Sent, poll: str) -> None:
-        """A node has sent bytes of a protocol of its own."""
+    def sent(self, node: SerialStation, sent: Sent, poll: str) -> None:
+        """A node has sent bytes in the free protocol."""
         self._sink.free(
             FreeRecord(node.bus.name, node.name, poll, "sent", sent.start, sent.end, sent.chars, "", 0)
         )
 
-    def received(self, node: SerialNode, received: Received, poll: str, damaged: int) -> None:
+    def received(self, node: SerialStation, received: Received, poll: str, damaged: int) -> None:
         """A PLC's port has received bytes."""
         start, end, data, ended = received.start, received.tick, received.data, received.ended.value
         self._sink.free(

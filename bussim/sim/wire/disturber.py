@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from bussim.line.noise import BitNoise
-from bussim.sim.wire.transmission import Transmission
-
-if TYPE_CHECKING:
-    from bussim.sim.wire.line import Line
+from bussim.sim.wire.contract import DisturbedLine, Transmission
 
 
 @dataclass(slots=True)
@@ -24,7 +20,7 @@ class PlacedNoise:
 
 @dataclass(slots=True)
 class Loss:
-    """Replies vanish with a probability while it lasts; ``position`` None: everybody's."""
+    """Replies of a position (None: of every node) vanish with a probability while it lasts."""
 
     position: int | None
     probability: float
@@ -43,7 +39,7 @@ class Drop:
 
 @dataclass(slots=True)
 class FrameFault:
-    """Damages the next ``left`` frames (None: all) sent by a position, or heard by it (``receiver``).
+    """Damages the next ``left`` frames (None: all) sent by a position, or received there (``receiver``).
 
     ``action`` is "flip", "lose" or "insert"; ``frame`` restricts it to one kind of frame.
     """
@@ -62,7 +58,7 @@ class FrameFault:
 class Disturber:
     """All that disturbs one bus now. ``active`` is False while nothing can touch a frame."""
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, line: DisturbedLine) -> None:
         self._line = line
         self._noises: list[PlacedNoise] = []
         self._losses: list[Loss] = []
@@ -74,12 +70,12 @@ class Disturber:
         self.replies_at_risk = False
 
     def add(self, item: PlacedNoise | Loss | Drop | FrameFault) -> None:
-        """Something disturbs from now on (noise and losses know their own window)."""
+        """Begin a disturbance (noise and losses know their own window)."""
         self._list_for(item).append(item)
         self._refresh()
 
     def remove(self, item: Drop | FrameFault) -> None:
-        """A fault is over."""
+        """End a fault."""
         items = self._list_for(item)
         if item in items:
             items.remove(item)
@@ -102,7 +98,7 @@ class Disturber:
     # -- replies -----------------------------------------------------------------------------------
 
     def reply_vanishes(self, position: int, now: int) -> bool:
-        """Whether a reply that is to begin now is never sent."""
+        """Whether a reply of a position that is to begin now is never sent; asked once for each reply."""
         vanishes = False
         for loss in self._losses:
             if loss.position not in (None, position) or now < loss.since:
@@ -131,14 +127,14 @@ class Disturber:
         if not self._noises:
             return
         sender = tx.sender
-        place = self._line.stream_key(tx)
-        name = self._names.get(place)
+        key = self._line.stream_key(tx)
+        name = self._names.get(key)
         if name is None:
-            name = self._names[place] = self._line.stream_name(tx)
+            name = self._names[key] = self._line.stream_name(tx)
         bits, bit = len(tx.chars) * tx.timing.format.bits, tx.timing.bit
         for noise in self._noises:
             if noise.position is not None and (noise.position == sender.position) is noise.receiver:
-                continue  # sent by others (tx), or sent by the receiver itself (rx)
+                continue  # tx noise: not the sender; rx noise: the receiver is itself the sender
             hit = noise.process.inverted(tx.start, bits, bit, name)
             if hit:
                 tx.invert(noise.position if noise.receiver else None, hit)
@@ -162,7 +158,7 @@ class Disturber:
 
     @staticmethod
     def _recount(fault: FrameFault, tx: Transmission) -> None:
-        """Lose a character or put one in."""
+        """Remove a character from a transmission, or insert one."""
         length = len(tx.chars)
         index = fault.index if fault.index is not None else int(next(fault.draws) * length)
         index = min(index, length - 1)

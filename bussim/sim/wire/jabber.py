@@ -1,12 +1,12 @@
-"""A node that sends rubbish without end."""
+"""The jabber fault: a node that sends random characters without end."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from bussim.sim.kernel import HEARING, Kernel
+from bussim.sim.wire.contract import Transmission
 from bussim.sim.wire.node import Node
-from bussim.sim.wire.transmission import Transmission
 
 _CHUNK = 32
 
@@ -22,7 +22,7 @@ class Jabber:
         self._nested = False
 
     def begin(self, now: int) -> None:
-        """The port's driver goes on; what its engine sends is lost from here on."""
+        """Switch the node's driver on; what its engine sends is lost from here on."""
         port = self._port
         self._nested = port.jabbering  # it jabbers already for another fault
         if self._nested:
@@ -46,7 +46,7 @@ class Jabber:
             self._send(now, first=False)
 
     def end(self, now: int) -> None:
-        """The port is well again."""
+        """Switch the node's driver off: the fault is over."""
         tx, port = self._tx, self._port
         if self._nested or tx is None:
             return

@@ -1,7 +1,7 @@
 """One position of a line: it runs a protocol engine in simulated time.
 
-A node keeps its engine's appointments: deadlines, and frames at their start and end. It is also where
-a station's own faults sit. What is peculiar to a protocol stands in its subclasses.
+A node calls its engine at its deadlines and when its frames begin and end. A station's own faults act
+here, too. What is peculiar to a protocol stands in the subclasses.
 """
 
 from __future__ import annotations
@@ -9,23 +9,18 @@ from __future__ import annotations
 from bisect import insort
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Transmit
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import DEADLINES, HEARING, SENDING, Kernel
+from bussim.sim.wire.contract import LineNode, Transmission
+from bussim.sim.wire.line import Line
 from bussim.sim.wire.receiver import Receiver
-from bussim.sim.wire.transmission import Transmission
-
-if TYPE_CHECKING:
-    from bussim.sim.wire.line import Line
-
-# The ordinary case: a frame that was heard calls for one of its own, and nothing else.
-_ONLY_TRANSMIT = TRANSMIT | STORED
 
 
 class Node:
-    """One position. ``position`` is its place in cable order, from 0; ``name`` is unique in the scenario."""
+    """One position of a line, in cable order from 0; ``name`` is unique in the scenario."""
 
     __slots__ = (
         "_deadline_timer",
@@ -80,18 +75,18 @@ class Node:
         self._release_timer = kernel.timer(self._on_release, HEARING)
         self._deadline_timer = kernel.timer(self._on_deadline, DEADLINES)
 
-    # -- what a protocol says ----------------------------------------------------------------------
+    # -- what differs by protocol ------------------------------------------------------------------
 
     def quiet(self, timing: LineTiming) -> int:
-        """The silence that ends what is half heard, in ticks, with a receiver of this timing."""
+        """The silence that ends an unfinished frame, in ticks, with a receiver of this timing."""
         raise NotImplementedError
 
-    def understands(self, sender: Node) -> bool:
-        """Whether this node's engine can be told of a whole frame of another node."""
+    def understands(self, sender: LineNode) -> bool:
+        """Whether this node's engine can take a whole frame of another node."""
         raise NotImplementedError
 
     def report(self, item: Any, now: int) -> None:
-        """Its engine reported something; a transmission is no report."""
+        """Take an event of its engine; a transmission is none."""
         raise NotImplementedError
 
     # -- state -------------------------------------------------------------------------------------
@@ -103,7 +98,7 @@ class Node:
 
     @property
     def driving(self) -> bool:
-        """Whether its driver is on: it hears nothing then."""
+        """Whether its driver is on: it receives nothing then."""
         return self.sending is not None or self.tail or self.jabbering
 
     @property
@@ -112,7 +107,7 @@ class Node:
         raise NotImplementedError
 
     def halt(self, now: int) -> None:
-        """STOP or power-off: silent and deaf at once; a frame on the wire is cut at this tick."""
+        """STOP or power-off: it sends and receives no more; a frame on the wire is cut at this tick."""
         engine = self.engine
         if engine is not None:
             self.line.detach(self)
@@ -145,19 +140,15 @@ class Node:
             timing = replace(timing, ppm=timing.ppm + ppm)
         self.timing = timing
         self.nominal = timing == self.line.timing
-        self.line.relisten(self, timing, now)
+        self.line.restart_receiver(self, timing, now)
         self.line.listeners_changed()
 
-    # -- the engine's wishes -----------------------------------------------------------------------
+    # -- what the engine asks for ------------------------------------------------------------------
 
     def handle(self, hints: int, now: int) -> None:
-        """Look at what the engine asks for."""
+        """Do what the engine asks for with its hints."""
         engine = self.engine
         if engine is None:
-            return
-        if hints | STORED == _ONLY_TRANSMIT and engine.due >= 0:
-            at, engine.due = engine.due, -1
-            self.schedule(at, engine.due_counter)
             return
         if hints & OPEN:
             self.receiver.hold(now)
@@ -167,7 +158,7 @@ class Node:
             at, engine.due = engine.due, -1
             self.schedule(at, engine.due_counter)
         if hints & DEADLINE:
-            self.watch()
+            self.arm_deadline()
 
     def drain(self, now: int) -> None:
         """Report the engine's events; a transmission among them is scheduled."""
@@ -182,8 +173,13 @@ class Node:
                 self.report(item, now)
                 engine = self.engine
 
-    def watch(self) -> None:
-        """Arm the deadline's timer unless it comes up earlier anyway: one lazy watchdog a node."""
+    def arm_deadline(self) -> None:
+        """Arm the deadline's timer unless it fires earlier anyway.
+
+        A deadline moves with nearly every frame, nearly always to a later tick. A timer that fires too
+        early looks again (:meth:`_on_deadline`); moving it each time would cost an entry in SimPy's queue
+        for each frame.
+        """
         engine = self.engine
         at = engine.deadline() if engine is not None else None
         timer = self._deadline_timer
@@ -204,15 +200,15 @@ class Node:
             self._deadline_timer.set(at)
             return
         self.handle(engine.on_deadline(now), now)
-        self.watch()
+        self.arm_deadline()
 
     def catch_up(self, now: int) -> None:
-        """Before a deadline: an engine that judges by what was heard so far is told of it."""
+        """Before a deadline: pass on the characters so far to an engine whose decision depends on them."""
 
     # -- sending -----------------------------------------------------------------------------------
 
     def schedule(self, at: int, counter: int) -> None:
-        """A frame is to be sent from ``at`` on."""
+        """Schedule a frame to be sent from ``at`` on."""
         pending = self.pending
         now = self._kernel.now
         if at < now:
@@ -229,14 +225,14 @@ class Node:
         raise NotImplementedError
 
     def _begin(self, frame: Any, now: int) -> None:
-        """The driver is switched on for a frame."""
+        """Switch the driver on for a frame."""
         line = self.line
         if self.receiver.is_open:
             self.receiver.close()
         if self.tail:
             self._release_timer.cancel()
             self.tail = False
-            line.driver_kept(now)
+            line.count_driver_off(now)
         self.sending = tx = line.begin(self, frame, now)
         self._end_timer.chain(tx.end)
 
@@ -258,7 +254,7 @@ class Node:
                 self._start_timer.set(max(self.pending[0][0], now))
 
     def finish_early(self, now: int) -> None:
-        """What it is sending has left already, whatever its rate says: something else was heard since."""
+        """What it is sending has left already, whatever its rate says: a reply to it has come since."""
         tx = self.sending
         if tx is None or tx.cut or self.jabbering:
             return

@@ -180,7 +180,7 @@ def test_keeps_the_contract() -> None:
 def test_a_driver_may_take_what_is_due_without_poll() -> None:
     engine = PollingMaster(MasterConfig(RTU, 100 * MS), PollList([Poll(1, READ)]))
     assert engine.start(5) & TRANSMIT
-    assert (engine.due, engine.due_counter, engine.wants_image) == (5, 1, False)
+    assert (engine.due, engine.due_counter) == (5, 1)
     engine.due = -1
     assert engine.poll() is None
     frame = engine.begin_transmit(5)

@@ -75,7 +75,7 @@ class Wire:
             self.handle(engine, engine.line_idle(self.now))
 
     def _send(self, engine: Any, item: Transmit) -> None:
-        frame = engine.begin_transmit(self.now, b"", item.counter)
+        frame = engine.begin_transmit(self.now, item.counter)
         self.sent.append((self.now, engine, frame.chars))
         self._open[engine] = False
         start, timing = self.now, self.timing

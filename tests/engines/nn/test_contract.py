@@ -11,8 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, Engine, RxChar, Transmit
+from bussim.engines.contract import (
+    DEADLINE,
+    EVENTS,
+    OPEN,
+    OWN_HINTS,
+    SERVE,
+    TRANSMIT,
+    Engine,
+    RxChar,
+    Transmit,
+)
 from bussim.engines.nn import events
+from bussim.engines.nn.contract import STORED, NnEngine
 from bussim.engines.nn.events import NnEvent
 from bussim.engines.nn.frames import (
     DATA,
@@ -24,7 +35,8 @@ from bussim.engines.nn.frames import (
     encode_poll,
 )
 from bussim.engines.nn.master import Master, MasterConfig, MasterState
-from bussim.engines.nn.slave import Slave, SlaveConfig, SlaveState
+from bussim.engines.nn.monitor import SlaveConfig
+from bussim.engines.nn.slave import Slave, SlaveState
 from tests.engines.wire import CHAR, GAP, OVERHEAD, QUIET, TIMEOUT_UNIT, TURNAROUND
 
 Either = Master | Slave
@@ -50,7 +62,7 @@ each_engine = pytest.mark.parametrize("make", ENGINES.values(), ids=ENGINES)
 @each_engine
 def test_it_has_what_the_contract_names(make: Make) -> None:
     engine = make()
-    for name in Engine.__annotations__:
+    for name in (*Engine.__annotations__, *NnEngine.__annotations__):
         assert hasattr(engine, name)
     methods = [name for name, member in vars(Engine).items() if isfunction(member) and name[0] != "_"]
     assert len(methods) == 8
@@ -100,7 +112,7 @@ class Twin:
     # What follows a call: hints are complete, `poll` drains, the deadline is not in the past.
     def _after(self, hints: int) -> int:
         engine = self.engine
-        assert 0 <= hints < 32
+        assert not hints & ~(TRANSMIT | DEADLINE | OPEN | EVENTS | STORED)
         wanted = 0
         while (item := engine.poll()) is not None:
             if isinstance(item, Transmit):
@@ -199,7 +211,8 @@ class Twin:
         if deadline is not None and deadline < self.now + 100 * CHAR:
             self.transmits.insert(0, item)
             return
-        frame = self.engine.begin_transmit(self.now, bytes(range(8)), item.counter)
+        self.engine.image = bytes(range(8))
+        frame = self.engine.begin_transmit(self.now, item.counter)
         self.log.append(frame)
         self.now += CHAR * len(frame.chars)
         self.open = False
@@ -219,7 +232,7 @@ class Twin:
         found += [status.running, status.current, status.longest, status.longest_at]
         found += [list(self.events), list(self.transmits), list(self.log)]
         if isinstance(engine, Slave):
-            found += [engine.listening, engine.settings, engine.watchdog, engine.calm]
+            found += [engine.reception, engine.settings, engine.watchdog, engine.steady]
         else:
             found += [engine.failed_attempts, engine.station_errors, engine.polls]
         return found
@@ -311,10 +324,10 @@ def test_a_slave_answers_every_poll_of_its_own_once(history: list[tuple[object, 
         if op[:2] == ("poll", 2) and before is SlaveState.LINKED and twin.now > now:
             polls += 1
             assert len(twin.transmits) == pending + 1
-            assert twin.transmits[-1] == Transmit(twin.now, reply=True, counter=engine.listening.counter)
+            assert twin.transmits[-1] == Transmit(twin.now, reply=True, counter=engine.reception.counter)
         linked += engine.state is SlaveState.LINKED
         if engine.deadline() is not None:
-            assert engine.deadline() == engine.listening.heard_master + engine.watchdog
+            assert engine.deadline() == engine.reception.heard_master + engine.watchdog
     assert linked >= 1
 
 
@@ -367,9 +380,10 @@ def test_events_are_frozen_values(event: type) -> None:
 
 
 def test_hints_are_separate_bits() -> None:
-    hints = [TRANSMIT, STORED, DEADLINE, OPEN, EVENTS]
-    assert [hint.bit_count() for hint in hints] == [1] * 5
-    assert sum(hints) == TRANSMIT | STORED | DEADLINE | OPEN | EVENTS == 31
+    hints = [TRANSMIT, DEADLINE, OPEN, EVENTS, SERVE, STORED]
+    assert [hint.bit_count() for hint in hints] == [1] * 6
+    assert sum(hints) == TRANSMIT | DEADLINE | OPEN | EVENTS | SERVE | STORED
+    assert max(hints) == STORED == OWN_HINTS
 
 
 def test_an_image_is_asked_for_only_where_it_is_sent() -> None:
@@ -378,7 +392,8 @@ def test_an_image_is_asked_for_only_where_it_is_sent() -> None:
     kinds = []
     for _ in range(3):
         wanted = master.wants_image
-        frame = master.begin_transmit(0, bytes(MODES[0].size) if wanted else b"")
+        master.image = bytes(MODES[0].size) if wanted else b""
+        frame = master.begin_transmit(0)
         kinds.append((frame.kind == DATA, wanted))
         master.transmit_done(1)
     assert kinds == [(False, False), (True, True), (False, False)]
@@ -391,4 +406,5 @@ def test_kept_encodings_follow_image_and_counter() -> None:
     slave.start(0)
     for image in (b"abcdefgh", bytes(bytearray(b"abcdefgh")), b"ABCDEFGH", b"abcdefgh"):
         for counter in (0, 7, 0, 15):
-            assert slave.begin_transmit(0, image, counter) == encode_data(2, counter, image)
+            slave.image = image
+            assert slave.begin_transmit(0, counter) == encode_data(2, counter, image)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, STORED, TRANSMIT, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Transmit
+from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.events import ParametersTaken, StationBack, StationLost
 from bussim.engines.nn.frames import LinkSettings, encode_data, encode_parameters, encode_poll
-from bussim.engines.nn.slave import NOBODY, Slave, SlaveConfig, SlaveState
+from bussim.engines.nn.monitor import NONE_PENDING, SlaveConfig
+from bussim.engines.nn.slave import Slave, SlaveState
 from tests.engines.nn.links import WATCHDOG
 from tests.engines.wire import CHAR, TIMEOUT_UNIT, TURNAROUND
 
@@ -63,9 +65,9 @@ def test_what_carries_its_own_number_is_never_stored(polled: int | None) -> None
     slave = linked(station=2)
     if polled is not None:
         hear_poll(slave, polled, 4)
-    before = slave.listening
+    before = slave.reception
     assert hear_data(slave, 2, 4) == 0
-    assert slave.listening == before  # nor does it answer anybody's poll
+    assert slave.reception == before  # nor does it answer anybody's poll
 
 
 def test_its_own_poll_asks_for_a_reply_and_is_answered_by_it() -> None:
@@ -73,12 +75,13 @@ def test_its_own_poll_asks_for_a_reply_and_is_answered_by_it() -> None:
     assert hear_poll(slave, 2, 4) == TRANSMIT
     assert (slave.due, slave.due_counter) == (300, 4)
     assert slave.poll() == Transmit(300, reply=True, counter=4)
-    assert slave.listening.pending == 2
-    assert slave.begin_transmit(400, IMAGE, 4) == encode_data(2, 4, IMAGE)
+    assert slave.reception.pending == 2
+    slave.image = IMAGE
+    assert slave.begin_transmit(400, 4) == encode_data(2, 4, IMAGE)
     assert not slave.status.running
     assert slave.transmit_done(500) == 0
     assert slave.status.running
-    assert slave.listening.pending == ~2
+    assert slave.reception.pending == ~2
     # The next poll finds nothing to judge.
     assert hear_poll(slave, 3, 4) == 0
 
@@ -134,7 +137,7 @@ def test_a_master_that_starts_again_with_the_same_counter_begins_another_exchang
     hear_poll(slave, 3, 0)
     hear_data(slave, 3, 0)
     slave.receive_frame(encode_parameters(0, SETTINGS), 600, 700)
-    assert slave.listening.pending == NOBODY
+    assert slave.reception.pending == NONE_PENDING
     hear_data(slave, 0, 0)
     hear_poll(slave, 3, 0)
     hear_data(slave, 0, 1)
@@ -152,7 +155,7 @@ def test_a_repeated_answer_is_stored_again() -> None:
 def test_parameters_of_a_mode_that_it_lacks_end_a_running_link() -> None:
     slave = linked()
     hear_poll(slave, 2, 4)
-    slave.begin_transmit(400, IMAGE, 4)
+    slave.begin_transmit(400, 4)
     slave.transmit_done(500)
     hints = slave.receive_frame(encode_parameters(5, SETTINGS._replace(mode=3)), 600, 700)
     assert hints == EVENTS | DEADLINE
@@ -182,16 +185,16 @@ def test_a_listener_can_go_on_from_another_s_state() -> None:
     for slave in (one,):
         hear_data(slave, 0, 5)
         hear_poll(slave, 3, 5)
-    assert one.calm
-    other.listen_on(one.listening)
-    assert other.listening == one.listening
+    assert one.steady
+    other.resume(one.reception)
+    assert other.reception == one.reception
     for slave in (one, other):
         assert hear_data(slave, 3, 5) == STORED
         assert slave.deadline() == 300 + slave.watchdog
-    assert one.listening == other.listening
+    assert one.reception == other.reception
     one.line_idle(600)
-    assert one.calm
+    assert one.steady
     one.receive_frame(encode_data(3, 5, bytes(12)), 700, 800)
-    assert not one.calm  # half heard
+    assert not one.steady  # half heard
     one.line_idle(900)
-    assert not one.calm  # and the master to blame
+    assert not one.steady  # and the master to blame

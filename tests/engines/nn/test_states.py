@@ -6,7 +6,8 @@ import pytest
 
 from bussim.engines.nn.frames import LinkSettings, encode_data, encode_parameters, encode_poll
 from bussim.engines.nn.master import Master, MasterConfig
-from bussim.engines.nn.slave import Slave, SlaveConfig
+from bussim.engines.nn.monitor import SlaveConfig
+from bussim.engines.nn.slave import Slave
 from bussim.engines.nn.states import (
     MASTER,
     SLAVE,
@@ -14,8 +15,8 @@ from bussim.engines.nn.states import (
     MasterState,
     SlaveInput,
     SlaveState,
-    mermaid,
 )
+from bussim.engines.states import mermaid
 from tests.engines.wire import CHAR, GAP, OVERHEAD, TIMEOUT_UNIT, TURNAROUND
 
 Edge = tuple[MasterState, MasterState] | tuple[SlaveState, SlaveState]
@@ -69,7 +70,8 @@ def traced_slave() -> TracedSlave:
 
 
 def send(master: Master) -> None:
-    master.begin_transmit(0, bytes(8))
+    master.image = bytes(8)
+    master.begin_transmit(0)
     master.transmit_done(0)
 
 

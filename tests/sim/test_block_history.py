@@ -9,7 +9,7 @@ SEATS, STATIONS = 4, 2
 HORIZON = 12
 
 
-class NaiveLedger:
+class NaiveHistory:
     """Everything that each position ever received, written down for each of them."""
 
     def __init__(self) -> None:
@@ -57,17 +57,17 @@ operations = st.one_of(
 def test_every_seat_sees_what_it_received(
     steps: list[tuple[int, tuple[str, int, frozenset[int]], list[tuple[int, int]]]],
 ) -> None:
-    block_history, naive = BlockHistory(HORIZON), NaiveLedger()
+    block_history, naive = BlockHistory(HORIZON), NaiveHistory()
     now = 0
     for number, (step, (what, station, who), questions) in enumerate(steps):
         now += step
         image = b"%d" % number
         if what == "heard":
-            block_history.heard(station, now, image, who)
+            block_history.received(station, now, image, who)
             naive.add(station, now, image, set(range(SEATS)) - who)
         elif what == "alone":
             (position,) = who
-            block_history.heard_alone(station, now, image, position)
+            block_history.received_by(position, station, now, image)
             naive.add(station, now, image, {position})
         else:
             (position,) = who
@@ -86,7 +86,7 @@ def test_memory_does_not_grow(pattern: list[tuple[int, frozenset[int]]]) -> None
     def size() -> int:
         kept = 0
         for histories in block_history._stations.values():
-            kept += len(histories.common) + sum(map(len, histories.apart.values()))
+            kept += len(histories.common) + sum(map(len, histories.own.values()))
             kept += sum(len(earlier) for _, earlier in histories.before.values())
         return kept
 
@@ -95,8 +95,8 @@ def test_memory_does_not_grow(pattern: list[tuple[int, frozenset[int]]]) -> None
         for station, missed in pattern:
             now += 1
             if len(missed) == SEATS:
-                block_history.heard_alone(station, now, b"x", 0)
+                block_history.received_by(0, station, now, b"x")
             else:
-                block_history.heard(station, now, b"x", missed)
+                block_history.received(station, now, b"x", missed)
         # Nobody keeps more than its longest scan's worth, twice over for those that joined late.
         assert size() <= STATIONS * (1 + 2 * SEATS) * (HORIZON + 2)

@@ -1,0 +1,270 @@
+"""What a line, its nodes and their receivers require of each other, and the transmissions between them.
+
+A line delivers to nodes, a node sends on its line, a receiver reports to both: each of the three is
+written against the protocols of this module, so that none has to import another one that imports it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, Protocol
+
+from bussim.engines.contract import RxChar
+from bussim.line.characters import LineTiming
+from bussim.line.wave import Interval, low_intervals
+
+Bits = tuple[int, ...]
+#: An engine's ``receive_frame``. What it takes is a frame of its own protocol; a line passes it no other.
+ReceiveFrame = Callable[[Any, int, int], int]
+
+
+class WireFrame(Protocol):
+    """A frame of any protocol, as far as a line is concerned."""
+
+    @property
+    def chars(self) -> bytes:
+        """Its characters on the wire."""
+
+
+class NodeReceiver(Protocol):
+    """A node's receiver as its line uses it; see :class:`bussim.sim.wire.receiver.Receiver`."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it receives character by character."""
+
+    @property
+    def frame_open(self) -> bool:
+        """Whether something unfinished waits for more characters, or for the line's silence."""
+
+    @property
+    def idle_at(self) -> int:
+        """When the silence that ends the unfinished frame is over, -1 without one."""
+
+    def open(self, ready: int) -> None:
+        """Begin to receive character by character."""
+
+    def close(self) -> None:
+        """Stop receiving character by character."""
+
+    def attach(self, tx: Transmission, since: int) -> None:
+        """A transmission reaches this node from ``since`` on."""
+
+    def detach(self, tx: Transmission, until: int) -> None:
+        """A transmission reaches this node no more."""
+
+    def replan(self, now: int) -> None:
+        """The line has changed: find the next character anew."""
+
+    def settle(self) -> None:
+        """Close if the line is idle and no frame is unfinished."""
+
+    def hold(self, now: int) -> None:
+        """Wait for the silence that ends a frame."""
+
+    def set_timing(self, timing: LineTiming) -> None:
+        """Use another rate, format or clock."""
+
+    def receive_external(self, chars: Sequence[tuple[RxChar, int, int]], now: int, silence: int) -> None:
+        """Characters come from outside of the simulation."""
+
+    def line_idle(self, now: int) -> None:
+        """The line is known to have been idle for long enough."""
+
+
+class LineNode(Protocol):
+    """A node as its line, its receiver and transmissions see it; see :class:`bussim.sim.wire.node.Node`."""
+
+    name: str
+    position: int
+    timing: LineTiming
+    nominal: bool
+    engine: Any
+
+    @property
+    def line(self) -> NodeLine:
+        """The line that it is on."""
+
+    @property
+    def now(self) -> int:
+        """The current tick."""
+
+    @property
+    def receiver(self) -> NodeReceiver:
+        """Its receiver."""
+
+    @property
+    def sending(self) -> Transmission | None:
+        """The frame that it is sending."""
+
+    @property
+    def driving(self) -> bool:
+        """Whether its driver is on."""
+
+    @property
+    def tail(self) -> bool:
+        """Whether its driver is still on after a frame."""
+
+    @property
+    def jabbering(self) -> bool:
+        """Whether it sends random characters without end."""
+
+    def quiet(self, timing: LineTiming) -> int:
+        """The silence that ends an unfinished frame, in ticks."""
+
+    def understands(self, sender: LineNode) -> bool:
+        """Whether its engine can take whole frames of another node."""
+
+    def handle(self, hints: int, now: int) -> None:
+        """Do what an engine's hints ask for."""
+
+    def drain(self, now: int) -> None:
+        """Report its engine's events."""
+
+    def finish_early(self, now: int) -> None:
+        """What it is sending has left already."""
+
+
+class NodeLine(Protocol):
+    """A line as its nodes' receivers use it; see :class:`bussim.sim.wire.line.Line`."""
+
+    def hand_over(self, port: LineNode) -> None:
+        """A node receives for itself from now on."""
+
+    def receiver_opened(self) -> None:
+        """A node begins to receive character by character."""
+
+    def receiver_closed(self) -> None:
+        """A node receives whole frames again."""
+
+    def accepted(
+        self,
+        port: LineNode,
+        frame: WireFrame,
+        start: int,
+        now: int,
+        sender: LineNode | None,
+        blamed: Transmission | None,
+        hints: int,
+    ) -> None:
+        """A node read a valid frame character by character."""
+
+
+class DisturbedLine(Protocol):
+    """A line as what disturbs its frames sees it."""
+
+    ports: Sequence[LineNode]
+
+    def connected(self, one: LineNode, other: LineNode) -> bool:
+        """Whether the cable between two nodes is whole."""
+
+    def listeners_changed(self) -> None:
+        """Some node receives otherwise than before."""
+
+    def stream_key(self, tx: Transmission) -> Hashable:
+        """Frames with equal keys draw their noise from one stream."""
+
+    def stream_name(self, tx: Transmission) -> str:
+        """The name of that stream."""
+
+    def kind_name(self, tx: Transmission) -> str:
+        """The kind of a transmission's frame in a word."""
+
+
+class LineReporter(Protocol):
+    """Reports what a line found out about its receivers."""
+
+    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
+        """A receiver accepted a frame that no station sent."""
+
+
+class Transmission:
+    """Characters that one node sends. ``frame`` is the frame that they encode, None for jabber.
+
+    ``chars`` are the characters on the wire, which a fault may have made other than the frame's.
+    ``end`` moves when the sender is cut off. ``listeners`` receive it whole and undamaged at its end;
+    every other node receives it, or parts of it, character by character.
+    """
+
+    # What most frames never change stands here, not in each of them.
+    flips: Bits = ()  # bits inverted on the wire
+    rx_flips: dict[int, Bits] | None = None  # bits inverted in the receiver of one position only
+    # Characters that one position's receiver loses (value None) or adds: (index, value).
+    rx_chars: dict[int, tuple[int, int | None]] | None = None
+    damaged = False  # something above is set, or ``chars`` are not the frame's
+    collided = False
+    cut = False
+    silent = False  # nothing of it reaches the wire
+    believed = False  # some receiver accepted it as another frame
+    shared = 0  # how many more nodes receive it, through the bus's shared listener
+    listeners: tuple[tuple[LineNode, ReceiveFrame], ...] = ()
+    _lows: dict[Bits, list[Interval]] | None = None
+
+    def __init__(
+        self,
+        sender: LineNode,
+        frame: WireFrame | None,
+        chars: bytes,
+        start: int,
+        end: int,
+        timing: LineTiming,
+    ) -> None:
+        self.sender = sender
+        self.frame = frame
+        self.chars = chars
+        self.start = start
+        self.end = end
+        self.timing = timing
+
+    def set_chars(self, chars: bytes) -> None:
+        """Send these characters; the end follows, rounded once from the first edge."""
+        if chars is not self.chars:
+            self.chars = chars
+            self.damaged = True
+        timing = self.timing
+        self.end = self.start + timing.bits(len(chars) * timing.format.bits)
+
+    @property
+    def corrupted(self) -> bool:
+        """Whether what reaches the wire is not the frame, in every receiver."""
+        return bool(self.flips) or self.frame is None or self.chars is not self.frame.chars
+
+    def invert(self, position: int | None, bits: Bits) -> None:
+        """Invert bits: on the wire (None) or in one position's receiver."""
+        self.damaged = True
+        if position is None:
+            self.flips = tuple(sorted(set(self.flips) ^ set(bits)))
+            return
+        if self.rx_flips is None:
+            self.rx_flips = {}
+        self.rx_flips[position] = tuple(sorted(set(self.rx_flips.get(position, ())) ^ set(bits)))
+
+    def miscount(self, position: int, index: int, value: int | None) -> None:
+        """One position's receiver loses the character at an index (value None), or adds one before it."""
+        self.damaged = True
+        if self.rx_chars is None:
+            self.rx_chars = {}
+        self.rx_chars[position] = (index, value)
+
+    def drop(self, port: LineNode) -> bool:
+        """A node does not receive this as a whole frame after all; returns whether it would have."""
+        for place, (listener, _) in enumerate(self.listeners):
+            if listener is port:
+                self.listeners = self.listeners[:place] + self.listeners[place + 1 :]
+                return True
+        return False
+
+    def lows(self, position: int) -> list[Interval]:
+        """Where a position's receiver sees the line pulled low by this transmission, regardless of a cut."""
+        flips = self.flips
+        if self.rx_flips is not None:
+            own = self.rx_flips.get(position)
+            if own:
+                # A bit inverted on the wire and again in the receiver is right once more.
+                flips = tuple(sorted(set(flips) ^ set(own)))
+        if self._lows is None:
+            self._lows = {}
+        found = self._lows.get(flips)
+        if found is None:
+            found = self._lows[flips] = low_intervals(self.chars, self.timing, self.start, flips)
+        return found
