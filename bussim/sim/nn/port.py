@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from bussim.engines.contract import TRANSMIT
-from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.events import NnEvent
 from bussim.engines.nn.frames import QUIET_CHARS
 from bussim.engines.nn.master import Master
@@ -85,16 +83,6 @@ class LinkPort(Node):
         self._waits.clear()
 
     # -- what the engine asks for ------------------------------------------------------------------
-
-    def handle(self, hints: int, now: int) -> None:
-        """Do what the engine asks for with its hints."""
-        engine = self.engine
-        # The ordinary case: a frame was received (and perhaps stored) that calls for one of its own.
-        if hints & ~STORED == TRANSMIT and engine is not None and engine.due >= 0:
-            at, engine.due = engine.due, -1
-            self.schedule(at, engine.due_counter)
-            return
-        super().handle(hints, now)
 
     def _on_deadline(self, now: int) -> None:
         if self not in self.bus.shared_listener.members:  # the bus has one watchdog for all members
