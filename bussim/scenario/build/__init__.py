@@ -1,0 +1,1 @@
+"""From a draft without mistakes to frozen values, and back to the file's form."""
