@@ -209,6 +209,7 @@ def test_a_link_of_equal_stations_by_its_defaults() -> None:
     assert "the timeout is at least 70 ms" in changed
 
 
+@pytest.mark.slow
 def test_a_link_of_equal_stations_can_be_verified_and_drawn(tmp_path: Path) -> None:
     result = invoke(size, *DESCRIBED, "--verify", "--out", str(tmp_path))
     assert result.exception is None

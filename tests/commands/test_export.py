@@ -8,6 +8,7 @@ import pytest
 from bussim.cli import main
 from bussim.trace.file import read_trace
 from bussim.trace.records import FrameRecord
+from tests.undrawn import undrawn
 
 FILES = {
     "pcapng": "trace.pcapng",
@@ -22,9 +23,10 @@ FILES = {
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("export")
-    arguments = ["run", "nn_with_modbus", "--duration", "2s", "--out"]
-    assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
-    assert main([*arguments, str(folder / "plain")]) == 0
+    with undrawn():
+        arguments = ["run", "nn_with_modbus", "--duration", "2s", "--out"]
+        assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
+        assert main([*arguments, str(folder / "plain")]) == 0
     return folder
 
 

@@ -6,14 +6,16 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
+from tests.undrawn import undrawn
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("timeline")
-    arguments = ["run", "press_line", "--duration", "25s", "--out"]
-    assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
-    assert main([*arguments, str(folder / "plain")]) == 0
+    with undrawn():
+        arguments = ["run", "press_line", "--duration", "25s", "--out"]
+        assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
+        assert main([*arguments, str(folder / "plain")]) == 0
     return folder
 
 
