@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -124,24 +125,13 @@ def _window(
         return found
     if worst:
         raise UsageError("--worst chooses the stretch itself: leave --from away")
-    begin = _time("--from", since)
-    length = _time("--span", span or _DEFAULT_SPAN)
-    if length <= 0:
-        raise UsageError(f"--span is {span!r}, it must be above 0")
-    if not 0 <= begin < record.duration:
+    begin = time_of("--from", since)
+    length = time_of("--span", span or _DEFAULT_SPAN, positive=True)
+    if begin >= record.duration:
         raise UsageError(
             f"--from is {format_time(begin)}; the run covers 0 s to {seconds(record.duration):g} s"
         )
     return begin, min(begin + length, record.duration)
-
-
-def _time(option: str, text: str) -> int:
-    from bussim.units import parse_time
-
-    try:
-        return parse_time(text)
-    except ValueError as error:
-        raise UsageError(f"{option} {error}") from None
 
 
 def _as_json(window: TraceWindow, target: Path) -> dict[str, object]:

@@ -89,7 +89,7 @@ def test_by_itself_it_goes_into_the_runs_folder(runs: Path, capsys: pytest.Captu
     ("options", "message"),
     [
         (["--from", "30s"], "--from is 30 s; the run covers 0 s to 25 s"),
-        (["--from", "-1s"], "the run covers 0 s to 25 s"),
+        (["--from", "-1s"], "it must not be below 0"),
         (["--from", "5"], "--from is 5, a time without a unit"),
         (["--from", "1s", "--span", "0ms"], "--span is '0ms', it must be above 0"),
         (

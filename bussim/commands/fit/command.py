@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import busy
-from bussim.commands.common.port_options import time_of
 from bussim.commands.common.recording import PROTOCOLS, is_recording, line_of
 from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.port_options import format_of, options_of, port_options, time_of
+from bussim.commands.common.port_options import format_of, options_of, port_options
 from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.times import time_of
 from bussim.commands.poll.plan import Plan, Planned
 from bussim.errors import UsageError
 

@@ -216,17 +216,13 @@ def _line(turn: Turn, planned: Planned) -> str:
 
 
 def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
-    from rich.table import Table
     from rich.text import Text
 
     from bussim.commands.common.bars import bars
-    from bussim.commands.common.console import wide_console
+    from bussim.commands.common.console import plain_table, wide_console
 
     console = wide_console()
-    table = Table(box=None, pad_edge=False, padding=(0, 2))
-    table.add_column("poll")
-    for name in ("turns", "ok", "failed attempts", "median ms", "mean", "max"):
-        table.add_column(name, justify="right")
+    table = plain_table(["poll"], ["turns", "ok", "failed attempts", "median ms", "mean", "max"])
     for tally in tallies:
         figures = tally.to_json()["response_ms"]
         failed = ", ".join(f"{count} × {word}" for word, count in sorted(tally.errors.items())) or "0"

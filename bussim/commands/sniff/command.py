@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.port_options import options_of, port_options, time_of
+from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.recording import PROTOCOLS, bus_of, is_recording, line_of, read
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
 
