@@ -65,7 +65,7 @@ def command(
     trace = read_trace(folder)
     buses = {each.name: each for each in trace.header.buses}
     name = _bus(record, buses, bus)
-    with busy(f"looking for the stretch in {folder / TRACE}"):
+    with busy(f"looking for the longest scan in {folder / TRACE}"):
         begin, end = _window(trace, record, name, since, span, worst=worst)
     stem = file_names(buses)[name]
     place = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
@@ -121,10 +121,10 @@ def _window(
         found = worst_window(trace, record, bus)
         if found is None:
             what = "made no complete link scan" if bus in record.links else "carried nothing"
-            raise UsageError(f"the bus {bus!r} {what}; choose a stretch with --from and --span")
+            raise UsageError(f"the bus {bus!r} {what}; choose a window with --from and --span")
         return found
     if worst:
-        raise UsageError("--worst chooses the stretch itself: leave --from away")
+        raise UsageError("--worst chooses the window itself: leave --from away")
     begin = time_of("--from", since)
     length = time_of("--span", span or _DEFAULT_SPAN, positive=True)
     if begin >= record.duration:

@@ -155,7 +155,7 @@ def _window(scenario: Scenario, since: str | None, until: str | None) -> tuple[i
     end = scenario.duration if until is None else time_of("--to-time", until)
     if not begin < end <= scenario.duration:
         raise UsageError(
-            f"from {format_time(begin)} to {format_time(end)} is no stretch of the run, which lasts "
+            f"from {format_time(begin)} to {format_time(end)} does not lie within the run, which lasts "
             f"{format_time(scenario.duration)}"
         )
     return begin, end

@@ -1,4 +1,4 @@
-"""``bussim exact``: the exact distribution of the link scan time, closed forms of Modbus polls and of latencies."""
+"""``bussim exact``: link scan times, Modbus polls and latencies in closed form."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _POINTS = 1200
 @click.option(
     "--mission", metavar="T", default="1y", show_default=True, help="Time for the law of the maximum D8202."
 )
-@click.option("--ignore-faults", is_flag=True, help="The law of the stretches without faults.")
+@click.option("--ignore-faults", is_flag=True, help="The law of the time without faults.")
 @click.option(
     "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
 )

@@ -147,7 +147,7 @@ class _Session:
         )
 
     def display(self, as_json: bool) -> Callable[[int], object] | None:  # noqa: FBT001 (private)
-        """What shows the state at a tick, None where there is nobody to see it."""
+        """What shows the state at a tick, None where stdout is no terminal."""
         if as_json or not sys.stdout.isatty():
             return None
         from bussim.commands.sniff.tally import show
