@@ -1,4 +1,4 @@
-"""The Python interface: load a scenario, run it, look at the results.
+"""Layer 7: the Python interface: load a scenario, run it, look at the results.
 
 ::
 
@@ -125,29 +125,27 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBo
     if not scenario.latency:
         return [], {}
     from bussim.exact.latency.bounds import bounds_of
-    from bussim.exact.latency.extra_scans import delays_of
-    from bussim.scenario.signals.paths import ways
+    from bussim.scenario.signals.paths import signal_paths
 
-    delays = delays_of(scenario)
     specs = [
         LatencySpec(
-            way.entry.name,
-            way.source.name,
-            way.entry.source,
-            way.target.name,
-            way.entry.target,
-            str(way.entry.edge),
-            way.entry.inverted,
-            way.word,
-            way.direct,
-            None if way.bus is None else Route(way.bus, *way.seats, way.frame),
-            str(way.finding.lead),
-            way.reasons,
-            *delays.get(way.entry.name, ()),
+            path.entry.name,
+            path.source.name,
+            path.entry.source,
+            path.target.name,
+            path.entry.target,
+            str(path.entry.edge),
+            path.entry.inverted,
+            path.word,
+            path.direct,
+            None if path.bus is None else Route(path.bus, *path.positions, path.frame),
+            str(path.reachability),
+            (path.unmeasured,) if path.unmeasured else (),
+            *path.extra_scans,
         )
-        for way in ways(scenario)
+        for path in signal_paths(scenario)
     ]
     return specs, {
-        name: LatencyBounds(bound.cases(), bound.reasons, bound.caveats)
+        name: LatencyBounds(bound.cases(), (bound.reason,) if bound.reason else (), bound.caveats)
         for name, bound in bounds_of(scenario).items()
     }

@@ -1,1 +1,1 @@
-"""One module or folder a command; each is imported only when it is used."""
+"""Layer 7: one module per command; each is imported only when it is used."""

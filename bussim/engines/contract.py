@@ -60,10 +60,7 @@ class Engine(Protocol[FrameT, EventT]):
     due: int  # earliest tick of the transmission that the hint TRANSMIT announces, else -1
     due_counter: int  # its counter, for begin_transmit
     heard: FrameT | None  # the latest valid frame that receive or line_idle completed
-
-    @property
-    def heard_start(self) -> int:
-        """The first edge of :attr:`heard`, in ticks."""
+    heard_start: int  # its first edge
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """The receiver read a character whose first edge was at ``start``; returns hints."""

@@ -1,1 +1,1 @@
-"""The same engines on serial ports, in real time, and what is read off a real wire."""
+"""Layer 5: the same engines on serial ports, in real time, and what is read off a real wire."""

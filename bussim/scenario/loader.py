@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bussim.errors import Problem, ScenarioError, UsageError
@@ -141,7 +141,14 @@ def _check(
     if report.errors:
         # A warning beside a mistake may be no more than its consequence.
         return Examined(None, tuple(sorted(report.errors)), ())
+    scenario = build(draft, checked)
+    if scenario.latency:
+        from bussim.scenario.signals.paths import signal_paths  # what only a scenario with latencies pays
+
+        for entry, path in zip(draft.latency, signal_paths(scenario), strict=True):
+            if path.unmeasured:
+                report.warn((*entry.path, "to"), path.unmeasured)
     # Without their places, two may be the same.
     warnings = tuple(dict.fromkeys(report.plain.get(each, each.message) for each in report.warnings))
-    scenario = build(draft, checked, warnings)
+    scenario = replace(scenario, warnings=warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

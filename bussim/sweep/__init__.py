@@ -1,1 +1,1 @@
-"""Grids of simulations: what to vary, running it on many processes, tables and pictures."""
+"""Layer 7: grids of simulations: what to vary, running it on many processes, tables and pictures."""

@@ -8,7 +8,6 @@ import pytest
 
 import bussim
 from bussim.cli import main
-from tests.undrawn import undrawn
 
 SCENARIO = """\
 schema: 1
@@ -37,8 +36,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fit")
     file = folder / "s.yaml"
     file.write_text(SCENARIO, encoding="utf-8")
-    with undrawn():
-        bussim.run(file, out=folder / "run", trace=True)
+    bussim.run(file, out=folder / "run", trace=True)
     return folder / "run"
 
 

@@ -88,7 +88,7 @@ def test_exact_tells_its_latency_and_watch_its_devices(
     assert (found["links"], found["polls"]) == ({}, {})
     counted = found["latency"]["one.X0 to one.Y0"]
     assert counted["no_error_ms"] is None
-    assert "C1 at line 2" in counted["reasons"][0]
+    assert "C1 K5 at line 2" in counted["reasons"][0]
     text = ALONE.replace("OUT C1 K5", "OUT Y1").replace("LD  C1", "LD  X0").replace("observe: [one.CN1]", "")
     Path(alone).with_name("direct.yaml").write_text(text, encoding="utf-8")
     assert main(["exact", str(Path(alone).with_name("direct.yaml")), "--json"]) == 0

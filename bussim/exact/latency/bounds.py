@@ -3,8 +3,9 @@
 A change waits for at most two scans of its PLC (one that begins too early to see it, one that carries it
 out), then for the next data frame of its station, at most one link scan away; the frame is on the wire;
 the destination's END comes at most one scan later, and its output another one. A rung that stands in front
-of the one whose result it reads costs a scan more (:mod:`bussim.exact.latency.program_delay`). The age of a word is at
-most that of an image taken one scan before its frame began, when the next frame is complete.
+of the one whose result it reads costs a scan more. The age of a word is at most that of an image taken one
+scan before its frame began, when the next frame is complete. There is a bound only where the signal path is
+plain (:mod:`bussim.scenario.signals.paths`); else one reason why there is none.
 
 **What the cases mean.** The *window* of a change lasts from the change to its output (of a word: from the
 END that left it to the one that reads it). An attempt counts as a lost reply if it fails and any part of it,
@@ -15,7 +16,7 @@ a change before the link has formed, nor under ``absent_station: probe`` before 
 the flags of all of them are on (until then each takes all its attempts once).
 
 - *no error*: no lost reply, and at the change no station's flag is on. So from the link's first scan on
-  until anything is lost (with absent stations: see above), and again once everybody has answered.
+  until anything is lost (with absent stations: see above), and again once all stations have answered.
 - *e lost replies*, of whatever stations: e lost replies; flags may be on from before. With e = 0 that is a
   parameter frame more than without error. Whenever the source itself has spent all its attempts (under
   ``absent_station: probe`` with its flag on: the one that it gets), its data wait for another link scan.
@@ -25,25 +26,21 @@ the flags of all of them are on (until then each takes all its attempts once).
   attempt a scan: it spends as many scans as there are attempts.) A master has no exchange of its own: for
   one the case has no assumption. A source that is in error for longer sends nothing for as long.
 
-Nobody repeats a frame that only the target misses: each such one adds :attr:`LatencyBound.missed`.
+No station repeats a frame that only the target misses: each such frame adds :attr:`LatencyBound.missed`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bussim.engines.nn.frames import MODES
 from bussim.exact.from_scenario import from_scenario
-from bussim.exact.latency.program_delay import ProgramDelay, program_delay_of
 from bussim.exact.link import MASTER, LinkModel
 from bussim.exact.scan.outages import clean_scan
 from bussim.plc.link_registers import D_STATION, setting_values
-from bussim.plc.memory import BlockPlace, block_place
 from bussim.plc.profiles import AbsentStation
-from bussim.scenario.model import Plc, Scenario
-from bussim.scenario.signals.paths import Way, ways
-from bussim.scenario.signals.reachability import Lead
+from bussim.scenario.model import Edge, Plc, Scenario
+from bussim.scenario.signals.paths import SignalPath, signal_paths
 from bussim.units import milliseconds
 
 #: Keys of the two cases beside those with lost replies.
@@ -52,7 +49,7 @@ NO_ERROR, EVERY_RETRY = "no error", "every retry spent"
 
 @dataclass(frozen=True, slots=True)
 class LatencyBound:
-    """Of one entry: what its parts are at most. Nothing but ``reasons`` counts where it is not ``valid``.
+    """Of one entry: what its parts are at most. With a ``reason`` there is no bound, and nothing else counts.
 
     ``scan``, ``wire``, ``destination`` and ``output`` are those of ``bussim.results.meters.latency.PARTS``;
     ``turn`` is without error; ``program`` the scans that programs take beyond these, wherever they show.
@@ -78,14 +75,14 @@ class LatencyBound:
     parameters: int = 0
     attempts: int = 1
     probe: bool = False
-    reasons: tuple[str, ...] = ()
+    reason: str = ""
     gates: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
     def valid(self) -> bool:
         """Whether there is such a bound."""
-        return not self.reasons
+        return not self.reason
 
     @property
     def caveats(self) -> tuple[str, ...]:
@@ -150,7 +147,7 @@ class LatencyBound:
         parts = ("scan", "turn", "wire", "destination", "output", "program")
         return {
             "valid": self.valid,
-            "reasons": list(self.reasons),
+            "reasons": [self.reason] if self.reason else [],
             "gates": list(self.gates),
             "notes": list(self.caveats),
             "kind": "age of a word" if self.word else "change of a bit",
@@ -169,120 +166,76 @@ def _ms(ticks: int) -> float:
 
 
 def bounds_of(scenario: Scenario) -> dict[str, LatencyBound]:
-    """The bounds of all entries of ``latency`` by name, for the stretches without faults.
+    """The bounds of all entries of ``latency`` by name, for the parts of a run without faults.
 
     Noise only decides how often replies are lost, which each case says for itself.
     """
     models = from_scenario(replace(scenario, noise=()), ignore_faults=True, bound_end=True)
-    return {way.entry.name: _bound(way, models) for way in ways(scenario)}
+    return {path.entry.name: _bound(path, models) for path in signal_paths(scenario)}
 
 
-def _bound(way: Way, models: dict[str, LinkModel]) -> LatencyBound:
-    name, source, target, word = way.entry.name, way.source, way.target, way.word
-    reasons = [
-        f"the longest scan of {plc.name} cannot be told: its program has loops, subroutines or jumps back"
-        for plc in ((source,) if source is target else (source, target))
-        if plc.instruction_time is None and way.finding.lead is not Lead.NONE
-    ]
-    scan = 2 * source.longest_scan if way.entry.source.startswith("X") else 0
-    if way.bus is None:
-        found = program_delay_of(way, None, linked=(_linked(source, models),))
-        reasons += found.reasons
-        return LatencyBound(
-            name, word, scan=scan, program=found.scans, reasons=tuple(reasons), gates=found.gates
-        )
-    model = models[way.bus]
-    reasons += _obstacles(way, model)
-    number = _number(source)
-    found = ProgramDelay()
-    if not reasons:
-        kind = MODES[model.mode]
-        found = _passage(
-            way,
-            [
-                block_place(number, kind.bits, kind.words, plc.profile.word_spacing)
-                for plc in (source, target)
-            ],
-            [_linked(plc, models) for plc in (source, target)],
-        )
-        reasons += found.reasons
-    if reasons:
-        return LatencyBound(name, word, reasons=tuple(reasons), notes=model.notes)
-    notes = model.notes
-    if model.dead and model.absent is AbsentStation.PROBE:
-        absent = ", ".join(str(station.number) for station in model.dead)
-        notes = (
-            *notes,
-            (
-                "holds from the first link scan in which the error flags of the stations that never answer "
-                f"({absent}) are on: until then each takes all its attempts once"
-            ),
-        )
-    parameters = model.parameters_cost
-    link_scan = clean_scan(model, slowest=True)
-    answered = {s.number: model.answered(s) - s.extra + s.slowest for s in model.alive}
-    return LatencyBound(
+def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
+    name, source, target, word = path.entry.name, path.source, path.target, path.word
+    model = models[path.bus] if path.bus is not None else None
+    notes = model.notes if model is not None else ()
+    reason = path.reason or _obstacle(path, model)
+    if reason:
+        return LatencyBound(name, word, reason=reason, notes=notes)
+    counted = {Edge.RISING: (1,), Edge.FALLING: (0,), Edge.BOTH: (0, 1)}[path.entry.edge]
+    plain = [each for each in path.plain if each.level in counted]
+    bound = LatencyBound(
         name,
         word,
-        scan=scan,
-        turn=source.longest_scan if word else link_scan,
-        wire=way.frame,
-        destination=link_scan if word else target.longest_scan,
-        output=0 if word or way.direct else target.longest_scan,
-        program=found.scans,
-        link_scan=link_scan,
-        silent=model.silent_cost,
-        answered=answered.pop(number, 0),
-        others=tuple(answered.values()),
-        parameters=0 if model.dead else parameters,
-        attempts=model.attempts,
-        probe=model.absent is AbsentStation.PROBE,
-        gates=found.gates,
+        scan=2 * source.longest_scan if path.entry.source.startswith("X") else 0,
+        program=max(a * source.longest_scan + b * target.longest_scan for a, b in (p.scans for p in plain)),
+        gates=tuple(dict.fromkeys(gate for each in plain for gate in each.gates)),
         notes=notes,
     )
-
-
-def _passage(way: Way, blocks: Sequence[BlockPlace], linked: Sequence[Sequence[BlockPlace]]) -> ProgramDelay:
-    """Through the programs; ``blocks`` are the source's own in each of the two PLCs."""
-    own, copy = blocks
-    if way.word:
-        return ProgramDelay(reasons=way.unmeasured)
-    return program_delay_of(way, own, copy.word - own.word, linked)
-
-
-def _linked(plc: Plc, models: dict[str, LinkModel]) -> list[BlockPlace]:
-    """The blocks that the link writes in a PLC: those of all other stations that are heard."""
-    model = models.get(plc.link.bus) if plc.link is not None else None
-    if model is None or model.obstacles:
-        return []
-    kind, number = MODES[model.mode], _number(plc)
-    return [
-        block_place(other, kind.bits, kind.words, plc.profile.word_spacing)
-        for other in (MASTER, *(station.number for station in model.alive))
-        if other != number
-    ]
+    if model is None:
+        return bound
+    if model.dead and model.absent is AbsentStation.PROBE:
+        absent = ", ".join(str(station.number) for station in model.dead)
+        note = (
+            "holds from the first link scan in which the error flags of the stations that never answer "
+            f"({absent}) are on: until then each takes all its attempts once"
+        )
+        notes = (*notes, note)
+    link_scan = clean_scan(model, slowest=True)
+    answered = {s.number: model.answered(s) - s.extra + s.slowest for s in model.alive}
+    return replace(
+        bound,
+        turn=source.longest_scan if word else link_scan,
+        wire=path.frame,
+        destination=link_scan if word else target.longest_scan,
+        output=0 if word or path.direct else target.longest_scan,
+        link_scan=link_scan,
+        silent=model.silent_cost,
+        answered=answered.pop(_number(source), 0),
+        others=tuple(answered.values()),
+        parameters=0 if model.dead else model.parameters_cost,
+        attempts=model.attempts,
+        probe=model.absent is AbsentStation.PROBE,
+        notes=notes,
+    )
 
 
 def _number(plc: Plc) -> int:
     return setting_values(plc.profile, plc.registers)[D_STATION]
 
 
-def _obstacles(way: Way, model: LinkModel) -> list[str]:
-    """Why the link carries nothing from one to the other, or not within known times."""
-    found = [*model.obstacles, *(model.timeout_reasons() if not model.obstacles else ())]
-    if found:
-        return found
-    block, kind = MODES[model.mode], "words" if way.word else "bits"
-    if not getattr(block, kind):
-        return [f"refresh mode {model.mode} shares no {kind}"]
-    for plc in (way.source, way.target):
-        number = _number(plc)
-        if number == MASTER:
-            continue
-        known = {station.number: station for station in (*model.stations, *model.listeners)}.get(number)
-        polled = known in model.stations
-        if plc is way.source and (known is None or not known.alive or not polled):
-            found.append(f"{plc.name} is never heard on {way.bus}")
-        elif known is None or not known.hears:
-            found.append(f"{plc.name} hears nothing on {way.bus}")
-    return found
+def _obstacle(path: SignalPath, model: LinkModel | None) -> str:
+    """Why no time is known of the link between source and target; empty if it is."""
+    if model is None:
+        return ""
+    if reasons := model.obstacles or tuple(model.timeout_reasons()):
+        return reasons[0]
+    if not (MODES[model.mode].words if path.word else MODES[model.mode].bits):
+        return f"refresh mode {model.mode} shares no {'words' if path.word else 'bits'}"
+    polled = {station.number: station for station in model.stations}
+    known = {**{station.number: station for station in model.listeners}, **polled}
+    source, target = _number(path.source), _number(path.target)
+    if source != MASTER and (source not in polled or not polled[source].alive):
+        return f"{path.source.name} is never heard on {path.bus}"
+    if target != MASTER and (target not in known or not known[target].hears):
+        return f"{path.target.name} hears nothing on {path.bus}"
+    return ""

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Polls = Mapping[Path, Sequence["TransactionIn"]]
 
 
-def build(draft: Draft, checked: Checked, warnings: tuple[str, ...]) -> Scenario:
+def build(draft: Draft, checked: Checked) -> Scenario:
     """The scenario of a draft in which no mistake was found."""
     members, nodes = checked.members, checked.nodes
     document = draft.document
@@ -73,7 +73,6 @@ def build(draft: Draft, checked: Checked, warnings: tuple[str, ...]) -> Scenario
         devices=_devices(devices, draft, polls, power_on, checked),
         noise=noise_of(noise, nodes),
         faults=faults_of(acting, nodes),
-        warnings=warnings,
         latency=_latency(latency),
         source=canonical(
             document,

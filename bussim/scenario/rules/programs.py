@@ -198,7 +198,7 @@ def check_latencies(draft: Draft, members: Sequence[Member], report: Report) -> 
             continue
         source, target = (by_name.get(point.plc) for _, point in ends)
         if source is not None and target is not None:
-            _check_latency(entry, given, source, target, members, report)
+            _check_latency(entry, given, source, target, report)
 
 
 def _check_latency(
@@ -206,7 +206,6 @@ def _check_latency(
     given: LatencyIn,
     source: Member,
     target: Member,
-    members: Sequence[Member],
     report: Report,
 ) -> None:
     start, end, path = given.from_, given.to, entry.path
@@ -232,6 +231,7 @@ def _check_latency(
         if source is target:
             report.error((*path, "to"), f"is {end}, of the same PLC: there is no age to measure")
             return
-    from bussim.scenario.rules.latencies import check_way  # what only a scenario with latencies pays
-
-    check_way(path, given, source, target, members, report)
+    if start.device.letter == "X" and str(start.device) not in source.logic.inputs:
+        report.warn(
+            (*path, "from"), f"nothing drives {start}: it has no entry in the inputs of the PLC {source.name}"
+        )

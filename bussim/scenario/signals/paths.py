@@ -1,111 +1,308 @@
-"""The way that each entry of ``latency`` takes: over which link, between which seats, with what frames."""
+"""The signal path of each entry of ``latency``: over which link, and through the programs where it is plain.
+
+A path is *plain* where it can be followed back from the target: each device on it has one instruction that
+writes it, a coil (OUT) whose rung has one contact that depends on the source, or a MOV whose condition does
+not. Then the source's level decides the target's, after a known number of scans. Anything else (timers,
+counters, pulses, latches, comparisons, arithmetic, second writers, jumps, index registers) is the reason
+why nothing is said of it: the first that is met.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 from bussim.engines.nn.frames import data_chars
 from bussim.line.characters import NN_LINE
-from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameters, setting_values
-from bussim.plc.memory import parse_device
+from bussim.plc.memory import Device, parse_device
+from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.check import READ_ONLY_BITS, extents
+from bussim.plc.program.text.ladder import Both, Condition, Contact, Not, Saved
 from bussim.scenario.model import Latency, Plc, Scenario
-from bussim.scenario.signals.data_age import age_reasons
-from bussim.scenario.signals.program_signals import Key
-from bussim.scenario.signals.reachability import Finding, Lead, Net, Question, Station
+from bussim.scenario.signals.network import (
+    FIRST_SPECIAL,
+    Marks,
+    Network,
+    Reachability,
+    instructions,
+    is_vague,
+    parts,
+)
+
+#: Always on and always off (FX programming manual).
+_ALWAYS = (Device("M", 8000), Device("M", 8001))
+#: Special bits that no program changes: of the clock and RUN, the error flags of the link's stations.
+_KNOWN_SPECIALS = READ_ONLY_BITS | set(range(8183, 8192))
+
+
+class NotPlainError(Exception):
+    """A signal path is not plain; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """Of one entry. ``bus`` is None where source and target are of one PLC.
+class PlainPath:
+    """A plain path for a source that takes ``level``.
 
-    ``seats`` are the positions of source and target among the PLCs on the link, ``frame`` the ticks of
-    a data frame (0 without a working master). ``direct``: nothing but the link comes between the block
-    that is sent and the target. ``finding`` tells how the one leads to the other, and ``unmeasured`` why
-    the age of a word cannot be told.
+    ``scans`` are those that the programs of source and target take beyond the one that reads the signal:
+    one for each rung that stands in front of the one whose result it reads. ``gates`` are the contacts
+    that must let the signal through, as "X1 (feeder)".
+    """
+
+    level: int
+    scans: tuple[int, int]
+    gates: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SignalPath:
+    """The path of one entry. ``bus`` is None where source and target are of one PLC.
+
+    ``positions`` are those of source and target among the PLCs on the link, ``frame`` the ticks of a data
+    frame (0 without a working master). ``direct``: nothing but the link comes between the block that is
+    sent and the target. ``plain`` holds the path for a source that goes off and one that goes on, empty
+    where it is not plain: then ``reason`` says why.
     """
 
     entry: Latency
     source: Plc
     target: Plc
     bus: str | None
-    seats: tuple[int, int]
+    positions: tuple[int, int]
     frame: int
     direct: bool
-    finding: Finding
-    unmeasured: tuple[str, ...] = ()
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why nothing leads from the source to the target, or no age can be told of a word."""
-        if self.word or self.finding.lead is not Lead.NONE:
-            return self.unmeasured
-        source, target = f"{self.source.name}.{self.entry.source}", f"{self.target.name}.{self.entry.target}"
-        return (f"nothing leads from {source} to {target}: {self.finding.why}",)
+    reachability: Reachability
+    plain: tuple[PlainPath, ...] = ()
+    reason: str = ""
 
     @property
     def word(self) -> bool:
-        """Whether the age of a word is measured."""
+        """Whether the age of a word is measured, not the latency of a bit's changes."""
         return parse_device(self.entry.source, observed=True).is_word
 
+    @property
+    def unmeasured(self) -> str:
+        """Why nothing leads from source to target, or no age can be measured of a word; else empty."""
+        return self.reason if self.word or self.reachability is Reachability.NONE else ""
 
-def ways(scenario: Scenario) -> tuple[Way, ...]:
-    """The ways of all entries, in their order."""
-    return tuple(_way(scenario, entry) for entry in scenario.latency)
+    @property
+    def extra_scans(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """``scans`` of the plain path, of the source's program and of the target's, each by the level.
 
-
-def working_master(scenario: Scenario, bus: str) -> Plc | None:
-    """The PLC whose parameters hold on a link: the first one along the cable that is a master."""
-    for plc in scenario.plcs:
-        if plc.link is not None and plc.link.bus == bus:
-            values = setting_values(plc.profile, plc.registers)
-            if values[D_STATION] == 0 and not bad_parameters(plc.profile, values):
-                return plc
-    return None
-
-
-def net_of(scenario: Scenario, bus: str | None) -> Net:
-    """All PLCs as the programs' texts are asked about them, with one of the links."""
-    master = None if bus is None else working_master(scenario, bus)
-    stations = tuple(_station(plc, bus) for plc in scenario.plcs)
-    if bus is None or master is None:
-        return Net(stations, bus or "")
-    values = setting_values(master.profile, master.registers)
-    return Net(stations, bus, values[D_MODE], values[D_SLAVES])
+        Where the path is not plain 0: nothing is known then, and the meter takes the quickest.
+        """
+        if not self.plain:
+            return (0, 0), (0, 0)
+        off, on = (path.scans for path in self.plain)
+        return (off[0], on[0]), (off[1], on[1])
 
 
-def _station(plc: Plc, bus: str | None) -> Station:
-    values = setting_values(plc.profile, plc.registers)
-    buses = {port.bus for port in plc.ports}
-    number = None
-    if plc.link is not None and plc.link.bus == bus:
-        number = None if bad_parameters(plc.profile, values) else values[D_STATION]
-    elif plc.link is not None:
-        buses.add(plc.link.bus)
-    profile = plc.profile
-    return Station(plc.name, number, profile.word_spacing, profile.modes, plc.program, frozenset(buses))
+def signal_paths(scenario: Scenario) -> tuple[SignalPath, ...]:
+    """The paths of all entries of ``latency``, in their order."""
+    networks: dict[str | None, Network] = {}
+    found = []
+    for entry in scenario.latency:
+        source = next(plc for plc in scenario.plcs if plc.name == entry.source_plc)
+        bus = source.link.bus if source.link is not None else None
+        key = bus if bus is not None else f"{source.name} alone"
+        if key not in networks:
+            linked = tuple(plc for plc in scenario.plcs if plc.link is not None and plc.link.bus == bus)
+            networks[key] = Network(linked if bus is not None else (source,))
+        found.append(_signal_path(networks[key], entry, bus))
+    return tuple(found)
 
 
-def _way(scenario: Scenario, entry: Latency) -> Way:
-    plcs = {plc.name: plc for plc in scenario.plcs}
-    source, target = plcs[entry.source_plc], plcs[entry.target_plc]
-    bus = None if source.link is None else source.link.bus
-    net = net_of(scenario, bus)
+def _signal_path(network: Network, entry: Latency, bus: str | None) -> SignalPath:
+    names = [plc.name for plc in network.plcs]
+    positions = names.index(entry.source_plc), names.index(entry.target_plc)
+    source, target = (network.plcs[position] for position in positions)
     start, end = (parse_device(name, observed=True) for name in (entry.source, entry.target))
-    question = Question(net, net.named(source.name), Key.of(start), net.named(target.name), Key.of(end))
-    finding = question.answer()
-    if source is target or bus is None:
-        return Way(entry, source, target, None, (0, 0), 0, direct=True, finding=finding)
-    names = [plc.name for plc in scenario.plcs if plc.link is not None and plc.link.bus == bus]
-    seats = (names.index(source.name), names.index(target.name))
-    place = net.block(question.source, question.target)
-    return Way(
+    reachability = network.reachability(source, start, target, end)
+    ends = f"from {entry.source_plc}.{entry.source} to {entry.target_plc}.{entry.target}"
+    plain: tuple[PlainPath, ...] = ()
+    reason = ""
+    match reachability:
+        case Reachability.NONE:
+            reason = f"nothing leads {ends}"
+            if source is not target:
+                reason += f": no program does, and {network.shared(source)}"
+        case Reachability.UNKNOWN:
+            reason = f"no program's text says what leads {ends}"
+        case Reachability.DIRECT:
+            try:
+                search = _PathSearch(network, source, start, target)
+                levels = [search.back(end, level) for level in (0, 1)]
+                plain = tuple(sorted(levels, key=lambda path: path.level))
+            except NotPlainError as error:
+                reason = f"no age is measured {ends}: {error}" if start.is_word else str(error)
+        case _:
+            assert_never(reachability)
+    block = network.block(source, target)
+    return SignalPath(
         entry,
         source,
         target,
-        bus,
-        seats,
-        0 if net.mode is None else NN_LINE.characters(data_chars(net.mode)),
-        direct=place is not None and place.holds(end),
-        finding=finding,
-        unmeasured=age_reasons(question, finding) if start.is_word else (),
+        bus if source is not target else None,
+        positions,
+        0 if network.mode is None else NN_LINE.characters(data_chars(network.mode)),
+        source is target or (block is not None and block.holds(end)),
+        reachability,
+        plain,
+        reason,
     )
+
+
+class _PathSearch:
+    """Follows a signal back from its target to its source. Raises NotPlainError where it cannot."""
+
+    def __init__(self, network: Network, source: Plc, start: Device, target: Plc) -> None:
+        self._network = network
+        self._source, self._start, self._target = source, start, target
+        #: What may depend on the source, also over other stations.
+        self._reached: dict[str, Marks] = network.reached(source, start)
+        for plc in (source, target):
+            for at in instructions(plc):
+                if is_vague(at) or at.spec.name == "MC":
+                    raise _refused(plc, at)
+
+    def back(self, end: Device, level: int) -> PlainPath:
+        """The path to a device of the target that takes ``level``."""
+        plc, device = self._target, end
+        reader: int | None = None  # number of the instruction that reads the device; None: an END shows it
+        scans, gates, passed = [0, 0], list[str](), set[tuple[str, Device]]()
+        while (plc, device) != (self._source, self._start):
+            if (plc.name, device) in passed:
+                raise NotPlainError(f"{device} acts on itself ({plc.name})")
+            passed.add((plc.name, device))
+            sent = self._sent(device) if plc is not self._source else None
+            if sent is not None:
+                for at, _ in self._writers(plc, device):
+                    raise NotPlainError(f"{_words(at)} writes {device} too ({plc.name})")
+                plc, device, reader = self._source, sent, None
+                continue
+            at, condition = self._writer(plc, device)
+            scans[plc is not self._source] += reader is not None and reader <= at.number
+            if at.spec.name == "OUT" and at.operands[0].kind in "YMS":
+                contact, level, more = self._decisive(plc, at, condition, level)
+                device, reader = contact.operands[0].device, contact.number
+            else:
+                device, reader, more = self._moved(plc, at, condition, device), at.number, [condition]
+            gates = [*self._gates(plc, more), *gates]
+        scans[0] += self._first_scan(reader)
+        if end.is_word and (gates or any(scans)):
+            why = f"{', '.join(gates)} must let it through" if gates else "it takes more than one scan"
+            raise NotPlainError(f"{end} is no copy that each scan makes: {why}")
+        return PlainPath(level, (scans[0], scans[1]), tuple(dict.fromkeys(gates)))
+
+    def _sent(self, device: Device) -> Device | None:
+        """The device of the source that the link copies to a device of the target."""
+        own, copy = (self._network.block(self._source, plc) for plc in (self._source, self._target))
+        if own is None or copy is None or not copy.holds(device):
+            return None
+        return device._replace(address=device.address + (own.word - copy.word) * device.is_word)
+
+    def _linked(self, plc: Plc, device: Device) -> bool:
+        """Whether the link writes a device: it is in the block of another station."""
+        blocks = (self._network.block(other, plc) for other in self._network.plcs if other is not plc)
+        return any(block is not None and block.holds(device) for block in blocks)
+
+    def _writers(self, plc: Plc, device: Device) -> list[tuple[Instruction, Condition]]:
+        """The instructions that write a device, with their conditions."""
+        letter = device.letter.removesuffix("N")
+        return [
+            (node.at, node.rung.condition)
+            for node in self._network.nodes[plc.name]
+            if node.at is not None and node.rung.condition is not None
+            if any(extent.holds(letter, device.address, word=device.is_word) for extent in node.writes)
+        ]
+
+    def _writer(self, plc: Plc, device: Device) -> tuple[Instruction, Condition]:
+        """The only instruction that writes a device, with its condition."""
+        found = self._writers(plc, device)
+        if not found:
+            raise NotPlainError(f"nothing writes {device} ({plc.name})")
+        others = [f"{_words(at)} writes" for at, _ in found[1:]]
+        others += ["the link writes"] if self._linked(plc, device) else []
+        for other in others:
+            raise NotPlainError(f"{other} {device} too ({plc.name})")
+        return found[0]
+
+    def _moved(self, plc: Plc, at: Instruction, condition: Condition, device: Device) -> Device:
+        """The device that a MOV copies to a device, in each scan in which its condition is on."""
+        found = extents(at)
+        if at.name not in ("MOV", "DMOV") or len(found) != 2 or self._depends(plc, condition):
+            raise _refused(plc, at)
+        read, written = found
+        address = read.first + device.address - written.first
+        if read.word is not written.word or address > read.last:
+            raise _refused(plc, at)
+        return Device(read.letter + "N" * (read.word and read.letter in "TC"), address)
+
+    def _decisive(
+        self, plc: Plc, at: Instruction, condition: Condition, level: int
+    ) -> tuple[Instruction, int, list[Condition]]:
+        """The contact of a coil's condition that depends on the source.
+
+        Also the level of its device for which the coil takes ``level``, and what must let it through.
+        """
+        gates: list[Condition] = []
+        while not isinstance(condition, Contact):
+            if isinstance(condition, Saved):
+                condition = condition.rung.condition
+            elif isinstance(condition, Not):
+                condition, level = condition.part, 1 - level
+            else:
+                sides = [condition.first, condition.second]
+                follows = [self._depends(plc, side) for side in sides]
+                if all(follows):
+                    raise NotPlainError(
+                        f"several contacts of {_words(at)} depend on {self._start} ({plc.name})"
+                    )
+                if level == isinstance(condition, Both):
+                    gates.append(sides[follows[0]])
+                condition = sides[follows[1]]
+        contact = condition.instruction
+        if contact.spec.test not in ("on", "off"):
+            raise _refused(plc, contact)
+        return contact, level ^ (contact.spec.test == "off"), gates
+
+    def _depends(self, plc: Plc, condition: Condition) -> bool:
+        """Whether any contact of a condition may depend on the source."""
+        contacts, rungs = parts(condition)
+        marks = self._reached[plc.name]
+        read = (extent for at in contacts for extent in extents(at))
+        return not marks.live.isdisjoint(rungs) or any(map(marks.hold, read))
+
+    def _gates(self, plc: Plc, conditions: list[Condition]) -> Iterator[str]:
+        """The contacts of some conditions but those that are always on or off, as "X1 (feeder)"."""
+        waiting = conditions[::-1]
+        while waiting:
+            contacts, rungs = parts(waiting.pop())
+            waiting += [rung.condition for rung in rungs if rung.condition is not None]
+            for at in contacts:
+                device = at.operands[0].device
+                special = device.address >= FIRST_SPECIAL and device.address not in _KNOWN_SPECIALS
+                if at.spec.test not in ("on", "off") or special:
+                    raise _refused(plc, at)
+                if device not in _ALWAYS:
+                    yield f"{device} ({plc.name})"
+
+    def _first_scan(self, reader: int | None) -> int:
+        """Scans that the source's program takes to read it: an END shows what is read in the next scan."""
+        if reader is None or self._start.letter == "X":
+            return 0
+        later = {int(reader <= at.number) for at, _ in self._writers(self._source, self._start)}
+        beside = str(self._start) in self._source.sources or self._linked(self._source, self._start)
+        if not self._start.is_word and (beside or not later):
+            later.add(1)
+        if len(later) > 1:
+            raise NotPlainError(f"{self._start} is read between those that write it ({self._source.name})")
+        return sum(later)
+
+
+def _words(at: Instruction) -> str:
+    return " ".join((at.name, *(operand.text for operand in at.operands), f"at line {at.line}"))
+
+
+def _refused(plc: Plc, at: Instruction) -> NotPlainError:
+    return NotPlainError(f"{_words(at)} is no plain contact, coil or move ({plc.name})")
