@@ -1,4 +1,4 @@
-"""Layer 7: the Python interface: load a scenario, run it, look at the results.
+"""The Python interface: load a scenario, run it, look at the results.
 
 ::
 

@@ -1,1 +1,1 @@
-"""Layer 7: one module per command; each is imported only when it is used."""
+"""One module or folder a command; each is imported only when it is used."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.export.formats import FORMATS
 
@@ -90,24 +91,12 @@ def command(
 
 
 def _window(since: str | None, until: str | None) -> tuple[int | None, int | None]:
-    start = None if since is None else _time("--from", since)
-    stop = None if until is None else _time("--to-time", until)
+    start = None if since is None else time_of("--from", since)
+    stop = None if until is None else time_of("--to-time", until)
     if stop is not None and stop <= (start or 0):
         after = f"after --from {since}" if since is not None else "above 0"
         raise UsageError(f"--to-time is {until}, it must be {after}")
     return start, stop
-
-
-def _time(option: str, text: str) -> int:
-    from bussim.units import parse_time
-
-    try:
-        ticks = parse_time(text)
-    except ValueError as error:
-        raise UsageError(f"{option} {error}") from None
-    if ticks < 0:
-        raise UsageError(f"{option} is {text}; a run begins at 0 s")
-    return ticks
 
 
 def _default(folder: Path, fmt: str, trace: Trace, bus: str | None) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import click
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
+    from bussim.results.plots.style import Picture
     from bussim.results.run_record import RunRecord
 
 
@@ -54,22 +56,82 @@ def command(
     """
     from bussim.results.store.load import load_run
 
-    chosen = _chosen(kind, {"bus": bus, "port": port, "latency": latency})
+    given = {"bus": bus, "port": port, "latency": latency}
+    chosen = _chosen(kind, given)
     folders = [Path(run) for run in runs]
     records = [load_run(folder) for folder in folders]
     labels = _labels(folders)
-    links = _buses(records, bus) if "bus" in chosen else []
-    nodes = _masters(records, port) if "port" in chosen else []
-    entries = _latencies(records, latency) if "latency" in chosen else []
-    if not (links or nodes or entries):
-        raise UsageError(_nothing(records, labels, chosen))
+    subjects = {option: _subject(option) for option in chosen}
+    found = {option: subject.names(records, given[option]) for option, subject in subjects.items()}
+    if not any(found.values()):
+        raise UsageError(_nothing(records, labels, list(subjects.values())))
     place = _place(folders, out)
-    for path in [
-        *_draw_links(records, labels, links, kind, place),
-        *_draw_responses(records, labels, nodes, place),
-        *_draw_latencies(records, labels, entries, place),
-    ]:
-        click.echo(path)
+    for option, subject in subjects.items():
+        for path in _draw(subject, found[option], records, labels, kind, place):
+            click.echo(path)
+
+
+@dataclass(frozen=True, slots=True)
+class _Subject:
+    """What an option of the command chooses one of.
+
+    ``missing`` and ``called`` are for messages, ``stem`` begins the names of files. ``every`` are the names
+    that a run has, ``drawable`` those with something to draw; ``check`` raises UsageError for a name
+    without it.
+    """
+
+    missing: str
+    called: str
+    stem: str
+    every: Callable[[RunRecord], Sequence[str]]
+    drawable: Callable[[RunRecord], Sequence[str]]
+    check: Callable[[RunRecord, str], object]
+    picture: Callable[[Sequence[RunRecord], str, Sequence[str] | None], Picture]
+
+    def names(self, records: Sequence[RunRecord], wanted: str | None) -> list[str]:
+        """The wanted one, or all that can be drawn of every run."""
+        if wanted is None:
+            rest = [set(self.drawable(run)) for run in records[1:]]
+            return [name for name in self.drawable(records[0]) if all(name in names for names in rest)]
+        for run in records:
+            self.check(run, wanted)
+        return [wanted]
+
+
+def _subject(option: str) -> _Subject:
+    from bussim.results.plots.latency import latency_of, latency_picture, measured
+    from bussim.results.plots.responses import master_of, masters, response_time_histogram
+    from bussim.results.plots.scan_times import link_of, scan_time_histogram
+
+    return {
+        "bus": _Subject(
+            "N:N link with link scans",
+            "links",
+            "scan_time",
+            lambda run: list(run.links),
+            lambda run: [bus for bus, link in run.links.items() if link.scan_times.histogram.count],
+            link_of,
+            scan_time_histogram,
+        ),
+        "port": _Subject(
+            "Modbus master with an answer",
+            "masters",
+            "response_time",
+            lambda run: [name for name, port in run.ports.items() if port.polls],
+            masters,
+            master_of,
+            response_time_histogram,
+        ),
+        "latency": _Subject(
+            "measured latency",
+            "latencies",
+            "latency",
+            lambda run: list(run.latency),
+            measured,
+            latency_of,
+            latency_picture,
+        ),
+    }[option]
 
 
 def _chosen(kind: str, given: Mapping[str, str | None]) -> list[str]:
@@ -84,56 +146,31 @@ def _chosen(kind: str, given: Mapping[str, str | None]) -> list[str]:
     return named or list(given)
 
 
-def _draw_links(
-    records: Sequence[RunRecord], labels: Sequence[str], buses: Sequence[str], kind: str, place: Path
+def _draw(
+    subject: _Subject,
+    names: Sequence[str],
+    records: Sequence[RunRecord],
+    labels: Sequence[str],
+    kind: str,
+    place: Path,
 ) -> Iterator[Path]:
     from bussim.results.plots.over_run import scan_times_over_run
-    from bussim.results.plots.scan_times import scan_time_histogram
-    from bussim.results.store.names import file_names
+    from bussim.results.store.names import file_name, file_names
 
-    shown, ending = _together(labels)
-    stems = file_names(records[0].links)
-    for name in buses:
+    several = len(records) > 1
+    ending = f"_{file_name('_'.join(labels))}" if several else ""
+    # A folder's own pictures are named so that no two of them are alike.
+    stems = file_names(
+        subject.every(records[0]) if subject.stem == "scan_time" else subject.drawable(records[0])
+    )
+    for name in names:
         if kind != "over-run":
-            picture = scan_time_histogram(records, name, shown)
-            yield from picture.save_both(place / f"scan_time_{stems[name]}{ending}")
-        if kind != "histogram":
+            picture = subject.picture(records, name, labels if several else None)
+            yield from picture.save_both(place / f"{subject.stem}_{stems[name]}{ending}")
+        if subject.stem == "scan_time" and kind != "histogram":
             for record, label in zip(records, file_names(labels).values(), strict=True):
-                over_run = f"scan_time_over_run_{stems[name]}" + (f"_{label}" if ending else "")
+                over_run = f"scan_time_over_run_{stems[name]}" + (f"_{label}" if several else "")
                 yield from scan_times_over_run(record, name).save_both(place / over_run)
-
-
-def _draw_responses(
-    records: Sequence[RunRecord], labels: Sequence[str], nodes: Sequence[str], place: Path
-) -> Iterator[Path]:
-    from bussim.results.plots.responses import masters, response_time_histogram
-    from bussim.results.store.names import file_names
-
-    shown, ending = _together(labels)
-    stems = file_names(masters(records[0]))
-    for node in nodes:
-        picture = response_time_histogram(records, node, shown)
-        yield from picture.save_both(place / f"response_time_{stems[node]}{ending}")
-
-
-def _draw_latencies(
-    records: Sequence[RunRecord], labels: Sequence[str], entries: Sequence[str], place: Path
-) -> Iterator[Path]:
-    from bussim.results.plots.latency import latency_picture, measured
-    from bussim.results.store.names import file_names
-
-    shown, ending = _together(labels)
-    stems = file_names(measured(records[0]))
-    for name in entries:
-        picture = latency_picture(records, name, shown)
-        yield from picture.save_both(place / f"latency_{stems[name]}{ending}")
-
-
-def _together(labels: Sequence[str]) -> tuple[Sequence[str] | None, str]:
-    """Labels of the runs on one axis, and what the file's name gets of them; of one run nothing."""
-    from bussim.results.store.names import file_name
-
-    return (None, "") if len(labels) == 1 else (labels, f"_{file_name('_'.join(labels))}")
 
 
 def _labels(folders: Sequence[Path]) -> list[str]:
@@ -148,67 +185,21 @@ def _labels(folders: Sequence[Path]) -> list[str]:
     return paths
 
 
-def _buses(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
-    """The links to draw: the wanted one, or all that made scans in every run."""
-    from bussim.results.plots.scan_times import link_of
-
-    if wanted is not None:
-        for run in records:
-            link_of(run, wanted)  # says what is wrong
-        return [wanted]
-    return [
-        bus
-        for bus in records[0].links
-        if all(bus in run.links and run.links[bus].scan_times.histogram.count for run in records)
-    ]
-
-
-def _masters(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
-    """The Modbus masters to draw: the wanted one, or all that had an answer in every run."""
-    from bussim.results.plots.responses import master_of, masters
-
-    if wanted is not None:
-        for run in records:
-            master_of(run, wanted)  # says what is wrong
-        return [wanted]
-    return [node for node in masters(records[0]) if all(node in masters(run) for run in records[1:])]
-
-
-def _latencies(records: Sequence[RunRecord], wanted: str | None) -> list[str]:
-    """The latencies to draw: the wanted one, or all of which something was measured in every run."""
-    from bussim.results.plots.latency import latency_of, measured
-
-    if wanted is not None:
-        for run in records:
-            latency_of(run, wanted)  # says what is wrong
-        return [wanted]
-    return [name for name in measured(records[0]) if all(name in measured(run) for run in records[1:])]
-
-
-def _nothing(records: Sequence[RunRecord], labels: Sequence[str], chosen: Sequence[str]) -> str:
-    missing = {
-        "bus": "N:N link with link scans",
-        "port": "Modbus master with an answer",
-        "latency": "measured latency",
-    }
-    there: dict[str, tuple[str, Callable[[RunRecord], Sequence[str]]]] = {
-        "bus": ("links", lambda run: list(run.links)),
-        "port": ("masters", lambda run: [name for name, port in run.ports.items() if port.polls]),
-        "latency": ("latencies", lambda run: list(run.latency)),
-    }
+def _nothing(records: Sequence[RunRecord], labels: Sequence[str], subjects: Sequence[_Subject]) -> str:
     where = "in this run" if len(records) == 1 else "common to these runs"
     lists = []
-    for what, names in (there[option] for option in chosen):
+    for subject in subjects:
         found = "; ".join(
-            f"{label}: {', '.join(names(run)) or 'none'}" for label, run in zip(labels, records, strict=True)
+            f"{label}: {', '.join(subject.every(run)) or 'none'}"
+            for label, run in zip(labels, records, strict=True)
         )
-        lists.append(f"{what}: {found}")
-    wanted = [f"no {missing[option]}" for option in chosen]
-    together = f"{', '.join(wanted[:-1])} and {wanted[-1]}" if len(wanted) > 1 else wanted[0]
+        lists.append(f"{subject.called}: {found}")
+    *wanted, last = [f"no {subject.missing}" for subject in subjects]
+    missing = f"{', '.join(wanted)} and {last}" if wanted else last
     # A PLC that runs its program by itself has devices all the same.
     alone = not any(run.summary["links"] or run.summary["buses"] for run in records)
     hint = "; without a bus: bussim watch SCENARIO --devices … --plot FILE draws devices" if alone else ""
-    return f"{together} {where} ({'; '.join(lists)}){hint}"
+    return f"{missing} {where} ({'; '.join(lists)}){hint}"
 
 
 def _place(folders: Sequence[Path], out: str | None) -> Path:

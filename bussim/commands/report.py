@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,7 +44,7 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     timeline (of a run with --trace), figures of every station, settings, scenario, and how to repeat
     it. Prints the path of the page.
     """
-    from bussim.commands.common.output import checked_target, write_text
+    from bussim.commands.common.output import busy, checked_target, write_text
     from bussim.report.page import labels_of, report_page
     from bussim.report.scene import MOST_SHAPES
     from bussim.results.store.load import load_run
@@ -63,9 +61,8 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     labels = labels_of([whole.name for whole in resolved], records)
     sources: list[Source] = []
     shapes = MOST_SHAPES // len(folders)
-    with _progress(len(folders)) as step:
+    with busy(f"reading {', '.join(labels)}"):
         for folder, record, label in zip(folders, records, labels, strict=True):
-            step(f"reading {label}")
             sources.append(
                 _source(folder, record, label, shapes=shapes, exact=not no_exact, allow_code=allow_code)
             )
@@ -195,21 +192,3 @@ def _curve(distribution: Distribution) -> tuple[NDArray[np.float64], NDArray[np.
     ticks = np.concatenate((rough * TICKS_PER_MS, fine.ravel(), distribution.shift[heaviest] - 1))
     x = np.unique(ticks)
     return x / TICKS_PER_MS, distribution.tail(x)
-
-
-@contextmanager
-def _progress(steps: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar on stderr, on a terminal only."""
-    if not sys.stderr.isatty():
-        yield lambda _text: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("report", total=steps)
-
-        def step(text: str) -> None:
-            bar.update(task, description=text, advance=1)
-
-        yield step

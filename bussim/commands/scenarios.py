@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 import click
 
-from bussim.errors import RunError, UsageError
+from bussim.commands.common.output import checked_target, write_text
+from bussim.errors import UsageError
 from bussim.scenario import builtin
 
 
@@ -46,23 +45,7 @@ def _list() -> None:
 
 
 def _copy(name: str, destination: Path, *, force: bool) -> Path:
-    """Write the scenario beside its place and move it there, so that no half of it is ever left."""
     source = builtin.path(name)
     target = destination / source.name if destination.is_dir() else destination
-    if target.exists() and not force:
-        raise UsageError(f"{target} exists; give another place, or --force to overwrite it")
-    if target.is_dir():
-        raise UsageError(f"{target} is a folder")
-    try:
-        handle, beside = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise RunError(f"cannot write {target}: {error.strerror}") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(source.read_bytes())
-        Path(beside).chmod(0o644)
-        Path(beside).replace(target)
-    except OSError as error:
-        Path(beside).unlink(missing_ok=True)
-        raise RunError(f"cannot write {target}: {error.strerror}") from None
+    write_text(checked_target(target, (), force=force, option="--copy"), source.read_text(encoding="utf-8"))
     return target

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.port_options import options_of, port_options, time_of
+from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.scenario_options import code_option, values_of
+from bussim.commands.common.times import time_of
 
 if TYPE_CHECKING:
     from bussim.results.run_record import RunRecord

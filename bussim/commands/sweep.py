@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,10 +13,10 @@ from bussim.commands.common.scenario_options import code_option, values_of
 from bussim.line.protocols import BusProtocol
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from bussim.sweep.result import SweepResult
 
-#: Shorter sweeps need no progress bar (seconds).
-_PATIENCE = 2.0
 #: Most points that are printed; the table in the folder has all.
 _MOST_ROWS = 40
 #: The figures of a link that are printed, and the headings of their columns.
@@ -99,12 +96,13 @@ def command(
       --vary noise.0.ber=1e-6:1e-3:log7
       --vary plcs.press2.scan.mean=5ms,10ms,20ms
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
+    from bussim.commands.common.progress import progress_bar
     from bussim.results.store.names import file_name
     from bussim.sweep.run import run_sweep
 
     target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)
     try:
-        with _progress_bar() as progress:
+        with progress_bar(counted=True) as progress:
             result = run_sweep(
                 scenario,
                 vary,
@@ -160,16 +158,16 @@ def _show(result: SweepResult) -> None:
         click.echo(f"picture: {picture}")
 
 
-def _table(result: SweepResult, name: str, title: str, shown: dict[str, str]) -> Any:
-    from rich.table import Table
+def _table(result: SweepResult, name: str, title: str, shown: dict[str, str]) -> Table:
     from rich.text import Text
 
+    from bussim.commands.common.console import plain_table
+
     plan = result.plan
-    table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False)
-    for key in _short([axis.key for axis in plan.axes]):
-        table.add_column(Text(key), justify="right", no_wrap=True, vertical="bottom")
-    for heading in shown.values():
-        table.add_column(heading, justify="right", no_wrap=True)
+    keys = _short([axis.key for axis in plan.axes])
+    table = plain_table((), [*keys, *shown.values()], title=title, gap=1)
+    for column in table.columns:
+        column.no_wrap, column.vertical = True, "bottom"
     for number, point in enumerate(plan.points[:_MOST_ROWS]):
         cells = [_in_words(*result.mean(f"{name}.{figure}", number)) for figure in shown]
         table.add_row(*(Text(value.text) for value in point), *cells)
@@ -194,39 +192,3 @@ def _in_words(mean: float | None, low: float | None, high: float | None) -> str:
         return text
     half = high - mean
     return f"{text} ± {half:.0f}" if half >= 10 or half == 0 else f"{text} ± {half:.2g}"
-
-
-@contextmanager
-def _progress_bar() -> Iterator[Callable[[str, int, int], None] | None]:
-    """A progress bar with the time left on stderr, only on a terminal and only after a while."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    begun = time.monotonic()
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    tasks: dict[str, Any] = {}
-
-    def progress(what: str, done: int, total: int) -> None:
-        if what not in tasks:
-            # The runs that were there already say nothing about the speed of the others.
-            tasks[what] = bar.add_task(what, completed=done, total=total)
-        bar.update(tasks[what], completed=done)
-        if not bar.live.is_started and time.monotonic() - begun > _PATIENCE:
-            bar.start()
-
-    try:
-        yield progress
-    finally:
-        if bar.live.is_started:
-            bar.stop()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def command(
     trace = read_trace(folder)
     buses = {each.name: each for each in trace.header.buses}
     name = _bus(record, buses, bus)
-    with busy(f"looking for the stretch in {folder / TRACE}"):
+    with busy(f"looking for the longest scan in {folder / TRACE}"):
         begin, end = _window(trace, record, name, since, span, worst=worst)
     stem = file_names(buses)[name]
     place = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
@@ -120,28 +121,17 @@ def _window(
         found = worst_window(trace, record, bus)
         if found is None:
             what = "made no complete link scan" if bus in record.links else "carried nothing"
-            raise UsageError(f"the bus {bus!r} {what}; choose a stretch with --from and --span")
+            raise UsageError(f"the bus {bus!r} {what}; choose a window with --from and --span")
         return found
     if worst:
-        raise UsageError("--worst chooses the stretch itself: leave --from away")
-    begin = _time("--from", since)
-    length = _time("--span", span or _DEFAULT_SPAN)
-    if length <= 0:
-        raise UsageError(f"--span is {span!r}, it must be above 0")
-    if not 0 <= begin < record.duration:
+        raise UsageError("--worst chooses the window itself: leave --from away")
+    begin = time_of("--from", since)
+    length = time_of("--span", span or _DEFAULT_SPAN, positive=True)
+    if begin >= record.duration:
         raise UsageError(
             f"--from is {format_time(begin)}; the run covers 0 s to {seconds(record.duration):g} s"
         )
     return begin, min(begin + length, record.duration)
-
-
-def _time(option: str, text: str) -> int:
-    from bussim.units import parse_time
-
-    try:
-        return parse_time(text)
-    except ValueError as error:
-        raise UsageError(f"{option} {error}") from None
 
 
 def _as_json(window: TraceWindow, target: Path) -> dict[str, object]:

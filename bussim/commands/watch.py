@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.scenario_options import code_option, values_of
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -148,20 +149,13 @@ def _watched(scenario: Scenario, devices: str) -> list[Watched]:
 
 
 def _window(scenario: Scenario, since: str | None, until: str | None) -> tuple[int, int]:
-    from bussim.units import format_time, parse_time
+    from bussim.units import format_time
 
-    ticks = {"--from": 0, "--to-time": scenario.duration}
-    for option, text in (("--from", since), ("--to-time", until)):
-        if text is None:
-            continue
-        try:
-            ticks[option] = parse_time(text)
-        except ValueError as error:
-            raise UsageError(f"{option} {error}") from None
-    begin, end = ticks.values()
-    if not 0 <= begin < end <= scenario.duration:
+    begin = 0 if since is None else time_of("--from", since)
+    end = scenario.duration if until is None else time_of("--to-time", until)
+    if not begin < end <= scenario.duration:
         raise UsageError(
-            f"from {format_time(begin)} to {format_time(end)} is no stretch of the run, which lasts "
+            f"from {format_time(begin)} to {format_time(end)} does not lie within the run, which lasts "
             f"{format_time(scenario.duration)}"
         )
     return begin, end

@@ -60,7 +60,10 @@ class Engine(Protocol[FrameT, EventT]):
     due: int  # earliest tick of the transmission that the hint TRANSMIT announces, else -1
     due_counter: int  # its counter, for begin_transmit
     heard: FrameT | None  # the latest valid frame that receive or line_idle completed
-    heard_start: int  # its first edge
+
+    @property
+    def heard_start(self) -> int:
+        """The first edge of :attr:`heard`, in ticks."""
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """The receiver read a character whose first edge was at ``start``; returns hints."""

@@ -63,8 +63,8 @@ def from_scenario(
 
     With ``ignore_faults``, faults and noise that act only for a part of the run are left out (and
     named in :attr:`~bussim.exact.link.LinkModel.notes`), so that the distribution is that of the undisturbed
-    stretches; without it they make the link's distribution invalid. With ``bound_end``, a reply that waits for
-    END waits for the longest PLC scan each time: times are then upper bounds, which is what a sizing
+    time; without it they make the link's distribution invalid. With ``bound_end``, a reply that waits
+    for END waits for the longest PLC scan each time: times are then upper bounds, which is what a sizing
     needs; without it such a link has no distribution.
     """
     return {
@@ -145,7 +145,7 @@ class _LinkReader:
                 what = "masters (station 0)" if number == MASTER else f"stations {number}"
                 self.obstacles.append(f"{' and '.join(names)} are both {what}: their frames collide")
         if MASTER not in by_number:
-            self.obstacles.append("no station 0 with valid settings: nobody polls")
+            self.obstacles.append("no station 0 with valid settings: no master polls")
 
     def _passing(self, what: str, window: Window) -> bool:
         """Whether something acts only for a part of the run, which then is noted."""
@@ -199,7 +199,7 @@ class _LinkReader:
         if isinstance(kind, PowerOff | Stop):
             member.silent = member.deaf = True
             if master:
-                self.obstacles.append(f"{what} keeps the master off: nobody polls")
+                self.obstacles.append(f"{what} keeps the master off: no station is polled")
         elif isinstance(kind, DropReply):
             member.silent = member.silent or not master
         elif isinstance(kind, Slow):
@@ -207,7 +207,7 @@ class _LinkReader:
         elif isinstance(kind, ClockPpm) and abs(kind.ppm) <= MAX_PPM:
             member.ppm += kind.ppm
         elif isinstance(kind, LateRelease) and kind.by < self._quiet_after(member):
-            pass  # the driver is off before anybody else's frame
+            pass  # the driver is off before any other station's frame
         else:
             said = {
                 Jabber: "a jabbering station collides with every frame",
@@ -218,7 +218,7 @@ class _LinkReader:
             self.obstacles.append(f"{what}: {said}")
 
     def _quiet_after(self, member: _Member) -> int:
-        """The shortest time from the end of a member's frame to anybody's next one."""
+        """The shortest time from the end of a member's frame to the next frame on the line."""
         masters = [m.plc.profile.master_gap for m in self._working() if m.number == MASTER]
         if member.number != MASTER:
             return min(masters, default=0)

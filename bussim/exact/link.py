@@ -35,7 +35,7 @@ def frame_ticks(characters: int, timing: LineTiming = NN_LINE) -> int:
 class NoiseSource:
     """Bit errors at one place of a link.
 
-    ``place`` is ``bus`` (one draw for everybody), ``tx`` (on what ``station`` sends, for everybody)
+    ``place`` is ``bus`` (one draw for all receivers), ``tx`` (on what ``station`` sends, for all receivers)
     or ``rx`` (in the receiver of ``station`` only). With ``chain`` None every bit is inverted with
     probability ``good``; else with ``good`` or ``bad`` by the state of that chain of the noise.
     """
@@ -64,7 +64,7 @@ class LineNoise:
         return not self.chains
 
     def on_wire(self, sender: int) -> tuple[NoiseSource, ...]:
-        """The sources that damage what a station sends for everybody."""
+        """The sources that damage what a station sends for all receivers."""
         return tuple(s for s in self.sources if s.place == "bus" or (s.place == "tx" and s.station == sender))
 
     def in_receiver(self, receiver: int) -> tuple[NoiseSource, ...]:
@@ -76,8 +76,8 @@ class LineNoise:
 class Station:
     """A slave of the link. Times in ticks.
 
-    ``alive``: it answers its polls. ``hears``: it takes over what others send. ``reply`` is its data
-    frame, ``extra`` what a slow station adds to its turnaround, ``loss`` the probability that a
+    ``alive``: it replies to its polls. ``hears``: it takes over what other stations send. ``reply`` is
+    its data frame, ``extra`` what a slow station adds to its turnaround, ``loss`` the probability that a
     reply is never sent, ``scan`` its PLC's longest scan.
     """
 
@@ -185,7 +185,7 @@ class LinkModel:
         """Ticks of an answered attempt at a station, its turnaround left out."""
         return self.gap + self.poll + station.extra + station.reply
 
-    # -- who is there ------------------------------------------------------------------------------
+    # -- stations ------------------------------------------------------------------------------
 
     @property
     def alive(self) -> tuple[Station, ...]:
@@ -256,7 +256,7 @@ class LinkModel:
     def reasons(self) -> tuple[str, ...]:
         """Why the closed form does not hold with this setting; empty where it does."""
         kinds = count_kinds(station.turnaround for station in self.alive)
-        too_many = f"{kinds} different laws of the turnaround, at most {MAX_KINDS} are worked out"
+        too_many = f"{kinds} different distributions of the turnaround, at most {MAX_KINDS} are worked out"
         return (*self.obstacles, *([too_many] if kinds > MAX_KINDS else []), *self.timeout_reasons())
 
     @property

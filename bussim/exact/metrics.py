@@ -61,8 +61,8 @@ class Figures:
     be so at least once in a year; ``errors_per_year`` counts all scans of all living stations that
     are in error, ``onsets_per_year`` the times a flag goes on. ``maximum`` has quantiles of D8202 over
     ``mission``, by probability of exceeding, neighbouring scans taken as independent. ``detect_*`` are
-    for the station that takes longest; with everybody else silent as well a death is noticed within
-    ``worst_case``.
+    for the station that takes longest; if all other stations are silent as well, a death is noticed
+    within ``worst_case``.
     """
 
     model: LinkModel
@@ -220,7 +220,7 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
 
 
 def _once(probability: float, times: float) -> float:
-    """The probability of at least once in so many independent tries."""
+    """The probability of at least once in so many independent attempts."""
     return 1.0 if probability >= 1 else -math.expm1(times * math.log1p(-probability))
 
 
@@ -229,7 +229,7 @@ def _refreshes(solved: Solved, request: Request) -> dict[str, Refresh]:
     known: dict[int, tuple[dict[str, float | None], float | None]] = {}
     found = {}
     for (source, receiver), gap in gap_distributions(solved).items():
-        # Laws of pairs that do not differ are one object; only the PLCs' scans may.
+        # Distributions of pairs that do not differ are one object; only the PLCs' scans may.
         if id(gap.distribution) not in known:
             quantiles = {key: _resolved(gap.distribution, level) for key, level in request.levels.items()}
             known[id(gap.distribution)] = quantiles, _rare_gap(solved, gap, request.missed_per_year)
@@ -246,7 +246,7 @@ def _resolved(distribution: Distribution, level: float) -> float | None:
 
 
 def _rare_gap(solved: Solved, gap: GapDistribution, per_year: float) -> float | None:
-    """The gap in ticks that is exceeded so often a year, None where the distribution does not reach so far."""
+    """The gap in ticks that is exceeded so often a year; None where its probability is not resolved."""
     gaps = YEAR / solved.distribution.mean * gap.per_scan
     return _resolved(gap.distribution, min(0.5, per_year / gaps))
 

@@ -28,7 +28,8 @@ from bussim.exact.scan.turnaround_sums import spread_of
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import AbsentStation
 
-#: Components lighter than this are dropped. A chain ends when so little of it is left, or after so many scans.
+#: Components lighter than this are dropped. A chain ends when so little of it is left, or after so many
+#: scans.
 FLOOR = 1e-17
 ENOUGH = 1e-15
 LONGEST_CHAIN = 60
@@ -38,8 +39,8 @@ LONGEST_CHAIN = 60
 class GapDistribution:
     """The distribution of the time between refreshes of one (source, receiver) pair.
 
-    ``distribution`` in ticks; its ``lost`` weight is the chance of a gap longer than the chain that was worked
-    out. ``per_scan`` is the expected number of receptions a link scan.
+    ``distribution`` in ticks; its ``lost`` weight is the chance of a gap longer than the chain that was
+    worked out. ``per_scan`` is the expected number of receptions a link scan.
     """
 
     source: int
@@ -76,9 +77,9 @@ def gap_distributions(
 ) -> dict[tuple[int, int], GapDistribution]:
     """The distributions of all pairs; components lighter than ``floor`` are dropped.
 
-    Pairs that do not differ share one distribution. Equal stations at different places in the scan differ only
-    by where a parameter frame falls (4 ms at the chance of an error); without ``by_place`` and bursts
-    they share the first one's distribution as well.
+    Pairs that do not differ share one distribution. Equal stations at different places in the scan
+    differ only by where a parameter frame falls (4 ms at the chance of an error); without ``by_place``
+    and bursts they share the first one's distribution as well.
     """
     model = solved.model
     known: dict[tuple[object, ...], GapDistribution] = {}
@@ -93,14 +94,14 @@ def gap_distributions(
 
 def _alike(model: LinkModel, source: int, receiver: int, *, by_place: bool) -> tuple[object, ...]:
     noise = model.noise
-    ear = ("master",) if receiver == MASTER else noise.in_receiver(receiver)
+    receiving = ("master",) if receiver == MASTER else noise.in_receiver(receiver)
     if source == MASTER:
-        return (MASTER, ear, noise.on_wire(MASTER))
+        return (MASTER, receiving, noise.on_wire(MASTER))
     station = model.station(source)
     return (
         source if by_place or not noise.memoryless else 0,
         replace(station, number=0, name="", scan=0),
-        ear,
+        receiving,
         noise.on_wire(source),
         noise.in_receiver(source),
         receiver != MASTER and _needs_poll(model, source),
@@ -216,8 +217,10 @@ class _Chain:
         poll = line.outcome(poll_path(model, station.number), model.poll_bits)
         polled = gap @ poll.clean
         replied = (1 - station.loss) * (polled @ line.turnaround(station))
-        ear = () if receiver == MASTER else noise.in_receiver(receiver)
-        outcome = line.reply(noise.on_wire(station.number), noise.in_receiver(MASTER), ear, model.data_bits)
+        receiving = () if receiver == MASTER else noise.in_receiver(receiver)
+        outcome = line.reply(
+            noise.on_wire(station.number), noise.in_receiver(MASTER), receiving, model.data_bits
+        )
         nothing = np.zeros_like(gap)
         if receiver == MASTER:
             clean = (outcome.clean[0] + outcome.clean[1], nothing)
@@ -226,7 +229,7 @@ class _Chain:
             # A listener whose open poll was not closed takes the reply only if it heard this poll.
             p = 1.0
             if _needs_poll(model, station.number):
-                clean_bits = line.outcome(ear, model.poll_bits).clean.sum(axis=1)
+                clean_bits = line.outcome(receiving, model.poll_bits).clean.sum(axis=1)
                 p = float(line.stationary @ clean_bits)
             clean, torn, headless = (
                 (p * heard, missed + (1 - p) * heard)

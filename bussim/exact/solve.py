@@ -1,4 +1,4 @@
-"""The distribution of a link scan and the stations' chances of error, for any noise that can be worked out."""
+"""The distribution of a link scan and the stations' chances of error, for any noise."""
 
 from __future__ import annotations
 

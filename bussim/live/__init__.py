@@ -1,1 +1,1 @@
-"""Layer 5: the same engines on serial ports, in real time, and what is read off a real wire."""
+"""The same engines on serial ports, in real time, and what is read off a real wire."""

@@ -19,7 +19,7 @@ _GOOD = tuple(RxChar(value) for value in range(256))
 
 
 class Arrivals:
-    """Places the characters of one port in time. The system judges parity and stop bits, and says nothing."""
+    """Places the characters of one port in time. The system checks parity and stop bits without a report."""
 
     __slots__ = ("_mask", "_timing", "busy_until")
 

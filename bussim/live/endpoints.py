@@ -70,7 +70,8 @@ class Endpoint(Protocol):
 def open_endpoint(url: str, line: LineTiming, options: PortOptions) -> Endpoint:
     """Open what a URL names.
 
-    Raises UsageError for what cannot be meant, one of :data:`LOST_ERRORS` for what is not there.
+    Raises UsageError for a URL that cannot be opened by any means, one of :data:`LOST_ERRORS` for what
+    is not there.
     """
     if url == "pty" or url.startswith("pty:"):
         if sys.platform == "win32":

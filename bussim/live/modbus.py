@@ -26,7 +26,7 @@ STANDARD_FORMATS = {Mode.RTU: CharFormat(8, "E", 1), Mode.ASCII: CharFormat(7, "
 class LiveFraming:
     """How a port frames in real time.
 
-    ``framing`` is what the engine's reader judges by, its silences lengthened by the tolerance of
+    ``framing`` is that of the engine's reader, its silences lengthened by the tolerance of
     the port; ``quiet`` is the protocol's own silence behind a frame.
     """
 

@@ -14,7 +14,7 @@ class LivePort:
 
     ``on_chars`` is told what was heard, chunk by chunk. ``on_sent(first_edge, end)`` is told when a
     transmission has left; on a wire that takes its time that is worked out from rate and format. If
-    somebody else is heard before, all of it had left already. ``on_lost`` and ``on_back`` are told
+    another node is heard before, all of it had left already. ``on_lost`` and ``on_back`` are told
     of the port itself, with the tick; what was to be sent is forgotten then.
     """
 

@@ -22,8 +22,9 @@ class PseudoTerminal:
 
     ``link`` is the path of a symbolic link to its outer end, made anew and removed at the end. A link
     that is left over, of a process that was killed, leads nowhere and is replaced; what leads to
-    something, or is no link, is somebody's and never replaced (UsageError). The outer end stays open
-    here, too, so that a client may come and go. A client that does not read loses what no longer fits.
+    something, or is no link, belongs to another program and is never replaced (UsageError). The outer
+    end stays open here, too, so that a client may come and go. A client that does not read loses what no
+    longer fits.
     """
 
     instant = True

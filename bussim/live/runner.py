@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from bussim.engines.contract import OPEN, Transmit
+from bussim.engines.contract import OPEN, Engine, Transmit
 from bussim.engines.modbus.adu import RTU_MAX, Adu, Mode, decode_rtu
 from bussim.live.arrival import Timed
 from bussim.live.port import LivePort
@@ -17,43 +17,14 @@ from bussim.units import TICKS_PER_MS
 PATIENCE = 50 * TICKS_PER_MS
 
 
-class Sendable(Protocol):
-    """A frame that an engine gives to be sent."""
-
-    @property
-    def chars(self) -> bytes:
-        """Its characters."""
-
-
-class LiveEngine(Protocol):
-    """What is used here of an engine; see :mod:`bussim.engines.contract`."""
+class LiveEngine(Engine[Any, Any], Protocol):
+    """An engine that can be switched on and off."""
 
     def start(self, now: int) -> int:
         """It begins to work; returns hints."""
 
     def stop(self, now: int) -> int:
         """It stops; returns hints."""
-
-    def receive(self, char: Any, start: int, end: int) -> int:
-        """A character was heard."""
-
-    def line_idle(self, now: int) -> int:
-        """The line has been quiet."""
-
-    def deadline(self) -> int | None:
-        """When to call on_deadline."""
-
-    def on_deadline(self, now: int) -> int:
-        """The deadline has come."""
-
-    def begin_transmit(self, now: int, counter: int = 0) -> Sendable:
-        """The frame to send."""
-
-    def transmit_done(self, now: int) -> int:
-        """It has left."""
-
-    def poll(self) -> Any:
-        """What to do next."""
 
 
 class Handling:
@@ -208,7 +179,7 @@ class EngineRunner:
         if not self._running:
             return
         if self._opened and not self._on_air and chars[0][1] >= self._quiet_end:
-            # It ended by its silence while nobody looked.
+            # It ended by its silence between two steps.
             self._quieted()
             self.engine.line_idle(self._quiet_end)
         receive, hints = self.engine.receive, 0
@@ -255,5 +226,5 @@ class EngineRunner:
 
 
 _NEVER = 1 << 62
-#: Lumps that are taken before a deadline that is over has its turn: four times the longest frame.
+#: Chunks that are taken before a deadline that is over has its turn: four times the longest frame.
 _MORE_CHUNKS = 4

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Self
 
 from bussim.devices.v80 import V80
@@ -74,7 +73,7 @@ class ServedSlave:
     def _run(self) -> None:
         try:
             self._runner.run(self._stop.is_set)
-        except BaseException as error:  # told in close(), where somebody can do something about it
+        except BaseException as error:  # raised in close(), where the caller can handle it
             self._error = error
 
     @property
@@ -109,10 +108,5 @@ class ServedSlave:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -1,1 +1,1 @@
-"""Layer 7: grids of simulations: what to vary, running it on many processes, tables and pictures."""
+"""Grids of simulations: what to vary, running it on many processes, tables and pictures."""

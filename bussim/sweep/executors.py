@@ -8,12 +8,13 @@ import sys
 import threading
 import time
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
 from itertools import islice
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from bussim.errors import RunError, UsageError
 from bussim.sweep.jobs import Job, Outcome, run_job
@@ -35,23 +36,16 @@ class WorkerLost(Exception):  # noqa: N818 - what is lost can be run again: no e
     """A worker died. The jobs without an outcome can be given to the executor again."""
 
 
-class Executor(Protocol):
+class Executor(AbstractContextManager["Executor"], ABC):
     """Runs jobs in some order, between entering and leaving it as a context.
 
     Entering raises UsageError or RunError if it cannot be used.
     """
 
-    def __enter__(self) -> Self:
-        """Get ready."""
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let go of everything."""
 
+    @abstractmethod
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         """The outcome of every job, as they come.
 
@@ -60,25 +54,16 @@ class Executor(Protocol):
         """
 
 
-class LocalExecutor:
-    """Processes of this machine, through joblib. ``workers`` None: one for each core."""
+class LocalExecutor(Executor):
+    """Processes of this machine, through joblib. ``workers`` None: one for each core.
+
+    They are started with the first jobs, and kept for a while for the next sweep of this program.
+    """
 
     def __init__(self, workers: int | None) -> None:
         if workers is not None and workers < 1:
             raise UsageError(f"--workers is {workers}, allowed is 1 or more")
         self._workers = workers
-
-    def __enter__(self) -> Self:
-        """Nothing to get ready: processes are started with the first jobs."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """The processes are kept for a while, for the next sweep of this program."""
 
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         """See :class:`Executor`."""
@@ -122,7 +107,7 @@ def _end_with(parent: int) -> None:
         threading.Thread(target=watch, name="end with parent", daemon=True).start()
 
 
-class DaskExecutor:
+class DaskExecutor(Executor):
     """The workers of a running Dask scheduler at ``address``, such as tcp://10.0.0.5:8786."""
 
     def __init__(self, address: str) -> None:
@@ -166,12 +151,7 @@ class DaskExecutor:
         self._client = client
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Give up what is not done, and leave the cluster as it was."""
         self._client.close(timeout=_CONNECT_SECONDS)
 

@@ -88,7 +88,7 @@ def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[s
     ``press1.COM3.response_ms.p99`` and ``press1.COM3.polls.position.age_ms.open``. So do entries of
     ``latency`` behind that word, such as ``latency.door.ms.p99`` and ``latency.door.bound_ms.no error``;
     those of bits also the shares of their changes that never arrived (``lost_share``) and that were too
-    short to be seen (``unseen_share``), of all whose fate is known: None where there is none.
+    short to be seen (``unseen_share``), of all whose outcome is known: None where there is none.
 
     Times are in ms, ``healthy_at_s`` in s. A quantile that too few scans tell is None.
     ``refresh_gap_max_ms`` is the longest time that any station waited for the block of any other
@@ -163,14 +163,14 @@ def _flatten(prefix: str, data: Any, found: dict[str, Number | None]) -> None:
 def in_order(names: Iterable[str], buses: Sequence[str]) -> list[str]:
     """Names of figures in the order of the columns, the links in the order of ``buses``."""
     ranks = {name: rank for rank, name in enumerate(LINK_FIGURES)}
-    source_map = {bus: place for place, bus in enumerate(buses)}
+    order = {bus: place for place, bus in enumerate(buses)}
 
     def rank(name: str) -> tuple[int, int, int, str]:
         bus, _, figure = name.partition(".")
         numbered = _NUMBERED.fullmatch(figure)
         stem, number = (numbered[1], int(numbered[2], 16)) if numbered else (figure, 0)
-        if bus not in source_map or stem not in ranks:
-            return (len(source_map), 0, 0, name)
-        return (source_map[bus], ranks[stem], number, "")
+        if bus not in order or stem not in ranks:
+            return (len(order), 0, 0, name)
+        return (order[bus], ranks[stem], number, "")
 
     return sorted(names, key=rank)

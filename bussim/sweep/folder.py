@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable, Mapping
 from itertools import count
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any, Literal, Self
 
 from bussim.errors import RunError, UsageError
@@ -80,12 +79,7 @@ class SweepFolder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _traceback: object) -> None:
         if self._journal is not None:
             with contextlib.suppress(OSError):  # what went wrong before counts
                 self._journal.close()

@@ -90,7 +90,7 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
     With the longest latency goes what it may be at worst without error.
     """
     axis = plan.axes[0]
-    source_map, logarithmic = _places(axis)
+    positions, logarithmic = _places(axis)
     bounded = False
     with style():
         picture = _new(plan)
@@ -99,21 +99,21 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
             mean, low, high = (_numbers(points[column + ending]) for ending in ("", LOW, HIGH))
             line = "-" if axis.unit is not None else ""  # nothing lies between two texts
             panel.plot(
-                source_map, mean, color=SIMULATED, marker="o", markersize=3.5, linestyle=line, clip_on=False
+                positions, mean, color=SIMULATED, marker="o", markersize=3.5, linestyle=line, clip_on=False
             )
             bound = _numbers(points.get(f"{bus}.{_BOUNDS.get(figure)}", []))
             if any(map(isfinite, bound)):
-                panel.plot(source_map, bound, color=DISTRIBUTION, linestyle=line, marker="_", clip_on=False)
+                panel.plot(positions, bound, color=DISTRIBUTION, linestyle=line, marker="_", clip_on=False)
                 bounded = True
             # The lines show what a band cannot: a point whose neighbours have no interval.
-            panel.vlines(source_map, low, high, color=SIMULATED, linewidth=1)
+            panel.vlines(positions, low, high, color=SIMULATED, linewidth=1)
             if line:
-                panel.fill_between(source_map, low, high, color=SIMULATED, alpha=0.25, linewidth=0)
+                panel.fill_between(positions, low, high, color=SIMULATED, alpha=0.25, linewidth=0)
             if logarithmic:
                 panel.set_xscale("log")
-            elif source_map == list(range(len(source_map))):
+            elif positions == list(range(len(positions))):
                 _label_positions(panel, axis, "x")
-                panel.set_xlim(-0.5, len(source_map) - 0.5)
+                panel.set_xlim(-0.5, len(positions) - 0.5)
             if min((value for value in (*mean, *low) if isfinite(value)), default=0) >= 0:
                 panel.set_ylim(bottom=max(0, panel.get_ylim()[0]))
             panel.set_xlabel(_axis_label(axis))

@@ -8,6 +8,7 @@ import pytest
 from bussim.cli import main
 from bussim.trace.file import read_trace
 from bussim.trace.records import FrameRecord
+from tests.undrawn import undrawn
 
 FILES = {
     "pcapng": "trace.pcapng",
@@ -22,9 +23,10 @@ FILES = {
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("export")
-    arguments = ["run", "nn_with_modbus", "--duration", "2s", "--out"]
-    assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
-    assert main([*arguments, str(folder / "plain")]) == 0
+    with undrawn():
+        arguments = ["run", "nn_with_modbus", "--duration", "2s", "--out"]
+        assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
+        assert main([*arguments, str(folder / "plain")]) == 0
     return folder
 
 
@@ -109,7 +111,7 @@ def test_a_trace_file_is_taken_for_its_folder(
             "the trace has no event from 5 s to the end; its frames are between ",
         ),
         (["--to", "vcd", "--from", "3"], "--from is 3, a time without a unit"),
-        (["--to", "vcd", "--from", "-1s"], "--from is -1s; a run begins at 0 s"),
+        (["--to", "vcd", "--from", "-1s"], "--from is '-1s', it must not be below 0"),
         (["--to", "vcd", "--from", "1s", "--to-time", "1s"], "--to-time is 1s, it must be after --from 1s"),
         (["--to", "vcd", "--to-time", "0s"], "--to-time is 0s, it must be above 0"),
         (["--to", "vcd", "--encap", "udp"], "--encap goes with --to pcapng, not with vcd"),

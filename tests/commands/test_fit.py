@@ -8,6 +8,7 @@ import pytest
 
 import bussim
 from bussim.cli import main
+from tests.undrawn import undrawn
 
 SCENARIO = """\
 schema: 1
@@ -36,7 +37,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fit")
     file = folder / "s.yaml"
     file.write_text(SCENARIO, encoding="utf-8")
-    bussim.run(file, out=folder / "run", trace=True)
+    with undrawn():
+        bussim.run(file, out=folder / "run", trace=True)
     return folder / "run"
 
 

@@ -7,16 +7,18 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
+from tests.undrawn import undrawn
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
-    arguments = ["run", "press_line", "--duration", "25s", "--out"]
-    assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
-    assert main([*arguments, str(folder / "plain"), "--seed", "8"]) == 0
-    twice = ["run", "same_number_twice", "--duration", "5s", "--out"]
-    assert main([*twice, str(folder / "twice")]) == 0
+    with undrawn():
+        arguments = ["run", "press_line", "--duration", "25s", "--out"]
+        assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
+        assert main([*arguments, str(folder / "plain"), "--seed", "8"]) == 0
+        twice = ["run", "same_number_twice", "--duration", "5s", "--out"]
+        assert main([*twice, str(folder / "twice")]) == 0
     return folder
 
 

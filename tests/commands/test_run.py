@@ -17,6 +17,7 @@ from bussim.cli import main
 from bussim.results.store.folder import MARKER
 from bussim.results.store.load import FolderRows, load_run
 from bussim.trace.records import AttemptRecord, ScanRecord
+from tests.undrawn import undrawn
 
 ROOT = Path(__file__).parents[2]
 FILES = {
@@ -186,7 +187,8 @@ def test_ports_in_words_and_as_files(here: Path, capsys: pytest.CaptureFixture[s
     assert "feeder1: stepper, station 1 on feeder" in said
     assert f"picture: {Path('o') / 'response_time_press1.COM3.png'}" in said
     assert "modbus.csv" in names(here / "o")
-    assert main(["run", "nn_with_modbus", "--duration", "3s", "--no-rows", "--out", "p"]) == 0
+    with undrawn():
+        assert main(["run", "nn_with_modbus", "--duration", "3s", "--no-rows", "--out", "p"]) == 0
     assert not {name for name in names(here / "p") if name.endswith(".csv")}
     capsys.readouterr()
     assert main(["run", "barcode_reader", "--duration", "9s", "--json", "--out", "q"]) == 0

@@ -58,7 +58,7 @@ def test_nothing_is_overwritten_without_force(capsys: pytest.CaptureFixture[str]
         (["--copy"], 2, "--copy needs the NAME of a scenario"),
         (["--copy", "cable_cut"], 2, "--copy needs the NAME of a scenario"),
         (["cable_cut", "--force"], 2, "--force goes with --copy"),
-        (["cable_cut", "--copy", "no/such/folder/x.yaml"], 1, "cannot write"),
+        (["cable_cut", "--copy", "no/such/folder/x.yaml"], 2, "there is no folder"),
     ],
 )
 def test_what_cannot_be_done(

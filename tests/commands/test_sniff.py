@@ -22,6 +22,7 @@ from bussim.live.served import ServedSlave
 from bussim.trace.file import read_trace
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
+from tests.undrawn import undrawn
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
 PATIENCE = 20.0
@@ -31,7 +32,8 @@ PATIENCE = 20.0
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a traced run, with an outage."""
     place = tmp_path_factory.mktemp("runs") / "press"
-    bussim.run(bussim.load("press_line", ["duration=12 s"]), out=place, trace=True)
+    with undrawn():
+        bussim.run(bussim.load("press_line", ["duration=12 s"]), out=place, trace=True)
     return place
 
 

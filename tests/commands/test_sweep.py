@@ -15,6 +15,7 @@ import rich.progress
 from bussim import api
 from bussim.cli import main
 from bussim.commands import sweep
+from bussim.commands.common import progress
 from bussim.results.store.names import from_cell
 from bussim.sweep import plots, run
 from bussim.sweep.plan import Plan
@@ -188,7 +189,7 @@ def test_progress_only_on_a_terminal_and_only_after_a_while(
     for patience, terminal, name in ((0.0, False, "a"), (1e9, True, "b"), (0.0, True, "c")):
         stream = _Terminal() if terminal else io.StringIO()
         monkeypatch.setattr(sys, "stderr", stream)
-        monkeypatch.setattr(sweep, "_PATIENCE", patience)
+        monkeypatch.setattr(progress, "_PATIENCE", patience)
         assert main(["sweep", "noisy.yaml", "--vary", f"{RETRIES}=0:4:1", "--out", name]) == 0
         assert bool(shown) == (name == "c")
         assert bool(stream.getvalue()) == (name == "c")

@@ -6,14 +6,16 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
+from tests.undrawn import undrawn
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("timeline")
-    arguments = ["run", "press_line", "--duration", "25s", "--out"]
-    assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
-    assert main([*arguments, str(folder / "plain")]) == 0
+    with undrawn():
+        arguments = ["run", "press_line", "--duration", "25s", "--out"]
+        assert main([*arguments, str(folder / "traced"), "--trace"]) == 0
+        assert main([*arguments, str(folder / "plain")]) == 0
     return folder
 
 
@@ -87,7 +89,7 @@ def test_by_itself_it_goes_into_the_runs_folder(runs: Path, capsys: pytest.Captu
     ("options", "message"),
     [
         (["--from", "30s"], "--from is 30 s; the run covers 0 s to 25 s"),
-        (["--from", "-1s"], "the run covers 0 s to 25 s"),
+        (["--from", "-1s"], "it must not be below 0"),
         (["--from", "5"], "--from is 5, a time without a unit"),
         (["--from", "1s", "--span", "0ms"], "--span is '0ms', it must be above 0"),
         (

@@ -131,7 +131,7 @@ def test_current_values_and_index_registers(tmp_path: Path, capsys: pytest.Captu
         (["--devices", "line.D0", "--from", "5"], "--from is 5, a time without a unit"),
         (
             ["--devices", "line.D0", "--from", "2 s", "--to-time", "1 s"],
-            "from 2 s to 1 s is no stretch of the run",
+            "from 2 s to 1 s does not lie within the run",
         ),
         (["--devices", "line.D0", "--csv", "x.txt"], "x.txt ends in .txt; write a name that ends in .csv"),
     ],

@@ -602,7 +602,7 @@ def test_a_program() -> None:
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"number": 9}, "nobody on bus answers as station 9"),
+        ({"number": 9}, "no slave on bus answers as station 9"),
         ({"count": 126}, "it cannot be sent (data)"),
         ({"function": 7}, "it cannot be sent (unsupported function)"),
         (
@@ -638,7 +638,7 @@ def test_slaves_that_cannot_serve_it() -> None:
     twice = (station(), station("twin"))
     assert "feeder, twin both answer as station 1" in reasons(with_polls(ask(), devices=twice))
     fast = station(timing=LineTiming(19200, CharFormat(8, "N", 1)))
-    assert "nobody on bus answers as station 1, feeder speaks otherwise" in reasons(
+    assert "no slave on bus answers as station 1, feeder speaks otherwise" in reasons(
         with_polls(ask(), devices=(fast,))
     )
 

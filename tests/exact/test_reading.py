@@ -270,7 +270,7 @@ def test_links_that_collide_or_have_no_master() -> None:
     assert "master and two are both masters (station 0): their frames collide" in read(masters).reasons
     for change in (headless, refused):
         link = read(change)
-        assert link.reasons == ("no station 0 with valid settings: nobody polls",)
+        assert link.reasons == ("no station 0 with valid settings: no master polls",)
         assert figures_of(link).to_json()["mean_ms"] is None
 
 
@@ -310,7 +310,7 @@ def test_too_many_laws_of_the_turnaround() -> None:
                 {"name": f"p{k}", "profile": profile, "scan": "5 ms", "nn": {"bus": "link", "station": k}}
             )
 
-    assert read(changed).reasons == ("5 different laws of the turnaround, at most 4 are worked out",)
+    assert read(changed).reasons == ("5 different distributions of the turnaround, at most 4 are worked out",)
 
 
 def test_a_short_gap_on_a_noisy_line() -> None:

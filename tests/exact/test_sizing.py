@@ -210,7 +210,7 @@ def test_heartbeats_with_bursts_are_looked_at_for_some_timeouts() -> None:
     assert found is not None
     i, j = found
     assert checked.missed[i, j] <= 1.0
-    assert checked.looked_at[0].sum() <= 8
+    assert checked.evaluated[0].sum() <= 8
 
 
 # -- what cannot be met ------------------------------------------------------------------------------

@@ -5,9 +5,8 @@ from __future__ import annotations
 import random
 from collections.abc import Generator, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
+from bussim.sweep.executors import Executor
 from bussim.sweep.jobs import Job, Outcome, run_job
 
 NOISY = """\
@@ -45,24 +44,13 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-class HereExecutor:
+class HereExecutor(Executor):
     """Runs everything in this process, in an order of its own; or invents figures (``real=False``)."""
 
     def __init__(self, seed: int = 0, *, real: bool = True) -> None:
         self._random = random.Random(seed)
         self._real = real
         self.ran: list[int] = []
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        pass
 
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         shuffled = list(jobs)

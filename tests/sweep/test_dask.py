@@ -70,6 +70,7 @@ def test_a_worker_and_the_sweep_killed_in_the_middle_change_nothing(
     assert contents(out) == {name: data for name, data in wanted.items() if "sweep_" not in name}
 
 
+@pytest.mark.slow
 def test_workers_that_die_again_and_again_are_told(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -84,6 +85,7 @@ def test_workers_that_die_again_and_again_are_told(
         )
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_on_the_cluster_is_told(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

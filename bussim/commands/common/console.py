@@ -1,8 +1,12 @@
-"""Where commands print their tables."""
+"""Where commands print their tables, and how these look."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 #: Columns of output that goes to no terminal, and so is cut by none.
 _WIDE = 120
@@ -17,3 +21,25 @@ def wide_console() -> Console:
     if console.is_terminal and not console.is_jupyter:
         return console
     return Console(soft_wrap=True, highlight=False, force_jupyter=False, force_terminal=False, width=_WIDE)
+
+
+def plain_table(left: Iterable[str], right: Iterable[str] = (), *, title: str = "", gap: int = 2) -> Table:
+    """A table without lines: headings of columns of text, then of columns of numbers.
+
+    ``gap`` is the number of blanks on either side of a cell.
+    """
+    heading = Text(title) if title else None
+    table = Table(title=heading, title_justify="left", box=None, pad_edge=False, padding=(0, gap))
+    for name in left:
+        table.add_column(Text(name))
+    for name in right:
+        table.add_column(Text(name), justify="right")
+    return table
+
+
+def named_values(rows: Iterable[tuple[str, str]]) -> Table:
+    """A table of names and what is said of each, without headings."""
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2))
+    for name, text in rows:
+        table.add_row(Text(name), Text(text))
+    return table

@@ -13,27 +13,22 @@ if TYPE_CHECKING:
 
 def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
     """Print a table: one row a latency, its parts and its cases in ms."""
-    from rich.table import Table
     from rich.text import Text
 
+    from bussim.commands.common.console import plain_table
     from bussim.units import TICKS_PER_MS
 
     def cell(ticks: int) -> str:
         return f"{ticks / TICKS_PER_MS:,.3f}"
 
-    table = Table(
-        title=Text("latency at worst (ms), and what it is made of without error"),
-        title_justify="left",
-        box=None,
-        pad_edge=False,
-        padding=(0, 2),
-    )
-    table.add_column("from, to")
     parts = ["scan", "turn", "wire", "destination", "output"]
     if any(bound.program for bound in bounds.values()):
         parts.append("program")
-    for name in (*parts, "no error", "1 lost reply", "every retry"):
-        table.add_column(Text(name), justify="right")
+    table = plain_table(
+        ["from, to"],
+        [*parts, "no error", "1 lost reply", "every retry"],
+        title="latency at worst (ms), and what it is made of without error",
+    )
     for name, bound in bounds.items():
         if bound.valid:
             lost = [bound.lost(1), bound.every_retry] if bound.link_scan else []

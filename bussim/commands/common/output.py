@@ -11,12 +11,12 @@ from bussim.errors import UsageError
 
 
 def checked_target(path: Path, endings: Sequence[str], *, force: bool, option: str = "-o") -> Path:
-    """The path, if a file may be written there; ``option`` is that which names it.
+    """The path, if a file may be written there; ``option`` is that which names it. No endings: any.
 
     Raises UsageError for another ending, for a folder, for a file that exists unless ``force``, or
     where there is no folder to write it to.
     """
-    if path.suffix.lower() not in endings:
+    if endings and path.suffix.lower() not in endings:
         allowed = " or ".join(endings)
         raise UsageError(f"{path} ends in {path.suffix or 'nothing'}; write a name that ends in {allowed}")
     if path.is_dir():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -50,19 +51,6 @@ def options_of(*, tolerance: str, echo: bool, rs485: str, paced: bool = False) -
     return PortOptions(
         tolerance=time_of("--tolerance", tolerance), echo=echo, paced=paced, direction=Direction(rs485)
     )
-
-
-def time_of(option: str, text: str) -> int:
-    """The ticks of an option's time, not below 0. Raises UsageError."""
-    from bussim.units import parse_time
-
-    try:
-        ticks = parse_time(text)
-    except ValueError as error:
-        raise UsageError(f"{option} {error}") from error
-    if ticks < 0:
-        raise UsageError(f"{option} is {text}, which lies in the past")
-    return ticks
 
 
 def format_of(

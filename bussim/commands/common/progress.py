@@ -1,4 +1,4 @@
-"""The progress of a simulation."""
+"""Progress bars, on a terminal only."""
 
 from __future__ import annotations
 
@@ -6,31 +6,51 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING
 
-#: Shorter runs need no progress bar (seconds).
+if TYPE_CHECKING:
+    from rich.progress import TaskID
+
+#: What is over sooner needs no progress bar (seconds).
 _PATIENCE = 2.0
 
 
 @contextmanager
-def simulating_bar() -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on stderr, only on a terminal and only for a run that takes its time."""
+def progress_bar(*, counted: bool = False) -> Iterator[Callable[[str, int, int], None] | None]:
+    """A bar on stderr for what takes its time, called with what is done, how much of it, and of how much.
+
+    With ``counted`` it shows both numbers. None where stderr is no terminal.
+    """
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import MofNCompleteColumn, Progress, TextColumn
 
+    *columns, left = Progress.get_default_columns()
+    count = [MofNCompleteColumn()] if counted else []
     begun = time.monotonic()
-    bar = Progress(console=Console(stderr=True), transient=True)
-    task = bar.add_task("simulating", total=None)
+    bar = Progress(*columns, *count, left, TextColumn("left"), console=Console(stderr=True), transient=True)
+    tasks: dict[str, TaskID] = {}
 
-    def progress(done: int, total: int) -> None:
+    def progress(what: str, done: int, total: int) -> None:
+        if what not in tasks:
+            # What was there already says nothing about the speed of the rest.
+            tasks[what] = bar.add_task(what, completed=done, total=total)
+        bar.update(tasks[what], completed=done, total=total)
         if not bar.live.is_started and time.monotonic() - begun > _PATIENCE:
             bar.start()
-        bar.update(task, completed=done, total=total)
 
     try:
         yield progress
     finally:
         if bar.live.is_started:
             bar.stop()
+
+
+@contextmanager
+def simulating_bar() -> Iterator[Callable[[int, int], None] | None]:
+    """The bar of a simulation, called with the ticks simulated and those in all."""
+    with progress_bar() as progress:
+        yield None if progress is None else partial(progress, "simulating")

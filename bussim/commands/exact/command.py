@@ -1,4 +1,4 @@
-"""``bussim exact``: the exact distribution of the link scan time, closed forms of Modbus polls and of latencies."""
+"""``bussim exact``: link scan times, Modbus polls and latencies in closed form."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ _POINTS = 1200
 @click.option(
     "--mission", metavar="T", default="1y", show_default=True, help="Time for the law of the maximum D8202."
 )
-@click.option("--ignore-faults", is_flag=True, help="The law of the stretches without faults.")
+@click.option("--ignore-faults", is_flag=True, help="The law of the time without faults.")
 @click.option(
     "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
 )
@@ -72,8 +73,8 @@ def command(
 
     request = Request(
         levels=_levels(levels),
-        deadlines=tuple(_time("--deadline", text) for text in deadlines),
-        mission=_time("--mission", mission),
+        deadlines=tuple(time_of("--deadline", text, positive=True) for text in deadlines),
+        mission=time_of("--mission", mission, positive=True),
     )
     loaded = api.load(scenario, overrides, allow_code=allow_code)
     models = from_scenario(loaded, ignore_faults=ignore_faults)
@@ -123,18 +124,6 @@ def _polls(scenario: Scenario) -> dict[str, PollFigures]:
     return {node: poll_figures(model) for node, model in poll_lists(scenario).items()}
 
 
-def _time(option: str, text: str) -> int:
-    from bussim.units import parse_time
-
-    try:
-        ticks = parse_time(text)
-    except ValueError as error:
-        raise UsageError(f"{option} {error}") from None
-    if ticks <= 0:
-        raise UsageError(f"{option} is {text!r}, it must be above 0")
-    return ticks
-
-
 def _levels(text: str) -> dict[str, float]:
     found: dict[str, float] = {}
     for part in text.split(","):
@@ -150,9 +139,9 @@ def _levels(text: str) -> dict[str, float]:
 
 
 def _show(console: Console, bus: str, figures: Figures, request: RequestType) -> None:
-    from rich.table import Table
     from rich.text import Text
 
+    from bussim.commands.common.console import named_values
     from bussim.exact.text import ms
     from bussim.wording import about
 
@@ -170,7 +159,6 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
         console.print(Text(f"  {sentence}"))
     if not figures.valid:
         return
-    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2))
     rows: list[tuple[str, str]] = [
         ("link scan time", f"mean {_ms(figures.mean)}, sd {_ms(figures.sd)} ms"),
         ("  without errors", f"{_ms(figures.shortest)} to {_ms(figures.longest_clean)} ms"),
@@ -195,22 +183,21 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     if figures.detect_mean is not None:
         text = f"mean {_ms(figures.detect_mean)}, at worst {_ms(figures.detect_longest)} ms"
         rows.append(("dead station noticed", text))
-    for name, text in rows:
-        table.add_row(Text(name), Text(text))
-    console.print(table)
+    console.print(named_values(rows))
     _show_refresh(console, figures)
 
 
 def _show_refresh(console: Console, figures: Figures) -> None:
-    from rich.table import Table
     from rich.text import Text
 
-    heading = Text("time between refreshes (ms), and a heartbeat preset from it")
-    table = Table(title=heading, title_justify="left", box=None, pad_edge=False, padding=(0, 2))
+    from bussim.commands.common.console import plain_table
+
     keys = list(figures.quantiles)
-    table.add_column(Text("pair"))
-    for name in ("mean", *keys, "heartbeat"):
-        table.add_column(Text(name), justify="right")
+    table = plain_table(
+        ["pair"],
+        ["mean", *keys, "heartbeat"],
+        title="refresh gap (ms) by the probability of exceeding it, and a heartbeat preset from it",
+    )
     for pair, refresh in figures.refresh.items():
         times = [refresh.mean, *(refresh.quantiles.get(key) for key in keys), refresh.heartbeat]
         table.add_row(Text(pair), *(_ms(time) for time in times))

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
 def show(console: Console, figures: PollFigures) -> None:
     """One poll list: what there is to say of the cycle, then a line for each poll."""
-    from rich.table import Table
     from rich.text import Text
+
+    from bussim.commands.common.console import named_values
 
     model = figures.model
     count = len(model.polls)
@@ -30,10 +31,7 @@ def show(console: Console, figures: PollFigures) -> None:
         console.print(Text(f"  {sentence}"))
     if not model.valid:
         return
-    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2))
-    for name, text in _rows(figures):
-        table.add_row(Text(name), Text(text))
-    console.print(table)
+    console.print(named_values(_rows(figures)))
     _show_polls(console, figures)
 
 
@@ -53,18 +51,16 @@ def _rows(figures: PollFigures) -> list[tuple[str, str]]:
 
 
 def _show_polls(console: Console, figures: PollFigures) -> None:
-    from rich.table import Table
     from rich.text import Text
 
-    heading = Text(
-        "polls without errors (ms): response time; from the request to its taking over; "
-        "oldest data when they arrive, and when they are replaced"
+    from bussim.commands.common.console import plain_table
+
+    table = plain_table(
+        ["poll", "asks", "function", "every"],
+        ["response", "taken over", "arriving", "replaced"],
+        title="polls without errors (ms): response time; from the request to its taking over; "
+        "oldest data when they arrive, and when they are replaced",
     )
-    table = Table(title=heading, title_justify="left", box=None, pad_edge=False, padding=(0, 2))
-    for name in ("poll", "asks", "function", "every"):
-        table.add_column(Text(name))
-    for name in ("response", "taken over", "arriving", "replaced"):
-        table.add_column(Text(name), justify="right")
     for one in figures.polls:
         poll = one.poll
         every = f"{ms(poll.every)} ms" if poll.every else "always"

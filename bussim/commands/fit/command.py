@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import busy
-from bussim.commands.common.port_options import time_of
+from bussim.commands.common.output import busy, checked_target, write_text
 from bussim.commands.common.recording import PROTOCOLS, is_recording, line_of
 from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def command(
 
     if not is_recording(trace):
         raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
-    target = _target(output, force=force)
+    target = None if output is None else checked_target(Path(output), (), force=force)
     known = None if protocol == "auto" else Protocol(protocol)
     line = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
     with busy(f"reading {trace}"):
@@ -98,7 +98,10 @@ def command(
         simulated = _simulated(scenario, fitted, wanted=time_of("--simulate", simulate) > 0)
     comparison = None if simulated is None else comparison_of(fitted, simulated)
     if target is not None:
-        _write(target, scenario, trace)
+        from bussim.scenario.yaml.dump import dumps
+        from bussim.version import __version__
+
+        write_text(target, f"# Made by bussim {__version__} fit from {trace}.\n{dumps(scenario)}")
     if plot is not None:
         _plot(Path(plot), fitted, simulated)
     if as_json:
@@ -133,15 +136,6 @@ def scenario_of(
     return from_data(data, name=base or "<fit>", allow_code=allow_code, folder=folder)
 
 
-def _target(output: str | None, *, force: bool) -> Path | None:
-    if output is None:
-        return None
-    target = Path(output)
-    if target.exists() and not force:
-        raise UsageError(f"{target} exists; choose another name, or replace it with --force")
-    return target
-
-
 def _simulated(scenario: Scenario, fitted: Fitted, *, wanted: bool) -> RunRecord | None:
     from bussim import api
 
@@ -150,21 +144,6 @@ def _simulated(scenario: Scenario, fitted: Fitted, *, wanted: bool) -> RunRecord
     record = api.run(scenario, rows=False).record
     link = record.links.get(fitted.bus)
     return record if link is not None and link.scan_times.histogram.count else None
-
-
-def _write(target: Path, scenario: Scenario, source: str) -> None:
-    from bussim.scenario.yaml.dump import dumps
-    from bussim.version import __version__
-
-    text = f"# Made by bussim {__version__} fit from {source}.\n{dumps(scenario)}"
-    part = target.with_name(target.name + ".part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8", newline="\n")
-        part.replace(target)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UsageError(f"{target} cannot be written: {error.strerror or error}") from error
 
 
 def _plot(place: Path, fitted: Fitted, simulated: RunRecord | None) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bussim.commands.common.port_options import time_of
 from bussim.commands.common.recording import bus_of, read
+from bussim.commands.common.times import time_of
 from bussim.commands.fit.sink import FitSink
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming

@@ -62,7 +62,7 @@ def link_scenario(
                 "nn": {"bus": bus, "port": "COM4", "station": number},
             }
         )
-    called = {number: str(plc["name"]) for number, plc in enumerate(plcs)}
+    name_of = {number: str(plc["name"]) for number, plc in enumerate(plcs)}
     return {
         "schema": 1,
         "name": name,
@@ -70,16 +70,16 @@ def link_scenario(
         "seed": seed,
         "buses": [{"name": bus, "nn": True}],
         "plcs": plcs,
-        "noise": _link_noise(link, bus, called),
+        "noise": _link_noise(link, bus, name_of),
         "faults": [
             {
                 "at": format_time(outage.start),
                 **_lasting(outage.start, outage.end),
-                "power_off": called[k.station],
+                "power_off": name_of[k.station],
             }
             for k in link.stations
             for outage in k.outages
-            if k.station in called and outage.start < duration
+            if k.station in name_of and outage.start < duration
         ],
     }
 
@@ -91,20 +91,20 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
     Raises UsageError if it has no such link.
     """
     data: dict[str, Any] = copy.deepcopy(dict(scenario.source))
-    seated = {
+    attached = {
         plc.name: plc.registers.get(f"D{D_STATION}", 0)
         for plc in scenario.plcs
         if plc.link is not None and plc.link.bus == bus
     }
-    if not seated:
+    if not attached:
         links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
         raise UsageError(
             f"scenario {scenario.name!r} has no PLCs on an N:N link {bus!r}; its links are "
             f"{', '.join(links) or 'none'} (--bus names one of the recording, which must be called alike)"
         )
-    called = {number: name for name, number in reversed(seated.items())}
+    name_of = {number: name for name, number in reversed(attached.items())}
     for plc in data["plcs"]:
-        number = seated.get(plc["name"])
+        number = attached.get(plc["name"])
         if number is None:
             continue
         old = plc.get("profile", "pw10")
@@ -127,7 +127,7 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
         for each in data.get("noise", [])
         if each.get("bus") != bus or not ({"ber", "reply_loss"} & set(each))
     ]
-    data["noise"] = kept_noise + _link_noise(link, bus, called)
+    data["noise"] = kept_noise + _link_noise(link, bus, name_of)
     return data
 
 
@@ -247,14 +247,14 @@ def _slave_profile(found: StationEstimate | None, base: str) -> dict[str, Any]:
     return {"base": base, "turnaround": turnaround}
 
 
-def _link_noise(link: LinkEstimate, bus: str, called: dict[int, str]) -> list[dict[str, Any]]:
+def _link_noise(link: LinkEstimate, bus: str, name_of: dict[int, str]) -> list[dict[str, Any]]:
     noise: list[dict[str, Any]] = []
     if link.ber is not None and link.ber.value:
         noise.append({"bus": bus, "ber": link.ber.value})
     noise += [
-        {"bus": bus, "station": called[found.station], "reply_loss": found.loss.value}
+        {"bus": bus, "station": name_of[found.station], "reply_loss": found.loss.value}
         for found in link.stations
-        if found.loss is not None and found.loss.value and found.station in called
+        if found.loss is not None and found.loss.value and found.station in name_of
     ]
     return noise
 

@@ -155,10 +155,9 @@ def _distribution(distribution: TurnaroundDistribution | None) -> dict[str, Any]
 
 def show(fitted: Fitted, simulated: RunRecord | None, comparison: Comparison | None) -> None:
     """Print the estimates, and both histograms side by side."""
-    from rich.table import Table
     from rich.text import Text
 
-    from bussim.commands.common.console import wide_console
+    from bussim.commands.common.console import plain_table, wide_console
 
     console = wide_console()
     source = "exact times" if fitted.exact else "times of the operating system, its delays included"
@@ -167,10 +166,7 @@ def show(fitted: Fitted, simulated: RunRecord | None, comparison: Comparison | N
         slaves, mode, retries, timeout = _settings(fitted)
         told = "as the master said" if fitted.link.told else "as seen"
         click.echo(f"  {slaves} slaves, mode {mode}, {retries} retries, timeout {timeout} ms ({told})")
-    table = Table(box=None, pad_edge=False, padding=(0, 2))
-    table.add_column("  estimate")
-    for name in ("value", "95 % confidence", "from"):
-        table.add_column(name, justify="right")
+    table = plain_table(["  estimate"], ["value", "95 % confidence", "from"])
     for row in _rows(fitted):
         table.add_row(*map(Text, row))
     console.print(table)

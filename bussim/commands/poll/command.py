@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.port_options import format_of, options_of, port_options, time_of
+from bussim.commands.common.port_options import format_of, options_of, port_options
 from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.times import time_of
 from bussim.commands.poll.plan import Plan, Planned
 from bussim.errors import UsageError
 
@@ -174,7 +175,7 @@ def _polls(
     if address + request.quantity > 0x10000:
         raise UsageError(f"-r is {reference}: {request.quantity} items from there lie beyond the last one")
     if not values and 0 in stations:
-        raise UsageError("-a has 0, the broadcast, which nobody answers: it can only be written to")
+        raise UsageError("-a has 0, the broadcast, which no station answers: it can only be written to")
     return tuple(
         Planned(
             Poll(station, request, 0 if values else every, retries), f"station {station}", first, form, big

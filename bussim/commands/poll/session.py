@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,13 +99,13 @@ def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
     tallies = [Tally(planned) for planned in plan.polls]
     wire = Wire(plan.url, plan.line, plan.options, report=lambda text: click.echo(text, err=True))
     with ExitStack() as stack:
-        table = None if csv is None else stack.enter_context(_Csv(csv))
+        table = None if csv is None else stack.enter_context(closing(_table(csv)))
 
         def on_turn(turn: Turn) -> None:
             tally = tallies[turn.index]
             tally.add(turn)
             if table is not None:
-                table.write(turn, tally.planned)
+                table.append(_row(turn, tally.planned))
             if not as_json:
                 click.echo(_line(turn, tally.planned))
 
@@ -148,38 +148,28 @@ def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
     return 1 if silent and not broadcast else 0
 
 
-class _Csv:
-    """The CSV file of a session, one row a turn, whole rows whenever it ends."""
+def _table(path: Path) -> CsvTable:
+    try:
+        return CsvTable(path, COLUMNS)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
 
-    def __init__(self, path: Path) -> None:
-        try:
-            self._table = CsvTable(path, COLUMNS)
-        except OSError as error:
-            raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
 
-    def __enter__(self) -> _Csv:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._table.close()
-
-    def write(self, turn: Turn, planned: Planned) -> None:
-        """Write a turn."""
-        request, response = planned.poll.request, turn.response
-        values = _values(turn, planned) if turn.last.error is None else []
-        self._table.append(
-            (
-                nanoseconds(turn.ended.start),
-                planned.poll.station,
-                int(request.function),
-                request.address,
-                request.quantity,
-                len(turn.attempts),
-                "ok" if turn.last.error is None else _outcome(turn.last.error, turn.last.exception),
-                None if response is None else nanoseconds(response),
-                " ".join(map(str, values)) or None,
-            )
-        )
+def _row(turn: Turn, planned: Planned) -> tuple[str | int | None, ...]:
+    """The row of a turn, in the order of :data:`COLUMNS`."""
+    request, response = planned.poll.request, turn.response
+    values = _values(turn, planned) if turn.last.error is None else []
+    return (
+        nanoseconds(turn.ended.start),
+        planned.poll.station,
+        int(request.function),
+        request.address,
+        request.quantity,
+        len(turn.attempts),
+        "ok" if turn.last.error is None else _outcome(turn.last.error, turn.last.exception),
+        None if response is None else nanoseconds(response),
+        " ".join(map(str, values)) or None,
+    )
 
 
 def _outcome(error: int, exception: int) -> str:
@@ -216,17 +206,13 @@ def _line(turn: Turn, planned: Planned) -> str:
 
 
 def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
-    from rich.table import Table
     from rich.text import Text
 
     from bussim.commands.common.bars import bars
-    from bussim.commands.common.console import wide_console
+    from bussim.commands.common.console import plain_table, wide_console
 
     console = wide_console()
-    table = Table(box=None, pad_edge=False, padding=(0, 2))
-    table.add_column("poll")
-    for name in ("turns", "ok", "failed attempts", "median ms", "mean", "max"):
-        table.add_column(name, justify="right")
+    table = plain_table(["poll"], ["turns", "ok", "failed attempts", "median ms", "mean", "max"])
     for tally in tallies:
         figures = tally.to_json()["response_ms"]
         failed = ", ".join(f"{count} × {word}" for word, count in sorted(tally.errors.items())) or "0"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
+from bussim.commands.common.console import plain_table
 from bussim.commands.size.verify import Verdict
 from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
 from bussim.exact.sizing.size import Choice, Sizing
@@ -83,20 +83,14 @@ def _simulated(verdict: Verdict) -> str:
     )
 
 
-def _table(title: str, *headings: str) -> Table:
-    table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False, padding=(0, 2))
-    for heading in headings:
-        table.add_column(Text(heading), justify="right")
-    return table
-
-
 def _show_noise_levels(console: Console, noise_levels: NoiseLevels) -> None:
     levels = ", ".join(f"{name} {chance:g}" for name, chance in LEVELS.items())
     timeout = ms(noise_levels.timeout)
     console.print(Text(f"  no noise is given; assumed chance that an attempt fails: {levels}"))
-    table = _table(
-        f"false station errors a year under each, with a timeout of {timeout} ms; outages are silence",
-        *("D8179", "attempts", *LEVELS, "dead-station scan", "outage passed", "of 20, 100, 300 ms"),
+    table = plain_table(
+        (),
+        ("D8179", "attempts", *LEVELS, "dead-station scan", "outage passed", "of 20, 100, 300 ms"),
+        title=f"false station errors a year under each, with a timeout of {timeout} ms; outages are silence",
     )
     for rung in noise_levels.rungs:
         table.add_row(
@@ -111,9 +105,10 @@ def _show_noise_levels(console: Console, noise_levels: NoiseLevels) -> None:
 
 
 def _show_front(console: Console, front: Sequence[Choice]) -> None:
-    table = _table(
-        "settings that no other beats in all three (Pareto front)",
-        *("D8179", "D8180", "attempts", "false errors a year", "dead-station scan", "noticed after"),
+    table = plain_table(
+        (),
+        ("D8179", "D8180", "attempts", "false errors a year", "dead-station scan", "noticed after"),
+        title="settings that no other beats in all three (Pareto front)",
     )
     for choice in front[:_MOST]:
         table.add_row(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
-from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_time, parse_time
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_time
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -44,7 +45,8 @@ def uniform_link(
         raise UsageError(f"--profile is {profile!r}; {suggest(profile, list(PROFILES))}")
     _check("--stations", stations, range(2, MAX_SLAVES + 2), "with the master")
     _check("--mode", mode, PROFILES[profile].modes, f"in profile {profile}")
-    _check_scan(scan)
+    if not _SCANS[0] <= time_of("--scan", scan) <= _SCANS[1]:
+        raise UsageError(f"--scan is {scan}, allowed {' to '.join(map(format_time, _SCANS))}")
     if ber is not None and not 0 <= ber <= 1:
         raise UsageError(f"--ber is {ber:g}, allowed 0..1")
     link = {"bus": _BUS, "port": "COM4"}
@@ -71,13 +73,3 @@ def _check(option: str, value: int, allowed: range | tuple[int, ...], where: str
     if value not in allowed:
         shown = f"{allowed[0]}..{allowed[-1]}" if len(allowed) > 1 else f"{allowed[0]} only"
         raise UsageError(f"{option} is {value}, allowed {shown} {where}")
-
-
-def _check_scan(text: str) -> None:
-    low, high = _SCANS
-    try:
-        ticks = parse_time(text)
-    except ValueError as error:
-        raise UsageError(f"--scan {error}") from None
-    if not low <= ticks <= high:
-        raise UsageError(f"--scan is {text}, allowed {format_time(low)}..{format_time(high)}")

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.port_options import options_of, port_options, time_of
+from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.recording import PROTOCOLS, bus_of, is_recording, line_of, read
+from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
 
@@ -146,7 +147,7 @@ class _Session:
         )
 
     def display(self, as_json: bool) -> Callable[[int], object] | None:  # noqa: FBT001 (private)
-        """What shows the state at a tick, None where there is nobody to see it."""
+        """What shows the state at a tick, None where stdout is no terminal."""
         if as_json or not sys.stdout.isatty():
             return None
         from bussim.commands.sniff.tally import show

@@ -145,13 +145,14 @@ def show(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> Ren
 
 
 def _table(tally: Tally, *, by_station: bool) -> Table:
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2))
-    table.add_column("station" if by_station else "station: function at address × count")
-    for name in ("attempts", "ok", "failed", "response: median ms", "mean", "max"):
-        table.add_column(name, justify="right")
+    from bussim.commands.common.console import plain_table
+
+    table = plain_table(
+        ["station" if by_station else "station: function at address × count"],
+        ["attempts", "ok", "failed", "response: median ms", "mean", "max"],
+    )
     for name, asked in sorted(tally.asked.items()):
         figures = statistics(asked.response)
         failed = ", ".join(

@@ -1,8 +1,8 @@
-"""The line's hidden state and what it does to frames.
+"""The channel's state and what it does to frames.
 
 Bursts are two-state chains in continuous time (Gilbert–Elliott); several of them together have a
-product state. A frame's fate is a matrix: entry (s, t) is the probability that the line is in t when
-the frame ends and that the frame had this fate, given s when it began. Without bursts there is one
+product state. A frame's outcome is a matrix: entry (s, t) is the probability that the line is in t when
+the frame ends and that the frame had this outcome, given s when it began. Without bursts there is one
 state and the matrices are numbers. All entries are sums and products of positive numbers.
 
 Times in ticks. A bit's error probability is taken from the state at its end instead of its centre.
@@ -27,14 +27,14 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 class FrameOutcome(NamedTuple):
-    """A frame's fate in one receiver: whole and undamaged, or hit."""
+    """A frame's outcome in one receiver: whole and undamaged, or hit."""
 
     clean: Matrix
     hit: Matrix
 
 
 class ReplyOutcome(NamedTuple):
-    """A reply's fate in the master and in a listener.
+    """A reply's outcome in the master and in a listener.
 
     ``clean``: undamaged; ``torn``: its first character undamaged, a later one hit; ``headless``: its
     first character hit. Each is split by whether the listener had it undamaged, then not.
@@ -151,7 +151,7 @@ class Line:
         """What becomes of a reply in the master and in a listener, with the noise that they share."""
         first = self._joint(wire, master, listener, CHAR_BITS)
         rest = self._joint(wire, master, listener, bits - CHAR_BITS)
-        # Joint fates by (master hit, listener hit); rest of the frame after its first character.
+        # Joint outcomes by (master hit, listener hit); rest of the frame after its first character.
         both = first[0][0] @ rest[0][0]
         only_master = first[0][0] @ rest[0][1] + first[0][1] @ (rest[0][0] + rest[0][1])
         torn_heard = first[0][0] @ rest[1][0]
@@ -168,7 +168,7 @@ class Line:
         listener: Sequence[NoiseSource],
         bits: int,
     ) -> list[list[Matrix]]:
-        """Fates of so many bits by (master hit, listener hit)."""
+        """Outcomes of so many bits by (master hit, listener hit)."""
         if bits == 0:
             nothing, whole = np.zeros((self.states,) * 2), np.eye(self.states)
             return [[whole, nothing], [nothing, nothing]]

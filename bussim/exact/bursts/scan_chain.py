@@ -1,11 +1,10 @@
-"""A link scan as a chain from scan to scan, with the line's hidden state and the flags that matter.
+"""A link scan as a chain from scan to scan, with the channel's state and the flags that matter.
 
-Used for the distribution on a line with bursts, and on any line for what spans several scans. Attempts are
-correlated through the hidden state, which moves on in real time: a retry after a short timeout meets
-the same burst again. A scan is a product of matrices; its start has the
-stationary distribution of the chain of scan starts (not the distribution at a random instant: scans that meet a burst
-last longer, so fewer of them begin in one). With the policy ``probe`` that chain also holds which
-flags are on.
+Used for the distribution on a line with bursts, and on any line for what spans several scans. Attempts
+are correlated through the hidden state, which moves on in real time: a retry after a short timeout meets
+the same burst again. A scan is a product of matrices; its start has the stationary distribution of the
+chain of scan starts (not the distribution at a random instant: scans that meet a burst last longer, so
+fewer of them begin in one). With the policy ``probe`` that chain also holds which flags are on.
 """
 
 from __future__ import annotations
@@ -194,7 +193,7 @@ class ScanChain:
         return parts[0].mixed(*parts[1:]) if parts else components
 
     def turned(self, components: StateMixture) -> StateMixture:
-        """Components at a scan's end carried on to the next data frame's start, past a parameter frame if due."""
+        """Components of a scan's end at the next data frame's start, past a parameter frame if due."""
         model, line = self.model, self.line
         plain = model.overhead + model.gap
         long = plain + model.parameters_cost
@@ -204,7 +203,7 @@ class ScanChain:
         return StateMixture(shift, components.code if self._bits else components.code & (MARK - 1), weight)
 
     def begun(self) -> StateMixture:
-        """Stationary components, of no length, at the start of a master's data frame, with the flags as marks."""
+        """Stationary components, of no length, at a data frame's start, with the flags as marks."""
         flags = np.nonzero(self.start.sum(axis=1) >= self.floor)[0]
         return StateMixture(np.zeros(flags.size), flags * MARK, self.start[flags][:, None, :])
 

@@ -1,8 +1,9 @@
-"""Components that carry a vector over the line's hidden state, and what follows them as matrices.
+"""Components that carry weights over the channel's states, and what follows them as matrices.
 
 A scan with bursts, and any chain of several scans, is built by letting one group of components follow
-another: shifts and codes add, vectors are multiplied by matrices. The bits of a code above its counts
-are *marks*: which flags are on, or (one bit for all) that some station was in error on the way.
+another: shifts and codes add, weights over the states are multiplied by matrices. The bits of a code
+above its counts are *marks*: which flags are on, or (one bit for all) that some station was in error on
+the way.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class StateTerms(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class StateMixture:
-    """Components with weights (component, start, state): the probability of this component and state for each start."""
+    """Components with weights (component, start, state): their probability for each start."""
 
     shift: Floats
     code: Codes

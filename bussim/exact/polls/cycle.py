@@ -47,7 +47,7 @@ def without_errors(model: PollListModel) -> list[Cost]:
 
 
 def failing(model: PollListModel, poll: PollModel) -> Cost:
-    """A poll to which nobody answers. A broadcast cannot fail."""
+    """A poll to which no slave answers. A broadcast cannot fail."""
     if not poll.device:
         return Cost(poll, 1, poll.need)
     return Cost(poll, poll.attempts, exactly(poll.request + model.timeout), poll.attempts)
@@ -76,16 +76,16 @@ class Round:
         #: The longest time that all turns take, one each, in any order.
         self.all = sum(span.most for span in self._alone)
         periods = {cost.poll.every for cost in costs}
-        begin_together = len({cost.poll.at for cost in costs}) == 1
+        same_start = len({cost.poll.at for cost in costs}) == 1
         #: Whether the list goes round and round: every poll is due again when its turn comes, since it has
         #: no period, or since one turn of each poll takes longer than its period.
         self.continuous = periods == {0} or (
-            begin_together and max(periods) <= sum(cost.own(master_timing) + self._late for cost in costs)
+            same_start and max(periods) <= sum(cost.own(master_timing) + self._late for cost in costs)
         )
         #: Whether every turn is over before the poll comes due again.
         self.fits = 0 not in periods and self.all + master_timing.idle <= min(periods)
-        # All come due together and have their turns in the list's order.
-        self._together = self.fits and len(periods) == 1 and begin_together
+        # All come due at once and have their turns in the list's order.
+        self._simultaneous = self.fits and len(periods) == 1 and same_start
 
     def time(self) -> Span:
         """From the beginning of the first turn to the end of the last."""
@@ -102,14 +102,14 @@ class Round:
                 total.most + taken.most + (last.attempts - 1) * again.most - self._late,
             )
         least = sum(cost.own(master_timing) for cost in costs) + (len(costs) - 1) * self._late
-        if self._together:
+        if self._simultaneous:
             return Span(least, self.all - self._late)
         # Each poll had its latest turn before this cycle, so that it is due a period after that turn began.
         wait = max(cost.poll.every - cost.own(master_timing) for cost in costs)
         return Span(least, max(0, wait) + master_timing.idle + self.all)
 
     def period(self) -> Span | None:
-        """From cycle to cycle where the list goes round and round; None where periods pace it."""
+        """From cycle to cycle where the list goes round and round; None where the polls have periods."""
         return (
             sum((cost.turn(self._master_timing) for cost in self._costs), exactly(0))
             if self.continuous
@@ -126,7 +126,7 @@ class Round:
         begun = master_timing.entry.least + served
         if not cost.poll.every:
             return self.all + taken - served
-        if self._together and self._ordered:
+        if self._simultaneous and self._ordered:
             until = sum(span.most for span in self._alone[: place + 1])
             before = sum(other.own(master_timing) + self._late for other in self._costs[:place])
             return cost.poll.every + master_timing.idle + until - before - begun
@@ -162,6 +162,6 @@ class Round:
         taken = sum(mean[0] for mean in known)
         if self.continuous:
             return taken + sum(mean[1] for mean in known) - self._late
-        if self._together and self._ordered:
+        if self._simultaneous and self._ordered:
             return master_timing.mean_entry() + taken + sum(mean[1] for mean in known[:-1])
         return None

@@ -69,7 +69,7 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
     if not heard:
         why = f", {names(slave.name for slave in asked)} speaks otherwise" if asked else ""
-        return f"nobody on {master.bus} answers as station {spec.station}{why}"
+        return f"no slave on {master.bus} answers as station {spec.station}{why}"
     if len(heard) > 1:
         return f"{names(slave.name for slave in heard)} both answer as station {spec.station} and collide"
     slave = heard[0]

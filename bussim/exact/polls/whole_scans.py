@@ -1,10 +1,11 @@
 """Means of the whole scans that a transaction costs, where the scans' jitter makes them random.
 
-From the END that sends a request on, active scans follow one another until their sum has reached what the
-transaction needs; then idle ones until the interval is over as well. How many scans that takes is a first
-passage of a sum of independent uniform variables, and by Wald's identity its mean number times the mean
-scan is the mean time. The distribution of the sum is carried from scan to scan on a grid, all of it from positive
-terms, each cell's mass taken as uniform over the cell: the error falls with the square of the cell.
+From the END that sends a request on, active scans follow one another until their sum has reached what
+the transaction needs; then idle ones until the interval is over as well. How many scans that takes is a
+first passage of a sum of independent uniform variables, and by Wald's identity its mean number times the
+mean scan is the mean time. The distribution of the sum is carried from scan to scan on a grid, all of it
+from positive terms, each cell's mass taken as uniform over the cell: the error falls with the square of
+the cell.
 """
 
 from __future__ import annotations

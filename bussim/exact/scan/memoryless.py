@@ -2,8 +2,8 @@
 
 All attempts are then independent. A station's exchange is answered after i failed attempts with
 probability p^i × a, and in error after all attempts with p^A, where p = silent + torn and a = 1 - p.
-Stations with equal odds and times form a group, whose components are counted: how many of the group were
-answered, how many attempts failed in all, and how many of these ran to their deadline.
+Stations with equal probabilities and times form a group, whose components are counted: how many of the
+group were answered, how many attempts failed in all, and how many of these ran to their deadline.
 
 With the policy ``probe`` a station whose flag is on gets one attempt. Each station is then a chain of
 two states from scan to scan, independent of the others; its stationary distribution weighs the two cases.
@@ -61,9 +61,9 @@ class Fails:
 
 
 def probabilities_of(model: LinkModel) -> tuple[AttemptProbabilities, ...]:
-    """The odds of one attempt at each station, in order."""
+    """How one attempt at each station ends, in order. Raises ValueError for a line with bursts."""
     if not model.noise.memoryless:
-        raise ValueError("a link with bursts has no odds that are the same for every attempt")
+        raise ValueError("on a link with bursts attempts differ in their probabilities")
     known: dict[tuple[object, ...], AttemptProbabilities] = {}
     found = []
     for station in model.stations:
@@ -100,7 +100,7 @@ def _probabilities(
 
 
 def fails_of(probabilities: AttemptProbabilities, attempts: int, absent: AbsentStation) -> Fails:
-    """The stationary chances of a station with these odds."""
+    """The stationary chances of a station whose attempts end so."""
     all_fail = probabilities.failed**attempts
     if absent is AbsentStation.FULL:
         return Fails.of(all_fail, all_fail * _answered_once(probabilities, attempts))
@@ -186,17 +186,18 @@ def scan_terms(
 ) -> ScanTerms:
     """The components of a scan; those lighter than ``floor`` are dropped and counted in ``lost``.
 
-    ``odds`` of the stations may be given where they are known already, and ``sums`` whose codes to use.
+    ``probabilities`` of the stations may be given where they are known already, and ``sums`` whose codes
+    to use.
     """
     probabilities = probabilities_of(model) if probabilities is None else probabilities
     sums = sums or TurnaroundSums(station.turnaround for station in model.alive)
     parts = [_dead(model, len(model.dead))] if model.dead else []
-    pairs = [(s, o) for s, o in zip(model.stations, probabilities, strict=True) if s.alive]
+    pairs = [(s, p) for s, p in zip(model.stations, probabilities, strict=True) if s.alive]
 
     def same(pair: tuple[Station, AttemptProbabilities]) -> tuple[object, ...]:
-        station, odd = pair
+        station, outcome = pair
         distribution = station.turnaround
-        return odd, spread_of(distribution)[0], station.extra, station.reply, sums.unit(distribution)
+        return outcome, spread_of(distribution)[0], station.extra, station.reply, sums.unit(distribution)
 
     for _, group in groupby(sorted(pairs, key=same), key=same):
         members = list(group)
@@ -204,7 +205,7 @@ def scan_terms(
     none = np.zeros(1, dtype=np.int64)
     total = _Part(none, np.full(1, float(model.base)), none, np.zeros(1, dtype=bool), np.ones(1))
     for part in parts:
-        total = _together(total, part, floor)
+        total = _combined(total, part, floor)
     fixed = total.fixed + np.where(total.flagged, float(model.parameters_cost), 0.0)
     lost = max(0.0, 1.0 - float(total.weight.sum()))
     return ScanTerms(total.waits, fixed, total.code, total.flagged, total.weight, sums, lost)
@@ -221,7 +222,7 @@ def _dead(model: LinkModel, count: int) -> _Part:
     )
 
 
-def _together(one: _Part, two: _Part, floor: float) -> _Part:
+def _combined(one: _Part, two: _Part, floor: float) -> _Part:
     weight = (one.weight[:, None] * two.weight).reshape(-1)
     keep = np.nonzero(weight >= floor)[0]
     i, j = np.divmod(keep, two.weight.size)
@@ -233,7 +234,7 @@ def _together(one: _Part, two: _Part, floor: float) -> _Part:
             one.flagged[i] | two.flagged[j],
             weight[keep],
         )
-    # Equal components are put together; what tells them apart goes through one pair of keys.
+    # Equal components become one; what tells them apart goes through one pair of keys.
     flagged = one.flagged[i] | two.flagged[j]
     waits = 2 * (one.waits[i] + two.waits[j]) + flagged
     fixed = one.fixed[i] + two.fixed[j]
@@ -265,10 +266,10 @@ def _group(
     """The components of ``count`` stations like this one."""
     p = probabilities.failed
     flagged = fails_of(probabilities, model.attempts, model.absent).flagged
-    ways = _ways(count, model.attempts, flagged)
-    fails = np.arange(ways.shape[1])
+    table = _outcome_weights(count, model.attempts, flagged)
+    fails = np.arange(table.shape[1])
     answered = np.arange(count + 1)
-    weight = ways * np.power(probabilities.answered, answered)[:, None] * np.power(p, fails)
+    weight = table * np.power(probabilities.answered, answered)[:, None] * np.power(p, fails)
     c, i = np.nonzero(weight >= floor)
     weight = weight[c, i]
     # Of i failed attempts, a ran to their deadline.
@@ -295,7 +296,7 @@ def _group(
 
 
 @lru_cache(maxsize=512)
-def _ways(count: int, attempts: int, flagged: float) -> Floats:
+def _outcome_weights(count: int, attempts: int, flagged: float) -> Floats:
     """Entry (c, i): weight with which c of ``count`` stations are answered, i attempts having failed in all.
 
     The factors of the single attempts are left out. ``flagged``: chance that a station has one attempt.

@@ -1,9 +1,10 @@
 """A distribution as components: weighted, shifted sums of turnarounds.
 
 A link scan in which so many attempts failed in such ways lasts a fixed time plus the spreads of the
-turnarounds in it. So the distribution is a sum of *components*, each with a weight, a shift and a code that names
-its sum of spreads (:mod:`bussim.exact.scan.turnaround_sums`). A probability is a sum of positive terms; nothing is
-subtracted from 1, and no transform of the whole distribution rounds its tail away.
+turnarounds in it. So the distribution is a sum of *components*, each with a weight, a shift and a code
+that names its sum of spreads (:mod:`bussim.exact.scan.turnaround_sums`). A probability is a sum of
+positive terms; nothing is subtracted from 1, and no transform of the whole distribution rounds its tail
+away.
 """
 
 from __future__ import annotations
@@ -154,8 +155,9 @@ class Distribution:
 
 
 def _edge(edges: Floats, weight: Floats, q: float) -> float:
-    """The edge (upper or lower ends of components) at and above which components of more than q lie, but not above it.
+    """The edge at and above which components of more than q lie, but not above it.
 
+    ``edges`` are the upper or the lower ends of the components.
     Taken from the lower ends it is a lower bound of the quantile, from the upper ends an upper one.
     """
     order = np.argsort(-edges, kind="stable")

@@ -1,4 +1,4 @@
-"""Laws of sums of independent turnarounds, the continuous part of a link scan.
+"""Distributions of sums of independent turnarounds, the continuous part of a link scan.
 
 A turnaround is its least value plus a *spread*, from 0 to a width. Sums are named by a code that
 counts how many spreads of each kind they have; the least values belong to the components' shifts.

@@ -21,7 +21,7 @@ from bussim.units import TICKS_PER_MS
 
 Mask = NDArray[np.bool_]
 
-#: With bursts, timeouts at which a heartbeat is looked at, for each number of attempts.
+#: With bursts, timeouts at which a heartbeat is evaluated, for each number of attempts.
 _BURST_SAMPLES = 8
 #: Components lighter than this are dropped from the gaps: a few a year are looked for, of 1e9.
 _GAP_FLOOR = 1e-14
@@ -30,8 +30,8 @@ _GAP_FLOOR = 1e-14
 def timeout_floor(model: LinkModel) -> int:
     """The least timeout in ticks that is ever recommended, a multiple of 10 ms.
 
-    The longest legitimate reply, plus its slave's longest PLC scan, plus one 10 ms tick: whoever
-    assumed wrongly that the board answers on its own (and not at END) must not get late replies.
+    The longest legitimate reply, plus its slave's longest PLC scan, plus one 10 ms tick: should
+    the board reply at END and not on its own, as assumed, its replies still come in time.
     """
     longest = max((s.slowest + s.reply + s.scan for s in model.alive), default=0)
     return math.ceil((longest + 10 * TICKS_PER_MS) / TIMEOUT_UNIT) * TIMEOUT_UNIT
@@ -40,7 +40,7 @@ def timeout_floor(model: LinkModel) -> int:
 class Checked:
     """A grid by attempts and timeout, and for each goal where it is met.
 
-    ``met`` and ``values`` (what each goal looks at) have an entry for every goal but the heartbeat,
+    ``met`` and ``values`` (the figure that each goal limits) have an entry for every goal but the heartbeat,
     which takes a distribution per setting and is asked for one by one: :meth:`heartbeat_met`.
     """
 
@@ -58,7 +58,7 @@ class Checked:
         if goals.ride is not None:
             self.values["ride"] = grid.silence
             self.met["ride"] = grid.silence >= goals.ride
-        #: How often a year a heartbeat is missed falsely, for the settings that were looked at.
+        #: How often a year a heartbeat is missed falsely, for the settings that were evaluated.
         self.missed = np.full(grid.mean.shape, np.nan)
 
     @property
@@ -67,7 +67,7 @@ class Checked:
         return np.asarray(np.logical_and.reduce(list(self.met.values())) & self.grid.valid, dtype=np.bool_)
 
     @property
-    def looked_at(self) -> Mask:
+    def evaluated(self) -> Mask:
         """Settings at which a heartbeat is worth looking at: all, but with bursts only some timeouts."""
         columns = np.ones(len(self.grid.timeouts), dtype=np.bool_)
         if self.goals.heartbeat is not None and not self.grid.model.noise.memoryless:
@@ -95,7 +95,7 @@ def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | N
     Least is the shortest scan with a dead station, the longest of the views'; then the soonest
     noticed, then the fewest errors. A view is a checked grid and its row for each number of retries.
     """
-    met = np.logical_and.reduce([(view.candidates & view.looked_at)[list(rows)] for view, rows in views])
+    met = np.logical_and.reduce([(view.candidates & view.evaluated)[list(rows)] for view, rows in views])
     retries, columns = np.nonzero(met)
     if not retries.size:
         return None

@@ -1,9 +1,9 @@
 """Figures of one link for all its settings at once: attempts × timeouts.
 
-On a line without memory the odds of an attempt do not depend on the setting, and the components of a scan
-depend on the number of attempts only; a timeout moves them. Components with equally many timeouts in them
-form a *row*, whose tail is put on a grid of 10 µs once; a quantile for any timeout is then found by
-moving the rows. With bursts the chances depend on the timeout as well: see
+On a line without memory the probabilities of an attempt do not depend on the setting, and the components
+of a scan depend on the number of attempts only; a timeout moves them. Components with equally many
+timeouts in them form a *row*, whose tail is put on a grid of 10 µs once; a quantile for any timeout is
+then found by moving the rows. With bursts the chances depend on the timeout as well: see
 :mod:`bussim.exact.sizing.grid_bursts`.
 """
 

@@ -200,7 +200,7 @@ class _Row:
 
 
 def _stationary(step: Stack) -> Floats:
-    """The stationary distribution of each chain of a stack, whose rows need not add up to 1 to the last bit."""
+    """The stationary distribution of each chain of a stack, whose rows add up to 1 but for rounding."""
     step = step / step.sum(axis=2, keepdims=True)
     size = step.shape[1]
     system = np.swapaxes(step, 1, 2) - np.eye(size)

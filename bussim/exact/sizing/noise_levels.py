@@ -1,4 +1,4 @@
-"""What to assume where the noise is not known: a noise levels of levels and outages, always shown as assumed.
+"""What to assume where the noise is not known: levels of noise and outages, always shown as assumed.
 
 A scenario without noise says nothing about retries: on a perfect line none would ever be needed. So
 every number of retries is shown against three levels of noise, each the chance that one attempt
@@ -72,7 +72,7 @@ def with_failing(model: LinkModel, chance: float) -> LinkModel:
 
 
 def under_bad_noise(model: LinkModel) -> LinkModel:
-    """The link under the noise levels's bad level."""
+    """The link under the level ``bad``."""
     return with_failing(model, LEVELS[BAD])
 
 

@@ -92,7 +92,7 @@ class Sizing:
     """A recommendation for one link, or why there is none.
 
     ``floor`` is the least timeout considered (ticks). ``noise_levels`` is there where the link has no
-    noise: its goals are then checked under the noise levels's bad level. ``front`` are the settings that no
+    noise: its goals are then checked under the level ``bad``. ``front`` are the settings that no
     other one beats in errors, dead-station scan and detection together. ``checked`` has the grid.
     """
 
@@ -176,7 +176,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     """Choose D8179 and D8180 of a link; the setting that the model has does not matter.
 
     Without noise nothing could be concluded from the errors, so the goals are checked under the
-    noise levels's bad level, and an outage of 100 ms must pass (:mod:`bussim.exact.sizing.noise_levels`).
+    level ``bad``, and an outage of 100 ms must pass (:mod:`bussim.exact.sizing.noise_levels`).
     """
     goals = goals or Goals()
     if model.obstacles:
@@ -191,11 +191,11 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         )
         return Sizing(model, goals, valid=False, reasons=(reason,), floor=floor)
     assumed = not model.noisy
-    judged_model = model
+    checked_model = model
     if assumed:
         goals = replace(goals, ride=max(goals.ride or 0, OUTAGE))
-        judged_model = under_bad_noise(model)
-    views = {absent: evaluate_goals(judged_model, goals, absent) for absent in AbsentStation}
+        checked_model = under_bad_noise(model)
+    views = {absent: evaluate_goals(checked_model, goals, absent) for absent in AbsentStation}
     checked = views[model.absent]
     chosen = least([(checked, rows_of(checked, model.reading))])
     recommended = None
@@ -204,7 +204,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     robust, why_not = _robust(views)
     unmet: tuple[Unmet, ...] = ()
     if recommended is None:
-        unmet = unmet_goals(judged_model, goals, checked)
+        unmet = unmet_goals(checked_model, goals, checked)
     noise_levels = None
     if assumed:
         timeout = recommended.timeout if recommended else checked.grid.timeouts[0]

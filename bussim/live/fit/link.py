@@ -29,7 +29,7 @@ ANSWERED, SILENT, DAMAGED = 0, 1, 2
 
 @dataclass(frozen=True, slots=True)
 class Outage:
-    """A stretch in which a station answered nothing; ``end`` is None where it lasts to the end."""
+    """A time in which a station answered nothing; ``end`` is None where it lasts to the end."""
 
     station: int
     start: int  # first edge of the first poll without an answer
@@ -205,9 +205,9 @@ class LinkObserver:
         total = sum(trials.values())
         overhead = None
         if self._turns:
-            typical = median(self._turns)
-            middle = mean([turn - gap for turn in self._turns if turn < 2 * typical])
-            overhead = Estimate(typical - gap, middle.low, middle.high, middle.count)
+            usual = median(self._turns)
+            middle = mean([turn - gap for turn in self._turns if turn < 2 * usual])
+            overhead = Estimate(usual - gap, middle.low, middle.high, middle.count)
         return LinkEstimate(
             settings=self._settings or self._seen_settings(gap),
             told=self._settings is not None,
@@ -289,7 +289,7 @@ def _runs(outcomes: bytearray, longest: int) -> list[tuple[int, int]]:
     return found
 
 
-def _around(values: array[int], typical: int) -> Estimate:
-    """The typical one, with the interval of the mean of those that are not far from it."""
-    near = mean([value for value in values if value < 2 * typical + 1])
-    return Estimate(typical, near.low, near.high, near.count)
+def _around(values: array[int], usual: int) -> Estimate:
+    """The usual value, with the interval of the mean of those that are not far from it."""
+    near = mean([value for value in values if value < 2 * usual + 1])
+    return Estimate(usual, near.low, near.high, near.count)

@@ -21,7 +21,7 @@ _LEAST = 5
 
 @dataclass(frozen=True, slots=True)
 class PollEstimate:
-    """A request that recurs. ``every`` is the typical distance of its turns in ticks, None for a single one.
+    """A request that recurs. ``every`` is the median distance of its turns in ticks, None for a single one.
 
     ``low`` and ``high`` hold nine tenths of the distances; ``periodic``: its turns keep to a grid.
     """

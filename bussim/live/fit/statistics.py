@@ -162,7 +162,7 @@ def _crossing(rising: Callable[[float], float], low: float, high: float) -> floa
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """How well two samples, or a sample and a distribution, agree: their largest distance and how likely it is."""
+    """How two samples, or a sample and a distribution, agree: their distance and how likely it is."""
 
     distance: float
     p: float

@@ -17,7 +17,7 @@ _COMPARED = 2000
 
 @dataclass(frozen=True, slots=True)
 class TurnaroundDistribution:
-    """Mean and jitter in ticks, or, where a uniform distribution does not describe it, ``values`` of equal weight.
+    """Mean and jitter in ticks; where a uniform distribution does not fit, ``values`` of equal weight.
 
     ``fit`` is the distance of the sample from the uniform distribution.
     """
@@ -31,8 +31,8 @@ class TurnaroundDistribution:
 def distribution_of(turnarounds: Sequence[int]) -> TurnaroundDistribution:
     """The distribution of at least one turnaround (ticks).
 
-    The ends of a uniform distribution are those of the sample, moved outwards by what its size hides on the average;
-    its middle is the sample's mean.
+    The ends of a uniform distribution are those of the sample, moved outwards by what its size hides on
+    the average; its middle is the sample's mean.
     """
     count = len(turnarounds)
     middle = sum(turnarounds) / count

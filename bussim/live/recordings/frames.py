@@ -17,7 +17,7 @@ _PROTOCOLS = {protocol.value: protocol for protocol in Protocol}
 def heard_of(record: FrameRecord) -> Heard | None:
     """What a listener heard of a frame; None for a protocol that is not recognised (free).
 
-    Bits that were inverted on the wire for everybody, a collision and a frame that was cut off are
+    Bits that were inverted on the wire for all receivers, a collision and a frame that was cut off are
     damage; what was inverted in one receiver only is not heard by others.
     """
     protocol = _PROTOCOLS.get(record.protocol)

@@ -32,7 +32,7 @@ _BLOCK = 1 << 20
 #: Times that the line may go low: hours of a busy line; more would take gigabytes.
 MOST_LOWS = 20_000_000
 _LARGEST_METADATA = 1 << 20
-#: Samples of a bit below which a UART model cannot judge a character.
+#: Samples of a bit below which a UART model cannot decode a character.
 _LEAST_SAMPLES = 4
 
 
