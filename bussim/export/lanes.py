@@ -82,7 +82,7 @@ class Lanes:
             yield f"PulseView: decoder UART, lane {lane}: {bus.timing.baud} {bus.timing.format}"
             if "modbus-rtu" in bus.protocols:
                 yield (
-                    f"PulseView: for Modbus on {lane} give UART the answering station's lane as RX and the "
+                    f"PulseView: for Modbus on {lane} give UART the slave's lane as RX and the "
                     "master's as TX, and stack Modbus on it"
                 )
 

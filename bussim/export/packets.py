@@ -89,7 +89,7 @@ def _comment(received: Received, bus: BusSurvey) -> str:
 
 
 def how_to_open(survey: Survey, encapsulation: str) -> list[str]:
-    """What Wireshark has to be told to read these packets, as lines for the user."""
+    """The options that Wireshark needs to read these packets, as lines for the user."""
     spoken = {protocol for bus in survey.buses.values() for protocol in bus.protocols}
     options: list[str] = []
     if "modbus-rtu" in spoken:

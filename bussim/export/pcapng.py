@@ -50,7 +50,7 @@ class PcapngWriter:
         return self._interfaces - 1
 
     def names(self, names: Mapping[IPv4Address, str]) -> None:
-        """What the addresses are called, which Wireshark shows in their stead if told to."""
+        """The names of addresses, which Wireshark shows in their place if it is set to."""
         records = b"".join(
             _record(_NAME_IPV4, address.packed + _text(name).replace(b"\0", b"")[:255] + b"\0")
             for address, name in names.items()

@@ -1,4 +1,4 @@
-"""Chrome's trace-event format (JSON), for ui.perfetto.dev: who did what when, as tracks.
+"""Chrome's trace-event format (JSON), for ui.perfetto.dev: what each node did and when, as tracks.
 
 Each bus is a process: a track (thread) per node with its frames, and tracks for link scans, attempts,
 transactions, turns of polls, poll lists and free-protocol calls. Each PLC is a process: its program
@@ -39,7 +39,7 @@ MOST_EVENTS = 2_000_000
 _DECIMALS = 5
 
 Event = dict[str, Any]
-#: Events in the making: time in ticks, then the order in which they were told.
+#: Events in the making: time in ticks, then their order in the trace.
 Timed = tuple[int, int, Event]
 
 
@@ -73,7 +73,7 @@ def write_perfetto(path: Path, job: Job) -> Written:
 
 
 def microseconds(ticks: int) -> float:
-    """Ticks as microseconds; the five decimals tell each tick from the next."""
+    """Ticks as microseconds; five decimals distinguish each tick from the next."""
     return round(ticks / TICKS_PER_US, _DECIMALS)
 
 

@@ -158,7 +158,7 @@ def timing_of(baud: int, fmt: str, ppm: float) -> LineTiming:
 
 
 def in_order(frames: Iterable[FrameRecord], lateness: int) -> Iterator[FrameRecord]:
-    """Frames by their starts; those that begin together in the order of the trace."""
+    """Frames by their starts; those with the same start in the order of the trace."""
     heap: list[tuple[int, int, FrameRecord]] = []
     newest = 0
     for number, frame in enumerate(frames):

@@ -1,9 +1,9 @@
 """Modbus RTU frames in Ethernet, IPv4 and UDP, as a gateway would forward them.
 
-The wrapping says what a serial line does not: who asks (towards port 5020) and who answers (from
-it). Addresses are made up: ``10.B.1.S`` is station S on the B-th bus, ``10.B.0.N`` its N-th node
-that has no station number, such as a master, ``10.B.255.255`` everybody (a broadcast). A frame that
-is neither request nor response goes from port 5020 to port 5020.
+The wrapping has what a serial line has not: requests go to port 5020, responses come from it. Addresses
+are made up: ``10.B.1.S`` is station S on the B-th bus, ``10.B.0.N`` its N-th node that has no station
+number, such as a master, ``10.B.255.255`` all stations (a broadcast). A frame that is neither request nor
+response goes from port 5020 to port 5020.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bussim.trace.records import FrameRecord
 
 #: The port of a Modbus server behind the gateway; 502 is that of Modbus/TCP, another layout.
 PORT = 5020
-#: From which port a master asks.
+#: The port from which a master sends its requests.
 _ASKING_PORT = 50_200
 _MOST_BUSES = 254
 _UDP = 17
@@ -25,7 +25,7 @@ _HOPS = 64
 
 
 class Gateway:
-    """The addresses of one bus, ``number`` counting from 1, and who asked last on it."""
+    """The addresses of one bus, ``number`` counting from 1, and the master that asked last on it."""
 
     def __init__(self, number: int, bus: BusSurvey) -> None:
         if number > _MOST_BUSES:
@@ -36,7 +36,7 @@ class Gateway:
         for node in bus.nodes:
             if node not in self._stations:
                 self._masters[node] = self._net | (len(self._masters) + 1) & 0xFF
-        self._everybody = self._net | 0xFFFF
+        self._all_stations = self._net | 0xFFFF
         self._asking = next(iter(self._masters.values()), self._net | 1)
 
     def names(self) -> dict[IPv4Address, str]:
@@ -51,12 +51,12 @@ class Gateway:
         own = self._address(frame.sender)
         if frame.kind == "request":
             self._asking = own
-            target = self._everybody if not frame.station else self._station(frame.station)
+            target = self._all_stations if not frame.station else self._station(frame.station)
             return _packet(own, _ASKING_PORT, target, PORT, chars)
         if frame.kind == "response":
             source = own if not frame.station else self._station(frame.station)
             return _packet(source, PORT, self._asking, _ASKING_PORT, chars)
-        return _packet(own, PORT, self._everybody, PORT, chars)
+        return _packet(own, PORT, self._all_stations, PORT, chars)
 
     def _station(self, station: int) -> int:
         return self._net | 1 << 8 | station & 0xFF
@@ -80,5 +80,5 @@ def _packet(source: int, source_port: int, target: int, target_port: int, data: 
 
 
 def _mac(address: int) -> bytes:
-    """A locally administered one from an address; everybody is the broadcast."""
+    """A locally administered one from an address; that of all stations is the broadcast."""
     return b"\xff" * 6 if address & 0xFFFF == 0xFFFF else b"\x02\x00" + address.to_bytes(4, "big")

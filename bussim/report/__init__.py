@@ -1,5 +1,4 @@
-"""Layer 6: what is looked at: the timeline of a bus, and the report on one run or several.
+"""The timeline of a bus, and the report on one run or several.
 
-Knows the results and the trace, not who made them; what comes from elsewhere (the exact distribution) is
-handed in as plain data by ``bussim.commands``.
+Made from results and traces alone; exact distributions are handed in as plain data by ``bussim.commands``.
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from bussim.report.picture import LOOKS, MARKS, look_of
+from bussim.report.picture import BOX_STYLES, MARKS, style_of
 from bussim.report.scene import END, Scene
 from bussim.report.source import ExactDistribution
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
@@ -32,7 +32,7 @@ class Quantity(NamedTuple):
 
 SCANS = Quantity("link scan time", "link scans")
 LATENCIES = Quantity("latency", "changes")
-AGES = Quantity("age of the word", "readings")
+AGES = Quantity("data age", "readings")
 
 
 def histogram_chart(
@@ -109,7 +109,7 @@ def parts_chart(
         "boxes": boxes,
         "marks": [],
         "bounds": _bounds(bounds),
-        "looks": {
+        "box_styles": {
             names[part]: {
                 "colour": PARTS_OF_LATENCY[part],
                 "height": 0.7,
@@ -121,12 +121,12 @@ def parts_chart(
             for part, most in zip(PARTS, record.longest_parts, strict=True)
             if most
         },
-        "mark_looks": {},
+        "mark_styles": {},
     }
 
 
 def tail_chart(histogram: Histogram, distribution: ExactDistribution | None, title: str) -> dict[str, Any]:
-    """How often a link scan takes longer than x: counted, and by the distribution."""
+    """The share of link scans that take longer than x: counted, and by the distribution."""
     beyond, points = histogram.count, []
     for place in sorted(histogram.bins):
         beyond -= histogram.bins[place]
@@ -210,18 +210,18 @@ def scene_chart(scene: Scene, title: str) -> dict[str, Any]:
             [box.lane, at(box.start), at(box.end), box.kind, box.label, box.text] for box in scene.boxes
         ],
         "marks": [[mark.lane, at(mark.tick), mark.kind, mark.text] for mark in scene.marks],
-        "looks": {
+        "box_styles": {
             kind: {
-                "colour": look_of(kind).colour,
-                "height": look_of(kind).height,
-                "hatch": bool(look_of(kind).hatch),
-                "filled": look_of(kind).filled,
-                "meaning": look_of(kind).meaning,
-                "grey": kind in LOOKS and look_of(kind).colour in _GREYS,
+                "colour": style_of(kind).colour,
+                "height": style_of(kind).height,
+                "hatch": bool(style_of(kind).hatch),
+                "filled": style_of(kind).filled,
+                "meaning": style_of(kind).meaning,
+                "grey": kind in BOX_STYLES and style_of(kind).colour in _GREYS,
             }
             for kind in dict.fromkeys(box.kind for box in scene.boxes)
         },
-        "mark_looks": {
+        "mark_styles": {
             kind: {"colour": MARKS[kind][1], "meaning": MARKS[kind][3], "below": kind == END}
             for kind in dict.fromkeys(mark.kind for mark in scene.marks)
         },
@@ -229,4 +229,4 @@ def scene_chart(scene: Scene, title: str) -> dict[str, Any]:
 
 
 #: Greys of the picture, which a dark page turns round.
-_GREYS = frozenset(look.colour for look in LOOKS.values() if len(set(look.colour[1::2])) == 1)
+_GREYS = frozenset(each.colour for each in BOX_STYLES.values() if len(set(each.colour[1::2])) == 1)

@@ -23,11 +23,11 @@ _FIGURES = (
     ("bus_load", "bus load (share of the time)", 4),
     ("polls", "polls", None),
     ("collisions", "collisions", None),
-    ("undetected_frames", "damaged frames taken for good ones", None),
+    ("undetected_frames", "damaged frames taken as good", None),
 )
 _TIMES = {
     "min": "shortest",
-    "p50": "typical",
+    "p50": "median",
     "mean": "mean",
     "p99": "p99",
     "p999": "p999",
@@ -37,7 +37,7 @@ _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
     ("exact: mean link scan (ms)", lambda figures: figures["mean_ms"]),
     ("exact: link scan at worst (ms)", lambda figures: figures["worst_case_ms"]),
     ("exact: one station dead (ms)", lambda figures: figures["one_dead_ms"]),
-    ("exact: dead station noticed at the latest (ms)", lambda figures: figures["detect_ms"]["max"]),
+    ("exact: dead station in error at the latest after (ms)", lambda figures: figures["detect_ms"]["max"]),
     ("exact: false station errors begin, a year", lambda figures: figures["false_error_onsets_per_year"]),
 )
 
@@ -63,7 +63,7 @@ def link_table(sources: Sequence[Source], bus: str) -> Table:
     return Table(f"The link on bus {bus}", ["", *(source.label for source in sources)], rows)
 
 
-def thing_tables(sources: Sequence[Source]) -> list[Table]:
+def entry_tables(sources: Sequence[Source]) -> list[Table]:
     """Ports and devices that more than one run has, a table each."""
     tables = []
     for section in ("ports", "devices"):
@@ -71,8 +71,8 @@ def thing_tables(sources: Sequence[Source]) -> list[Table]:
         for name in dict.fromkeys(every):
             if every.count(name) < 2:
                 continue
-            told = [dict(leaves(_value(source.summary, (section, name)) or {})) for source in sources]
-            keys = dict.fromkeys(key for values in told for key in values if key)
+            leaves_of = [dict(leaves(_value(source.summary, (section, name)) or {})) for source in sources]
+            keys = dict.fromkeys(key for values in leaves_of for key in values if key)
             rows = [(label_of(key), _row(sources, (section, name, *key), 3)) for key in keys]
             tables.append(Table(name, ["", *(source.label for source in sources)], rows))
     return tables

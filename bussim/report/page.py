@@ -17,7 +17,7 @@ from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.source import Source
 from bussim.report.tables import Table
-from bussim.report.text import alone, expected, health, ports, seen
+from bussim.report.text import alone, expected, health, median_or_mean, ports, seen
 from bussim.results.meters.timeline import fault_spans
 from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A figure that is told large."""
+    """A figure in large type."""
 
     label: str
     value: str
@@ -74,7 +74,7 @@ class RunPart:
 def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
     """The page. Up to seven runs stay under 5 MB unless their scenarios are as large.
 
-    ``command`` is how it was asked for, to tell how to get it again.
+    ``command`` is the command line that made it, for the part on how to get it again.
     """
     drawn = Charts()
     runs = [_run(source, f"run{number}", drawn, command) for number, source in enumerate(sources, 1)]
@@ -86,7 +86,7 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
                 compare.head_table(sources),
                 *(compare.link_table(sources, bus) for bus in buses),
                 *compare.latency_tables(sources),
-                *compare.thing_tables(sources),
+                *compare.entry_tables(sources),
             ],
             "charts": [
                 *(_overlay(sources, bus, drawn) for bus in buses if _scanned(sources, bus)),
@@ -120,15 +120,15 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
 
 def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> RunPart:
     summary = source.summary
-    what = (
+    what_was_run = (
         f"Scenario {summary['scenario']}, {summary['duration_s']:g} s simulated, seed {summary['seed']}, "
         f"bussim {summary['bussim']}."
     )
     whole = [
         tables.plcs(source),
         *tables.ports(summary),
-        tables.things(summary, ["devices"], "Devices"),
-        tables.things(summary, ["buses"], "Buses beside the N:N links"),
+        tables.entries(summary, ["devices"], "Devices"),
+        tables.entries(summary, ["buses"], "Buses beside the N:N links"),
     ]
     links = [_link(source, bus, drawn) for bus in summary["links"]]
     buses = [
@@ -139,7 +139,7 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
     return RunPart(
         ident,
         source,
-        what,
+        what_was_run,
         links,
         buses,
         latency_part(source, drawn),
@@ -182,9 +182,9 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         some,
         tables.settings(source, bus),
         [
-            (seat, mov_lines(source.summary["plcs"][seat]["registers"]))
-            for seat in record.plc_names
-            if seat in source.summary["plcs"]
+            (plc, mov_lines(source.summary["plcs"][plc]["registers"]))
+            for plc in record.plc_names
+            if plc in source.summary["plcs"]
         ],
     )
 
@@ -194,15 +194,15 @@ def _keys(source: Source, bus: str) -> list[Key]:
     times = link["scan_time_ms"]
     if not link["scans"]:
         return []
-    usual = times["p50"] if times["p50"] is not None else times["mean"]
+    name, value = median_or_mean(times)
     keys = [
-        Key("typical link scan", f"{usual:,.1f} ms"),
-        Key("longest seen", f"{times['max']:,.1f} ms", f"at {times['max_at_s']:.2f} s"),
+        Key(f"{name} link scan", f"{value:,.1f} ms"),
+        Key("longest in the run", f"{times['max']:,.1f} ms", f"at {times['max_at_s']:.2f} s"),
     ]
     distribution = source.distributions.get(bus)
     if distribution is not None and distribution.valid:
         figures = distribution.figures
-        keys.append(Key("longest possible", f"{figures['worst_case_ms']:,.1f} ms"))
+        keys.append(Key("longest at worst", f"{figures['worst_case_ms']:,.1f} ms"))
         onsets = figures["false_error_onsets_per_year"]
         if onsets is not None:
             rare = onsets < 0.01
@@ -237,7 +237,7 @@ def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
         charts.tail_chart(histogram, distribution, f"How often a link scan on bus {bus} takes longer"),
         f"Share of link scans that take longer than x, on a logarithmic axis, {where}{beside}.",
         None,
-        "Read: how large a share of all link scans takes longer than the time below.",
+        "The share of all link scans that take longer than the time below.",
     )
     faults = fault_spans(source.record.notes, {bus, *record.plc_names})
     three = drawn.add(
@@ -288,8 +288,8 @@ def _common(sources: Sequence[Source]) -> list[str]:
 
 
 def _faults(source: Source) -> list[tuple[str, str, str]]:
-    """Faults in words, from when and until when."""
-    # Of every bus, so every place that a fault names counts.
+    """Faults as texts, from when and until when."""
+    # The table is of all buses, so each PLC and bus that a fault names counts.
     places = {str(note.detail.get(key)) for note in source.record.notes for key in ("node", "bus")}
     rows = []
     for text, span in fault_spans(source.record.notes, places):

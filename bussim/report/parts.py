@@ -1,4 +1,4 @@
-"""What a report's page is put together from: its charts, numbered."""
+"""The numbered charts of a report's page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bussim.report.tables import Table
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A chart of the page: its heading, what a screen reader says of it, and its data as a table."""
+    """A chart of the page: its heading, its text for screen readers, and its data as a table."""
 
     number: int
     title: str

@@ -50,7 +50,7 @@ _LINE = 150  # characters of a line under the picture
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class BoxStyle:
     """How a kind of box is drawn: its colour, its height as a part of the lane, and a hatch."""
 
     colour: str
@@ -61,16 +61,16 @@ class Look:
 
 
 #: Frames have the colours of :data:`bussim.results.plots.style.FRAMES`.
-LOOKS = {
-    SCAN: Look("#e4e4e4", 0.7, meaning="link scan"),
-    GOOD: Look("#c8c8c8", 0.5, meaning="answered attempt"),
-    WAIT: Look(IN_ERROR, 0.7, "////", filled=False, meaning="failed attempt, until it was given up"),
-    DAMAGE: Look(IN_ERROR, 0.8, meaning="damaged character"),
-    HEARD_DAMAGE: Look(IN_ERROR, 0.3, filled=False, meaning="damaged in this receiver only"),
-    LOST: Look(IN_ERROR, 0.8, "xxxx", filled=False, meaning="frame that collided or was cut off"),
-    ACTING: Look(FAULT, 0.5, meaning="a fault acts"),
-    FLAG: Look(IN_ERROR, 0.5, meaning="the master has a station in error"),
-    LEVEL: Look("#eeeeee", 0.62, meaning="value of a device"),
+BOX_STYLES = {
+    SCAN: BoxStyle("#e4e4e4", 0.7, meaning="link scan"),
+    GOOD: BoxStyle("#c8c8c8", 0.5, meaning="answered attempt"),
+    WAIT: BoxStyle(IN_ERROR, 0.7, "////", filled=False, meaning="failed attempt, until it was decided"),
+    DAMAGE: BoxStyle(IN_ERROR, 0.8, meaning="damaged character"),
+    HEARD_DAMAGE: BoxStyle(IN_ERROR, 0.3, filled=False, meaning="damaged in this receiver only"),
+    LOST: BoxStyle(IN_ERROR, 0.8, "xxxx", filled=False, meaning="frame that collided or was cut off"),
+    ACTING: BoxStyle(FAULT, 0.5, meaning="a fault acts"),
+    FLAG: BoxStyle(IN_ERROR, 0.5, meaning="the master has a station in error"),
+    LEVEL: BoxStyle("#eeeeee", 0.62, meaning="value of a device"),
 }
 MARKS = {
     END: ("|", GREY, 5, "END of the PLC's scan"),
@@ -79,9 +79,9 @@ MARKS = {
 }
 
 
-def look_of(kind: str) -> Look:
+def style_of(kind: str) -> BoxStyle:
     """How a kind of box is drawn; a frame of a kind that has no colour is grey."""
-    return LOOKS.get(kind) or Look(FRAMES.get(kind, GREY), meaning=f"{kind.removesuffix('s')} frame")
+    return BOX_STYLES.get(kind) or BoxStyle(FRAMES.get(kind, GREY), meaning=f"{kind.removesuffix('s')} frame")
 
 
 def timeline_picture(scene: Scene, description: str) -> Picture:
@@ -112,20 +112,20 @@ def timeline_picture(scene: Scene, description: str) -> Picture:
 def _draw_boxes(axes: Axes, scene: Scene) -> None:
     by_kind: dict[str, list[Rectangle]] = {}
     for box in scene.boxes:
-        look = look_of(box.kind)
+        drawn = style_of(box.kind)
         start, width = _place(scene, box)
-        rectangle = Rectangle((start, box.lane - look.height / 2), width, look.height)
+        rectangle = Rectangle((start, box.lane - drawn.height / 2), width, drawn.height)
         by_kind.setdefault(box.kind, []).append(rectangle)
     for kind, rectangles in by_kind.items():
-        look = look_of(kind)
+        drawn = style_of(kind)
         over = kind in (DAMAGE, HEARD_DAMAGE, LOST)
         axes.add_collection(
             PatchCollection(
                 rectangles,
-                facecolor=look.colour if look.filled else "none",
-                edgecolor=look.colour if over else IN_ERROR if look.hatch else "#555555",
+                facecolor=drawn.colour if drawn.filled else "none",
+                edgecolor=drawn.colour if over else IN_ERROR if drawn.hatch else "#555555",
                 linewidth=0.5,
-                hatch=look.hatch or None,
+                hatch=drawn.hatch or None,
                 zorder=3 if over else 2,
             )
         )
@@ -176,9 +176,9 @@ def _label_boxes(axes: Axes, scene: Scene) -> None:
             widths[box.label] = probe.get_window_extent(renderer).width
         if widths[box.label] + 4 > width * per_ms:
             continue
-        look = look_of(box.kind)
-        behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.8} if look.hatch else None
-        dark = look.filled and look.colour == "#000000"
+        drawn = style_of(box.kind)
+        behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.8} if drawn.hatch else None
+        dark = drawn.filled and drawn.colour == "#000000"
         axes.text(
             start + width / 2,
             box.lane,
@@ -213,14 +213,14 @@ def _legend(scene: Scene) -> Sequence[Artist]:
             shape, colour, size, meaning = MARKS[kind]
             handles.append(Line2D([], [], linestyle="", marker=shape, color=colour, ms=size, label=meaning))
         elif kind not in (SCAN, LEVEL):
-            look = look_of(kind)
+            drawn = style_of(kind)
             handles.append(
                 Patch(
-                    facecolor=look.colour if look.filled else "none",
-                    edgecolor=IN_ERROR if look.hatch or kind == HEARD_DAMAGE else "#555555",
+                    facecolor=drawn.colour if drawn.filled else "none",
+                    edgecolor=IN_ERROR if drawn.hatch or kind == HEARD_DAMAGE else "#555555",
                     linewidth=0.5,
-                    hatch=look.hatch or None,
-                    label=look.meaning,
+                    hatch=drawn.hatch or None,
+                    label=drawn.meaning,
                 )
             )
     return handles

@@ -1,4 +1,4 @@
-"""A timeline as plain shapes: lanes, boxes and marks, for whoever draws them (picture or web page).
+"""A timeline as plain shapes, lanes, boxes and marks, for a picture or a web page.
 
 Times are ticks of 1/72 MHz. A lane is a line of the picture: the link scans, the attempts of the
 master, a node of the bus each, what else happened, and the devices that changed.
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from bussim.report.trace_window import TraceWindow, parts_of_scan, told
+from bussim.report.trace_window import TraceWindow, in_words, parts_of_scan
 from bussim.results.meters.timeline import Span
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import milliseconds, seconds
@@ -43,7 +43,7 @@ _TROUBLE_KINDS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Something that lasts. ``label`` is short, for inside; ``text`` is whole, for reading."""
+    """A box from ``start`` to ``end``: a short ``label`` to stand in it, and its whole ``text``."""
 
     lane: int
     start: int
@@ -55,7 +55,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Something at an instant."""
+    """A mark at an instant."""
 
     lane: int
     tick: int
@@ -65,7 +65,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A timeline. ``why`` tells in sentences what made link scans longer than plain ones.
+    """A timeline. ``why`` are sentences on what made link scans longer than plain ones.
 
     ``left_out`` counts the devices that changed and have no lane.
     """
@@ -121,7 +121,7 @@ class _Painter:
             where = f"attempt {a.number} at {self.window.station(a.station)}"
             if a.code:
                 text = f"{where}: {a.outcome}, code {a.code:02X}, given up after {took}"
-                self.box(lane, a.start, a.end, WAIT, f"try {a.number}: {a.outcome} ({a.code:02X})", text)
+                self.box(lane, a.start, a.end, WAIT, f"attempt {a.number}: {a.outcome} ({a.code:02X})", text)
             else:
                 late = "" if a.turnaround is None else f", turnaround {ms(a.turnaround)}"
                 self.box(lane, a.start, a.end, GOOD, f"to {a.station}", f"{where}: answered{late}")
@@ -129,7 +129,7 @@ class _Painter:
     def transactions(self, transactions: Sequence[TransactionRecord]) -> None:
         masters = dict.fromkeys(t.master for t in transactions)
         for master in masters:
-            lane = self.lane(f"{master} asks" if len(masters) > 1 else "attempts")
+            lane = self.lane(f"attempts of {master}" if len(masters) > 1 else "attempts")
             for t in transactions:
                 if t.master != master or t.sent is None:
                     continue
@@ -139,7 +139,7 @@ class _Painter:
                     self.box(lane, t.sent, t.end, GOOD, t.poll, f"{what}: answered")
                 else:
                     text = f"{what}: {t.outcome}"
-                    self.box(lane, t.sent, t.end, WAIT, f"try {t.attempt}: {t.outcome}", text)
+                    self.box(lane, t.sent, t.end, WAIT, f"attempt {t.attempt}: {t.outcome}", text)
 
     def nodes(self) -> None:
         window = self.window
@@ -153,7 +153,7 @@ class _Painter:
             for receiver, bits in frame.damaged_at.items():
                 if receiver in places:
                     for start, end, text in _damage(frame, bits):
-                        heard = f"{receiver} hears {text} of {frame.sender} damaged"
+                        heard = f"{receiver} receives {text} of {frame.sender} damaged"
                         self.box(places[receiver], start, end, HEARD_DAMAGE, "", heard)
         for plc, ticks in window.ends.items():
             for name in (plc, *(n for n in places if n.startswith(f"{plc}."))):
@@ -206,16 +206,16 @@ class _Painter:
         if not shown:
             return
         lane = self.lane("events")
-        # What several stations say of one thing at one instant is one mark.
-        said: dict[tuple[int, str, str], list[str]] = {}
+        # What several stations report of one event at one instant is one mark.
+        reported: dict[tuple[int, str, str], list[str]] = {}
         for note in shown:
             over = " is over" if note.kind == "fault_over" else ""
             kind = TROUBLE if note.kind in _TROUBLE_KINDS else EVENT
-            who = said.setdefault((note.tick, kind, note.text + over), [])
+            by = reported.setdefault((note.tick, kind, note.text + over), [])
             if note.where not in (self.window.bus, "") and not note.kind.startswith("fault"):
-                who.append(note.where)
-        for (tick, kind, text), who in said.items():
-            self.mark(lane, tick, kind, f"{', '.join(who)}: {text}" if who else text)
+                by.append(note.where)
+        for (tick, kind, text), by in reported.items():
+            self.mark(lane, tick, kind, f"{', '.join(by)}: {text}" if by else text)
 
     def values(self) -> int:
         window = self.window
@@ -241,7 +241,7 @@ class _Painter:
 def _courses(window: TraceWindow) -> dict[tuple[str, str], list[tuple[int, int]]]:
     """The changes of each device: of a driven input those of its wire, of others those at ENDs.
 
-    Memory's image of an input tells its level until the first change of its wire.
+    Until the first change of its wire the level of an input is that of its image in memory.
     """
     wires: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for record in window.inputs:
@@ -309,9 +309,9 @@ def _why(window: TraceWindow) -> Iterable[str]:
         parts = parts_of_scan(window, scan)
         lost = sum(part.ticks for part in parts if part.lost)
         beyond = f", {ms(lost)} of it for what a plain one has not" if lost else ""
-        # A late answer is no part of its own; the run has said who was late.
+        # A late reply is no part of its own; the scan's cause names the station.
         because = "" if lost else f"; {scan.cause}"
         yield (
             f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {ms(scan.duration)}{beyond}: "
-            f"{' + '.join(told(parts))}{because}."
+            f"{' + '.join(in_words(parts))}{because}."
         )

@@ -1,4 +1,4 @@
-"""What a report is made from: finished runs, and what the exact distribution says of them, as plain data."""
+"""What a report is made from: finished runs and their links' exact distributions, as plain data."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from bussim.results.run_record import RunRecord
 class ExactDistribution:
     """The exact distribution of one link's scan time.
 
-    ``figures`` are one link of ``bussim exact --json``. ``said`` tells in words how often a living
-    station is reported as failed. ``notes`` name what was left out of the distribution, such as faults that act
-    for a part of the run. ``x`` (ms, ascending) and ``tail`` are points of P(link scan > x); empty
+    ``figures`` are one link of ``bussim exact --json``. ``said`` is a sentence on how often a station that
+    is not dead is in error. ``notes`` name what was left out of the distribution, such as faults that act for
+    a part of the run. ``x`` (ms, ascending) and ``tail`` are points of P(link scan > x); empty
     where there is no distribution.
     """
 
@@ -34,7 +34,7 @@ class ExactDistribution:
 
 @dataclass(frozen=True, slots=True)
 class StationTimes:
-    """What the attempts of a traced run tell of one station: answered polls, turnarounds in ms.
+    """The answered polls of one station in a traced run, and the turnarounds in ms.
 
     A quantile with fewer than ten samples beyond it is None.
     """
@@ -47,9 +47,9 @@ class StationTimes:
 class Source:
     """One run to report.
 
-    ``label`` tells it from the others; ``folder`` is its folder as the user named it. ``distributions``,
-    ``stations`` and ``scenes`` are by bus; ``stations`` by station number below. ``no_trace`` says why
-    there is none where one is missing, ``no_distribution`` why no exact distribution could be asked for.
+    ``label`` is its name among the others; ``folder`` is its folder as the user named it.
+    ``distributions``, ``stations`` and ``scenes`` are by bus; ``stations`` by station number below.
+    ``no_trace`` is the reason why a timeline is missing, ``no_distribution`` why the exact distributions are.
     """
 
     label: str
@@ -67,11 +67,16 @@ class Source:
         """The content of ``summary.json``."""
         return self.record.summary
 
+    def registers(self, plc: str) -> dict[str, int]:
+        """The registers of a PLC at the end of the run, by name; empty where none were kept."""
+        found: dict[str, int] = self.summary["plcs"].get(plc, {}).get("registers", {})
+        return found
+
     def station_names(self, bus: str) -> dict[int, str]:
         """The names of a link's stations by number: of several with one number the first."""
         names: dict[int, str] = {}
-        for seat in self.record.links[bus].plc_names:
-            registers = self.summary["plcs"].get(seat, {}).get("registers", {})
+        for plc in self.record.links[bus].plc_names:
+            registers = self.registers(plc)
             if "D8176" in registers:
-                names.setdefault(int(registers["D8176"]), seat)
+                names.setdefault(int(registers["D8176"]), plc)
         return names

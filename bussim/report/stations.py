@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bussim.report.source import Source, StationTimes
 from bussim.results.meters.histogram import QUANTILES, SAMPLES_BEYOND
-from bussim.results.meters.timeline import Span
-from bussim.units import seconds
+from bussim.results.meters.timeline import time_on
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +23,6 @@ class StationRow:
     errors: int
     error_s: float
     times: StationTimes | None
-    registers: dict[str, int]
 
 
 def station_rows(source: Source, bus: str) -> list[StationRow]:
@@ -37,24 +35,17 @@ def station_rows(source: Source, bus: str) -> list[StationRow]:
     for key, errors in link["station_errors"].items():
         number = int(key)
         name = names.get(number, "")
-        registers = source.summary["plcs"].get(name, {}).get("registers", {})
         rows.append(
             StationRow(
                 number,
                 name,
                 dict(link["failed_attempts"].get(key, {})),
                 errors,
-                time_in_error(record.in_error.get(number, []), source.record.duration),
+                time_on(record.in_error.get(number, []), source.record.duration),
                 measured.get(number),
-                registers,
             )
         )
     return rows
-
-
-def time_in_error(spans: list[Span], duration: int) -> float:
-    """How long a flag was on, in seconds."""
-    return seconds(sum((duration if span.end is None else span.end) - span.start for span in spans))
 
 
 def measured_times(exchanges: pd.DataFrame) -> dict[str, dict[int, StationTimes]]:

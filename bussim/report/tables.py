@@ -24,7 +24,7 @@ _MOST_EVENTS = 500
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A cell: what it shows, where in ``summary.json`` that stands (a JSON pointer), what else to say.
+    """A cell: its text, where in ``summary.json`` that stands (a JSON pointer), and a remark.
 
     ``differs`` marks a value that is not that of the first run.
     """
@@ -66,7 +66,7 @@ def found(summary: Mapping[str, Any], *keys: str, decimals: int | None = None) -
     value: Any = summary
     for key in keys:
         value = value[key]
-    few = "too few samples to tell" if value is None else ""
+    few = "too few samples" if value is None else ""
     return Cell(number(value, decimals), pointer(*keys), few)
 
 
@@ -76,10 +76,12 @@ def scan_times(source: Source, bus: str) -> Table:
     keys = {
         "min": "shortest",
         "mean": "mean",
-        "p50": "typical: half take no longer",
-        "p95": "95 of 100 take no longer",
+        "p50": "median",
+        "p95": "p95: 1 in 20 takes longer",
+        "p99": "p99: 1 in 100 takes longer",
+        "p999": "p999: 1 in 1,000 takes longer",
+        "max": "longest",
     }
-    keys |= {"p99": "99 of 100 take no longer", "p999": "999 of 1,000 take no longer", "max": "longest"}
     rows = [
         (
             label,
@@ -94,12 +96,12 @@ def scan_times(source: Source, bus: str) -> Table:
         f"Link scan time on bus {bus} (ms)",
         ["", "whole run", "once all stations were healthy"],
         rows,
-        "A dash: too few link scans beyond it to tell.",
+        "A dash: too few link scans beyond it.",
     )
 
 
 def link_figures(source: Source, bus: str) -> Table:
-    """What else was counted of a link."""
+    """Settings and counts of a link."""
     at = ("links", bus)
     labels = {
         "stations": "stations",
@@ -110,7 +112,7 @@ def link_figures(source: Source, bus: str) -> Table:
         "scans": "link scans",
         "polls": "polls, repeats not counted",
         "collisions": "collisions",
-        "undetected_frames": "damaged frames taken for good ones",
+        "undetected_frames": "damaged frames taken as good",
         "healthy_at_s": "all stations healthy for the first time (s)",
     }
     rows = [(label, [found(source.summary, *at, key)]) for key, label in labels.items()]
@@ -120,7 +122,7 @@ def link_figures(source: Source, bus: str) -> Table:
 
 
 def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
-    """What the exact distribution says of a link."""
+    """The figures of a link's exact distribution."""
     f = distribution.figures
     rows: list[tuple[str, str]] = [
         ("mean link scan (ms)", number(f["mean_ms"], 3)),
@@ -135,9 +137,9 @@ def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
         ("at worst (ms)", number(f["worst_case_ms"], 3)),
         ("one station dead (ms)", number(f["one_dead_ms"], 3)),
         ("two stations dead (ms)", number(f["two_dead_ms"], 3)),
-        ("a dead station is noticed: mean (ms)", number(f["detect_ms"]["mean"], 3)),
-        ("a dead station is noticed: at the latest (ms)", number(f["detect_ms"]["max"], 3)),
-        ("silence that passes unreported (ms)", number(f["ride_through_ms"]["silence"], 3)),
+        ("a dead station is in error: after the mean (ms)", number(f["detect_ms"]["mean"], 3)),
+        ("a dead station is in error: at the latest after (ms)", number(f["detect_ms"]["max"], 3)),
+        ("silence without a station error (ms)", number(f["ride_through_ms"]["silence"], 3)),
         ("false station errors begin, a year", _rate(f["false_error_onsets_per_year"])),
     ]
     return Table(
@@ -158,7 +160,7 @@ def stations(source: Source, bus: str) -> Table:
     traced = any(row.times is not None for row in rows)
     head = ["station", *(f"failed {code}" for code in codes), "link scans in error", "in error (s)"]
     if traced:
-        head[1:1] = ["replies", "turnaround p50 (ms)", "p99 (ms)", "max (ms)"]
+        head[1:1] = ["replies", "turnaround median (ms)", "p99 (ms)", "max (ms)"]
     head += ["errors counted", "last code", "flag now"]
     master = source.station_names(bus).get(0, "")
     table = [
@@ -189,7 +191,7 @@ def _station_cells(
         yield Cell(number(row.failed.get(code, 0)), path)
     yield Cell(number(row.errors), pointer("links", bus, "station_errors", row.number))
     yield Cell(number(row.error_s, 3))
-    registers = source.summary["plcs"].get(master, {}).get("registers", {})
+    registers = source.registers(master)
     for name, show in (
         (f"D{8203 + row.number}", str),
         (f"D{8211 + row.number}", _code),
@@ -209,7 +211,7 @@ def _on(value: int) -> str:
 
 
 def refresh_gaps(source: Source, bus: str) -> Table:
-    """The time between two arrivals of one station's block at another."""
+    """The times between two arrivals of one station's block at another."""
     gaps = source.summary["links"][bus]["refresh_gap_ms"]
     rows = [
         (
@@ -225,8 +227,8 @@ def refresh_gaps(source: Source, bus: str) -> Table:
         "Choose the preset of a heartbeat from the longest, not from the link scan time: "
         "retries do not cover it."
     )
-    head = ["from → to", "typical", "p99", "longest", "still open at the end"]
-    return Table(f"Time between refreshes on bus {bus} (ms)", head, rows, note)
+    head = ["from → to", "median", "p99", "longest", "still open at the end"]
+    return Table(f"Refresh gaps on bus {bus} (ms)", head, rows, note)
 
 
 def settings(source: Source, bus: str) -> Table:
@@ -235,11 +237,11 @@ def settings(source: Source, bus: str) -> Table:
     rows = []
     for name, meaning in MEANINGS.items():
         cells = []
-        for seat in plc_names:
-            registers = source.summary["plcs"].get(seat, {}).get("registers", {})
+        for plc in plc_names:
+            registers = source.registers(plc)
             here = name in used(registers)
             cells.append(
-                Cell(str(registers[name]), pointer("plcs", seat, "registers", name)) if here else Cell(NONE)
+                Cell(str(registers[name]), pointer("plcs", plc, "registers", name)) if here else Cell(NONE)
             )
         rows.append((f"{name}: {meaning}", cells))
     return Table(
@@ -263,35 +265,35 @@ def plcs(source: Source) -> Table:
     return Table("The PLCs", head, rows)
 
 
-def things(summary: Mapping[str, Any], at: Sequence[str], caption: str, apart: str = "") -> Table | None:
-    """A part of ``summary.json`` that names things (ports, devices, latency), whatever it tells of each.
+def entries(summary: Mapping[str, Any], at: Sequence[str], caption: str, apart: str = "") -> Table | None:
+    """A part of ``summary.json`` with an entry by name (ports, devices), whatever its keys are.
 
-    A column a thing, a row a figure; the key ``apart`` of each is left out. None where the part is
-    missing or empty.
+    A column an entry, a row a key; the key ``apart`` of each is left out. None where the part is missing or
+    empty.
     """
     named: Any = summary
     for step in at:
         named = named.get(step) or {}
-    told = {
-        name: dict(leaves({key: value for key, value in thing.items() if key != apart}))
-        for name, thing in named.items()
+    values_of = {
+        name: dict(leaves({key: value for key, value in entry.items() if key != apart}))
+        for name, entry in named.items()
     }
-    keys = dict.fromkeys(key for values in told.values() for key in values)
+    keys = dict.fromkeys(key for values in values_of.values() for key in values)
     rows = []
     for key in keys:
         cells = [
             Cell(plain(values[key]), pointer(*at, name, *key)) if key in values else Cell("")
-            for name, values in told.items()
+            for name, values in values_of.items()
         ]
         rows.append((label_of(key), cells))
-    return Table(caption, ["", *told], rows) if rows else None
+    return Table(caption, ["", *values_of], rows) if rows else None
 
 
 def ports(summary: Mapping[str, Any]) -> list[Table]:
     """The ports beside the links: a table of all, and one of each port's polls."""
-    tables = [things(summary, ["ports"], "Modbus and free-protocol ports", "polls")]
+    tables = [entries(summary, ["ports"], "Modbus and free-protocol ports", "polls")]
     tables += [
-        things(summary, ["ports", port, "polls"], f"The polls of {port}")
+        entries(summary, ["ports", port, "polls"], f"The polls of {port}")
         for port in summary.get("ports") or {}
     ]
     return [table for table in tables if table is not None]
@@ -314,15 +316,16 @@ def plain(value: object) -> str:
 
 
 def label_of(key: Sequence[str]) -> str:
-    """``response_ms, p50`` as ``response p50 (ms)``."""
+    """``response_ms, p50`` as ``response median (ms)``."""
     unit = next((part.rsplit("_", 1)[1] for part in key if part.endswith(("_ms", "_s"))), "")
     unit = "" if key[-1] == "count" else unit
-    words = " ".join(part.removesuffix("_ms").removesuffix("_s") for part in key).replace("_", " ")
+    names = ("median" if part == "p50" else part.removesuffix("_ms").removesuffix("_s") for part in key)
+    words = " ".join(names).replace("_", " ")
     return f"{words} ({unit})" if unit else words
 
 
 def histogram_data(histogram: Histogram, of: str, quantity: Quantity) -> Table:
-    """A histogram in at most some tens of rows, for who cannot see the chart."""
+    """A histogram in at most some tens of rows, for readers who cannot see the chart."""
     places = sorted(histogram.bins)
     span = places[-1] - places[0] + 1
     width = next(w for w in _widths() if span <= w * _MOST_BARS)
@@ -344,7 +347,7 @@ def _widths() -> Iterable[int]:
 
 
 def scene_data(scene: Scene) -> Table:
-    """A timeline as a list, for who cannot see the chart."""
+    """A timeline as a list, for readers who cannot see the chart."""
     shapes = [(box.start, box.end, scene.lanes[box.lane], box.text) for box in scene.boxes]
     shapes += [
         (mark.tick, mark.tick, scene.lanes[mark.lane], mark.text) for mark in scene.marks if mark.kind != END

@@ -28,9 +28,9 @@ ANSWERED = "answered"
 class TraceWindow:
     """What happened on ``bus`` from ``begin`` to ``end`` (ticks), records that reach in included.
 
-    ``nodes`` are the names of what sits on the bus in cable order; ``stations`` the names of an N:N
+    ``nodes`` are the nodes of the bus in cable order; ``stations`` the names of an N:N
     link's stations by number; ``ends`` are the ENDs of each PLC. ``values`` are what memories
-    hold at ENDs, ``inputs`` the changes on the wires of driven inputs. ``faults`` are faults in words and
+    hold at ENDs, ``inputs`` the changes on the wires of driven inputs. ``faults`` are the texts of faults and
     when they acted, ``flags`` when the master had each station in error.
     """
 
@@ -109,7 +109,7 @@ def parts_of_scan(window: TraceWindow, scan: ScanRecord) -> list[Part]:
     return parts
 
 
-#: An answer is worth a word when it comes so many times later than the promptest one.
+#: A reply is named when its turnaround is so many times the shortest one.
 _LATE = 4
 
 
@@ -117,14 +117,14 @@ def _outcome(window: TraceWindow, attempt: AttemptRecord) -> str:
     where = f"at {window.station(attempt.station)}: "
     if attempt.code:
         return f"{where}{attempt.outcome}, code {attempt.code:02X}"
-    prompt = min((a.turnaround for a in window.attempts if a.turnaround is not None), default=0)
-    if attempt.turnaround is not None and attempt.turnaround > _LATE * prompt:
-        return f"{where}answer {format_ms(attempt.turnaround)} after the poll"
+    shortest = min((a.turnaround for a in window.attempts if a.turnaround is not None), default=0)
+    if attempt.turnaround is not None and attempt.turnaround > _LATE * shortest:
+        return f"{where}reply {format_ms(attempt.turnaround)} after the poll"
     return f"{where}{ANSWERED}"
 
 
-def told(parts: Sequence[Part]) -> list[str]:
-    """The parts in words: neighbours in which nothing was lost together, attempts that failed alike too."""
+def in_words(parts: Sequence[Part]) -> list[str]:
+    """The parts in words: neighbours in which nothing was lost as one, attempts that failed alike as well."""
     words = []
     for group in _grouped(parts):
         first, total = group[0], _ms(sum(part.ticks for part in group))
@@ -156,7 +156,7 @@ def _grouped(parts: Sequence[Part]) -> Iterator[list[Part]]:
 
 def _alike(one: Part, other: Part) -> bool:
     if one.lost or other.lost:
-        # To the microsecond that is shown: what is heard of an attempt ends on a tick of its own.
+        # To the microsecond that is shown: two attempts seldom end on the same tick.
         return one.lost and other.lost and one.what == other.what and _ms(one.ticks) == _ms(other.ticks)
     return True
 

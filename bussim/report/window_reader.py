@@ -29,7 +29,7 @@ _KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, NoteRecord,
 
 
 def worst_window(trace: Trace, run: RunRecord, bus: str) -> tuple[int, int] | None:
-    """The window of a bus that one looks at first, in ticks, with a margin.
+    """The window of a bus around its longest link scan or attempt, in ticks, with a margin.
 
     The longest link scan; on another bus the longest attempt of a Modbus master, or what was sent
     first. None where there was nothing. Raises UsageError as :func:`read_window`.
@@ -39,9 +39,10 @@ def worst_window(trace: Trace, run: RunRecord, bus: str) -> tuple[int, int] | No
         start, duration = link.scan_times.longest_at, link.scan_times.histogram.maximum
         return None if start is None or duration is None else _around(run, start, start + duration)
     longest = None
-    for asked in trace.of(TransactionRecord, bus=bus):
-        if asked.sent is not None and (longest is None or asked.end - asked.sent > longest[1] - longest[0]):
-            longest = asked.sent, asked.end
+    for request in trace.of(TransactionRecord, bus=bus):
+        sent, end = request.sent, request.end
+        if sent is not None and (longest is None or end - sent > longest[1] - longest[0]):
+            longest = sent, end
     if longest is None:
         first = next(trace.of(FrameRecord, bus=bus), None)
         longest = None if first is None else (first.start, first.end)
@@ -55,7 +56,7 @@ def _around(run: RunRecord, start: int, end: int, least: int = 0) -> tuple[int, 
 
 
 def read_window(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) -> TraceWindow:
-    """What a trace tells of a bus from ``begin`` to ``end`` (ticks).
+    """The records of a bus from ``begin`` to ``end`` (ticks).
 
     Raises UsageError for a bus that the trace does not have, and where it is damaged.
     """

@@ -36,5 +36,5 @@ def by_code(counts: Mapping[int, int]) -> dict[str, int]:
 
 
 def counted(number: int, what: str) -> str:
-    """A number of things in words: ``1 frame``, ``2,000 frames``."""
+    """A number with its noun: ``1 frame``, ``2,000 frames``."""
     return f"1 {what}" if number == 1 else f"{number:,} {what}s"

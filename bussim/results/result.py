@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from bussim.errors import UsageError
 from bussim.results.run_record import RunRecord
+from bussim.results.text.run import caption_of
 from bussim.trace.records import (
     AttemptRecord,
     DeviceValueRecord,
@@ -107,7 +108,7 @@ class Result:
     def values(self) -> pd.DataFrame:
         """One row a change of an observed device: time_s, plc, device, value.
 
-        The values are those in the PLC's memory at END, as a monitor shows them: of X the image that the
+        The values are those in the PLC's memory at END, as a monitor shows them; of X the image that the
         scan has worked with. When the wire of an input changed is in :attr:`inputs`. Raises UsageError if
         the run kept no rows.
         """
@@ -118,7 +119,7 @@ class Result:
         """One row a change on the wire of an input that the scenario drives, whether observed or not.
 
         Columns: time_s (when the wire changed), plc, device, level (from then on), sampled_s (the
-        beginning of the scan that looked at it next), seen (whether the level was still so then).
+        beginning of the scan that sampled it next), seen (whether it still had the level then).
         Raises UsageError if the run kept no rows.
         """
         return self._rows.table(InputRecord)
@@ -132,7 +133,7 @@ class Result:
         return self._rows.trace()
 
     def open_trace(self) -> Trace:
-        """The trace as records of :mod:`bussim.trace.records`, by type, bus and time, without reading all of it.
+        """The trace as records of :mod:`bussim.trace.records`, by type, bus and time, read as asked for.
 
         Raises UsageError if the run was not traced.
         """
@@ -161,7 +162,7 @@ class Result:
     ) -> Figure:
         """The histograms of response times of a Modbus master, poll by poll.
 
-        ``port`` is a node: ``press1.COM3`` or an HMI's name (default: the first one with an answer).
+        ``port`` is a node: ``press1.COM3`` or an HMI's name (default: the first one with a response).
         ``path`` as of :meth:`plot_scan_times`. Raises UsageError if there is no such master or
         nothing to draw.
         """
@@ -171,7 +172,7 @@ class Result:
             port = next(iter(masters(self.record)), None)
         if port is None:
             raise UsageError(
-                f"{self.record.scenario}: no Modbus master had an answer, there is nothing to plot"
+                f"{self.record.scenario}: no Modbus master had a response, there is nothing to plot"
             )
         return _saved(response_time_histogram([self.record], port), path)
 
@@ -227,10 +228,7 @@ class Result:
         body = _rows(["link", "scans", "attempts", *times], links) if links or not masters else ""
         if masters:
             body += _rows(["Modbus master", "transactions", "ok", *times], masters)
-        caption = escape(
-            f"{summary['scenario']}, seed {summary['seed']}, {summary['duration_s']:g} s, "
-            f"bussim {summary['bussim']}"
-        )
+        caption = escape(caption_of(summary))
         warnings = "".join(f"<li>{escape(text)}</li>" for text in summary["warnings"])
         return f"<table><caption>{caption}</caption>{body}</table>" + (
             f"<ul>{warnings}</ul>" if warnings else ""
@@ -241,7 +239,7 @@ _SHOWN = ("min", "mean", "p99", "max")
 
 
 def _masters(summary: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """What is told of every Modbus master: ports, and HMI devices."""
+    """The entries of all Modbus masters: ports and HMIs."""
     nodes = {**summary["ports"], **summary["devices"]}
     return {name: node for name, node in nodes.items() if "transactions" in node}
 

@@ -1,1 +1,1 @@
-"""What a run tells: records, their lines in ``trace.jsonl``, and the file."""
+"""Traces of a run: records, their lines in ``trace.jsonl``, and the file."""

@@ -9,7 +9,7 @@
         ...
 
 Reading streams: memory does not depend on the length of the trace. Records come in the order in
-which they were told: what lasts when it is over, ENDs in blocks after they happened.
+which they were recorded: what lasts when it is over, ENDs in blocks after they happened.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from bussim.trace.records import (
 
 #: The file of every frame and event of a traced run, one JSON object a line.
 TRACE = "trace.jsonl"
-#: A longer line (characters) is none of ours.
+#: No line of a trace is longer (characters).
 _LONGEST_LINE = 16 * 1024 * 1024
 
 R = TypeVar("R", bound=Record)
@@ -151,7 +151,7 @@ def interval(record: Record) -> tuple[int, int]:
 def read_trace(path: str | os.PathLike[str]) -> Trace:
     """The trace in a file, or in the folder of a traced run.
 
-    Raises UsageError if there is none or it is damaged; a damaged line is told when it is reached. A
+    Raises UsageError if there is none or it is damaged; a damaged line raises when it is reached. A
     last line that was cut off, as of a recording that was killed, is left out.
     """
     place = Path(path)
@@ -188,7 +188,7 @@ class _File:
         self._buses = {bus.name: bus for bus in self.header.buses}
 
     def records(self, kinds: Collection[type[Record]] | None) -> Iterator[Record]:
-        # A line says its type first; others need not be parsed.
+        # The type stands first in a line; lines of other types need not be parsed.
         starts = None if kinds is None else tuple(f'{{"type":"{type_of(kind)}"' for kind in kinds)
         number = 1
         with self._open() as file:

@@ -1,7 +1,7 @@
-"""What a run tells while it runs (records, by tick) and when it has ended (totals).
+"""What is recorded of a run while it goes on (records, by tick) and when it has ended (totals).
 
 The simulation and the serial-port driver write these; results, exports and reports read them.
-Nothing here knows how a record came about. All times are ticks of 1/72 MHz.
+All times are ticks of 1/72 MHz.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class ScanRecord(NamedTuple):
     attempts: int  # polls sent in it, repeats included
     failed: int  # attempts that failed
     stations_in_error: int  # flags on at its end
-    cause: str  # what made it longer than the plain one, in words; "" if nothing did
+    cause: str  # what made it longer than a plain one; "" if nothing did
 
 
 class AttemptRecord(NamedTuple):
@@ -50,7 +50,7 @@ class FrameRecord(NamedTuple):
     station: int | None
     counter: int | None
     chars: bytes  # the characters that were sent
-    damaged_bits: tuple[int, ...]  # bits inverted on the wire for everybody, counted from the first start bit
+    damaged_bits: tuple[int, ...]  # bits inverted on the wire, counted from the first start bit
     damaged_at: dict[str, tuple[int, ...]]  # bits inverted in one receiver only, by station name
     collided: bool
     cut: bool
@@ -73,16 +73,16 @@ class TransactionRecord(NamedTuple):
     quantity: int
     sent: int | None  # first edge of the request; None: never sent
     asked: int | None  # last stop bit of the request
-    answer_start: int | None  # first edge of what decided it, if something was heard
+    answer_start: int | None  # first edge of what decided it, if something was received
     answer_end: int | None  # last stop bit of that
     end: int  # when the port decided it
     taken: int  # when the master took it over: at a PLC's END
-    outcome: str  # "ok", "exception", or the port error in words ("no response in time", "CRC or LRC", …)
+    outcome: str  # "ok", "exception", or the port error ("no response in time", "CRC or LRC", …)
     error: int | None  # yy of D8063 = 7xyy; None where it is ok
     exception: int  # exception code, 0 for none
-    served: int | None  # when the slave took its values, where the answer is truly that to this request
-    mismatched: bool  # the answer belongs to another request (RTU carries no transaction number)
-    chars: int  # characters of the request and the answer
+    served: int | None  # when the slave read its values, where the response belongs to this request
+    mismatched: bool  # the response belongs to another request (RTU carries no transaction number)
+    chars: int  # characters of the request and the response
 
 
 class PollRecord(NamedTuple):
@@ -99,7 +99,7 @@ class PollRecord(NamedTuple):
 
 
 class CycleRecord(NamedTuple):
-    """A poll list has gone round: every poll had its turn."""
+    """A cycle of a poll list is over: every poll had its turn."""
 
     bus: str
     master: str
@@ -138,13 +138,13 @@ class InputRecord(NamedTuple):
     plc: str
     device: str
     level: int  # from then on
-    sampled: int  # the beginning of the scan that looked at it next
+    sampled: int  # the beginning of the scan that sampled it next
     seen: bool  # whether it was still so then
     end: int  # the END of that scan: when what the program made of it can leave the PLC
 
 
 class NoteRecord(NamedTuple):
-    """Anything else worth a line: faults, flags, PLC states, late replies."""
+    """Any other event: a fault, a flag, a PLC's state, a late reply."""
 
     tick: int
     kind: str  # such as "fault", "fault_over", "station_error", "recovered", "watchdog", "undetected"
@@ -193,13 +193,13 @@ class TraceBus(NamedTuple):
 
 
 class TraceHeader(NamedTuple):
-    """What a trace is of. A recording of a real wire knows less of it than a simulation."""
+    """What a trace is of; of a recording of a real wire less is known than of a simulation."""
 
     buses: tuple[TraceBus, ...] = ()
     scenario: str = ""
     seed: int | None = None
-    duration: int | None = None  # ticks that the run was meant to last; None: not known beforehand
-    exact: bool = True  # False: an operating system has stamped the times
+    duration: int | None = None  # ticks that the run was to last; None: not known beforehand
+    exact: bool = True  # False: the times are those of an operating system
 
     def bus(self, name: str) -> TraceBus | None:
         """The bus of that name, None if there is none."""
@@ -207,7 +207,7 @@ class TraceHeader(NamedTuple):
 
 
 class Sink(Protocol):
-    """Who takes a run's records. Ticks never decrease from one call to the next of one method."""
+    """What takes a run's records. Ticks never decrease from one call to the next of one method."""
 
     #: Whether :meth:`attempt` and :meth:`frame` are wanted; they cost time and memory.
     traced: bool
@@ -225,7 +225,7 @@ class Sink(Protocol):
         """An attempt of the bus's (first) master failed with an error code."""
 
     def note(self, record: NoteRecord) -> None:
-        """Something else happened."""
+        """Any other event."""
 
     def transaction(self, record: TransactionRecord) -> None:
         """A Modbus master has taken over the outcome of an attempt."""
@@ -234,7 +234,7 @@ class Sink(Protocol):
         """A turn of a poll is over."""
 
     def cycle(self, record: CycleRecord) -> None:
-        """A poll list has gone round."""
+        """A cycle of a poll list is over."""
 
     def free(self, record: FreeRecord) -> None:
         """Bytes of the free protocol were sent or received."""
@@ -243,14 +243,14 @@ class Sink(Protocol):
         """An observed device has changed."""
 
     def input(self, record: InputRecord) -> None:
-        """An input's wire has changed; told when the PLC looks at it, in order."""
+        """An input's wire has changed; called when the PLC samples it, in order."""
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """ENDs of a PLC, in order.
 
-        Of a PLC that a latency is measured of they are told one by one as they happen, each after what
-        it changed (:meth:`value`) and before the scan that begins with it (:meth:`input`). Those of
-        other PLCs come only if :attr:`traced`, in blocks, later than they happen.
+        Those of a PLC that a latency is measured of come one by one as they happen, each after what it
+        changed (:meth:`value`) and before the scan that begins with it (:meth:`input`). Those of other
+        PLCs come only if :attr:`traced`, in blocks, later than they happen.
         """
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
@@ -333,7 +333,7 @@ class DeviceTotals:
     broadcasts: int
     exceptions: dict[int, int]
     rejected: dict[str, int]
-    state: dict[str, int]  # what is worth telling of the model itself, such as the stepper's position
+    state: dict[str, int]  # of the model itself, such as the stepper's position
     timeout: int | None = None  # ticks, of a Modbus master
 
 
@@ -350,7 +350,7 @@ class PlcTotals:
 
 @dataclass(frozen=True, slots=True)
 class RunTotals:
-    """All that a run counted."""
+    """The counts of a run."""
 
     duration: int  # simulated ticks
     links: tuple[LinkTotals, ...]

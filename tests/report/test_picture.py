@@ -9,7 +9,7 @@ import pytest
 from matplotlib.collections import PatchCollection
 from matplotlib.colors import to_hex
 
-from bussim.report.picture import LOOKS, look_of, timeline_picture
+from bussim.report.picture import BOX_STYLES, style_of, timeline_picture
 from bussim.report.scene import WAIT, scene_of
 from bussim.results.plots.style import FRAMES, IN_ERROR, PALETTE
 from tests.report.samples import NAMES, eight_folder, longest
@@ -24,7 +24,7 @@ def test_eight_stations_are_legible() -> None:
     for number, name in enumerate(NAMES):
         assert has(picture, f"{number} {name}")
         assert has(picture, f"data {number}")
-    assert has(picture, "try 1: no reply (01)")
+    assert has(picture, "attempt 1: no reply (01)")
     assert has(picture, "ms after 9.6")
     assert has(picture, "no reply, code 01")
 
@@ -42,10 +42,10 @@ def test_a_kind_of_frame_has_its_colour() -> None:
 
 
 def test_failure_is_never_told_by_colour_alone() -> None:
-    assert LOOKS[WAIT].hatch
-    assert LOOKS[WAIT].colour == IN_ERROR
+    assert BOX_STYLES[WAIT].hatch
+    assert BOX_STYLES[WAIT].colour == IN_ERROR
     assert set(FRAMES.values()) <= set(PALETTE)
-    assert look_of("something new").meaning == "something new frame"
+    assert style_of("something new").meaning == "something new frame"
 
 
 @pytest.mark.parametrize("ending", [".png", ".svg"])

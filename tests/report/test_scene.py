@@ -73,11 +73,11 @@ def test_characters_are_as_long_as_their_format_says() -> None:
     assert [box.text.split(" of")[0] for box in boxes if box.kind == DAMAGE] == ["character 1", "character 2"]
 
 
-def test_what_one_receiver_alone_hears_damaged_is_in_its_own_lane() -> None:
+def test_what_one_receiver_alone_receives_damaged_is_in_its_own_lane() -> None:
     lanes, boxes = scene(frames=[frame(damaged_at={"b": (5,), "elsewhere": (1,)})])
     (heard,) = [box for box in boxes if box.kind == HEARD_DAMAGE]
     assert lanes[heard.lane] == "1 b"
-    assert "b hears" in heard.text
+    assert "b receives" in heard.text
 
 
 def test_frames_that_collided_or_were_cut_off_are_marked_as_a_whole() -> None:
@@ -138,7 +138,7 @@ def test_modbus_attempts_tell_function_address_and_outcome() -> None:
     lanes, boxes = scene(transactions=[asked, asked._replace(outcome="ok", sent=6000, end=7000)])
     failed, good = boxes
     assert lanes[failed.lane] == "attempts"
-    assert failed.label == "try 2: no response in time"
+    assert failed.label == "attempt 2: no response in time"
     assert "function 3 at station 1, address 22, quantity 4" in failed.text
     assert (good.kind, good.start, good.end) == ("good", 6000, 7000)
 

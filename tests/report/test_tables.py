@@ -109,7 +109,7 @@ def test_any_section_of_things_becomes_a_table(source: Source) -> None:
     table, polls = tables.ports({"ports": ports})
     assert table.head == ["", "press1.COM3", "press2.COM3"]
     shown = {heading: [cell.text for cell in cells] for heading, cells in table.rows}
-    assert shown["response p50 (ms)"] == ["58.100", ""]
+    assert shown["response median (ms)"] == ["58.100", ""]
     assert shown["response count"] == ["300", ""]
     assert shown["transactions"] == ["300", ""]
     assert (polls.caption, polls.head) == ("The polls of press1.COM3", ["", "read"])
@@ -117,7 +117,7 @@ def test_any_section_of_things_becomes_a_table(source: Source) -> None:
     assert shown["exceptions"] == ["", "none"]
     paths = {cell.path for _, cells in table.rows for cell in cells}
     assert "/ports/press1.COM3/response_ms/p50" in paths
-    assert tables.things(source.summary, ["latency"], "Latency") is None
+    assert tables.entries(source.summary, ["latency"], "Latency") is None
 
 
 def test_what_differs_between_runs_is_marked(source: Source) -> None:
@@ -169,13 +169,13 @@ def test_ports_of_two_runs_are_compared(source: Source) -> None:
         changed(source, ports={"a.COM3": {"ok": ok, "response_ms": {"p50": 44.0}, "errors": {}}})
         for ok in (10, 9)
     ]
-    (table,) = compare.thing_tables(runs)
+    (table,) = compare.entry_tables(runs)
     cells = dict(table.rows)
     assert [(cell.text, cell.differs) for cell in cells["ok"]] == [("10", False), ("9", True)]
-    assert [cell.text for cell in cells["response p50 (ms)"]] == ["44.000", "44.000"]
+    assert [cell.text for cell in cells["response median (ms)"]] == ["44.000", "44.000"]
     assert [cell.text for cell in cells["errors"]] == ["none", "none"]
     assert cells["ok"][1].path == "/ports/a.COM3/ok"
-    assert compare.thing_tables([source, source]) == []
+    assert compare.entry_tables([source, source]) == []
 
 
 @pytest.fixture(scope="module")
@@ -248,7 +248,7 @@ def test_a_latency_is_drawn_with_its_parts_and_bounds(words: Source) -> None:
     histogram, parts = drawn.payload[2:]
     entry = words.summary["latency"]["preset"]
     record = words.record.latency["preset"]
-    assert (histogram["time"], histogram["counted"]) == ("age of the word", "readings")
+    assert (histogram["time"], histogram["counted"]) == ("data age", "readings")
     assert sum(count for _, count in histogram["series"][0]["bins"]) == entry["delivered"]
     bound = entry["bound_ms"]["no error"]
     assert histogram["bounds"] == parts["bounds"] == [[bound, f"at worst with no error: {bound:.3f} ms"]]

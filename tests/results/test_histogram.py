@@ -92,7 +92,7 @@ def test_taking_back_what_was_not_there_leaves_negative_counts_that_cancel(
     first: list[int], second: list[int]
 ) -> None:
     corrections = Histogram()
-    corrections.take_back(histogram_of(second))
+    corrections.subtract(histogram_of(second))
     assert corrections.count == -len(second)
     whole = histogram_of(first + second)
     whole.merge(corrections)

@@ -22,15 +22,15 @@ def test_the_numbers_are_those_of_the_summary() -> None:
     assert text[start + 1 : start + 7] == [
         (f"transactions {port['transactions']:,}: {port['ok']:,} ok, {port['exceptions']['02']} exception 02, "
         f"{port['timeouts']} no response in time, {port['crc_errors']} CRC or LRC, {others['framing']} framing; "
-        f"{port['mismatched_responses']} answers taken that belonged to another request"),
-        f"response typical {response['p50']:.3f}, p99 {response['p99']:.3f}, max {response['max']:.3f} ms",
-        f"poll cycle typical {cycle['p50']:.3f}, max {cycle['max']:.3f} ms, {cycle['count']} cycles",
+        f"{port['mismatched_responses']} responses taken that belonged to another request"),
+        f"response median {response['p50']:.3f}, p99 {response['p99']:.3f}, max {response['max']:.3f} ms",
+        f"poll cycle median {cycle['p50']:.3f}, max {cycle['max']:.3f} ms, {cycle['count']} cycles",
         (f"poll position {cycle['count']} turns, 0 failed; "
-        f"response typical {port['polls']['position']['response_ms']['p50']:.3f}, "
+        f"response median {port['polls']['position']['response_ms']['p50']:.3f}, "
         f"max {port['polls']['position']['response_ms']['max']:.3f} ms; "
         f"data up to {age['open']:.3f} ms old, still so at the end"),
         (f"poll speed {cycle['count']} turns, 0 failed; "
-        f"response typical {port['polls']['speed']['response_ms']['p50']:.3f}, "
+        f"response median {port['polls']['speed']['response_ms']['p50']:.3f}, "
         f"max {port['polls']['speed']['response_ms']['max']:.3f} ms"),
         (f"port errors yy of D8063 = 7xyy: 03 {port['errors']['03']}×, 08 {port['errors']['08']}×, "
         f"09 {port['errors']['09']}×"),

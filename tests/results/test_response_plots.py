@@ -76,7 +76,7 @@ def test_a_panel_a_poll_and_every_answer_in_a_bar() -> None:
     assert picture.axes[-1].get_xlim()[1] > 40
     assert [axes.get_xlabel() for axes in picture.axes] == [
         "",
-        "end of the request to end of its answer (ms)",
+        "end of the request to end of its response (ms)",
     ]
 
 
@@ -108,7 +108,7 @@ def test_the_numbers_are_those_of_the_summary() -> None:
 def test_several_runs_have_a_colour_each() -> None:
     picture = response_time_histogram([FAR, NEAR], NODE, ["one", "two"])
     answers = FAR.ports[NODE].responses.count
-    assert has(picture, f"one: {answers:,} answers, mean ")
+    assert has(picture, f"one: {answers:,} responses, mean ")
     assert has(picture, "two: ")
     assert set(timeouts(picture)) == {100.0, 40.0}
 
@@ -133,7 +133,7 @@ def test_what_cannot_be_drawn_is_said() -> None:
     collector.transaction(TIMEOUT)
     silent = record_of(RunTotals(TICKS_PER_SECOND, (), (), ports=(port_totals(),)), collector)
     assert masters(silent) == []
-    with pytest.raises(UsageError, match=r"press1\.COM3 had no answer"):
+    with pytest.raises(UsageError, match=r"press1\.COM3 had no response"):
         response_time_histogram([silent], NODE)
     with pytest.raises(UsageError, match="8 runs on one axis"):
         response_time_histogram([FAR] * 8, NODE)
@@ -165,5 +165,5 @@ def test_from_python(tmp_path: Path) -> None:
     assert "<th>Modbus master</th>" in result._repr_html_()
     plain = Result(Fake(duration=TICKS_PER_SECOND).run(), MemoryRows(rows=True, traced=False))
     assert "Modbus" not in plain._repr_html_()
-    with pytest.raises(UsageError, match="no Modbus master had an answer"):
+    with pytest.raises(UsageError, match="no Modbus master had a response"):
         plain.plot_response_times()

@@ -32,7 +32,7 @@ def test_the_numbers_are_those_of_the_summary() -> None:
     text, link = shown(record), record.summary["links"]["link"]
     times = link["scan_time_ms"]
     assert "link: 3 stations, mode 2, 5 retries = 6 attempts a poll, timeout 50 ms" in text
-    assert f"typical {times['p50']:.3f}, mean {times['mean']:.3f}, p99 {times['p99']:.3f}" in text
+    assert f"median {times['p50']:.3f}, mean {times['mean']:.3f}, p99 {times['p99']:.3f}" in text
     assert f"at {times['max_at_s']:.3f} s: station 1 (press2): 6 attempts, all 01" in text
     assert f"link scans       {link['scans']:,}, bus load 80.0%" in text
     failed, errors = link["failed_attempts"]["1"]["01"], link["station_errors"]["1"]

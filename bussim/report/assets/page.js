@@ -154,16 +154,16 @@
     legend() { return []; }
     hover(u) {
       const { left, top } = u.cursor;
-      const text = left === null || left < 0 ? "" : this.tell(u, left, top);
+      const text = left === null || left < 0 ? "" : this.describe(u, left, top);
       this.tip.hidden = !text;
       if (!text) return;
       this.tip.textContent = text;
       const x = u.over.offsetLeft + left, y = u.over.offsetTop + top;
-      const box = this.tip.getBoundingClientRect(), room = this.plot.clientWidth;
-      this.tip.style.left = `${Math.max(0, Math.min(x + 12, room - box.width))}px`;
+      const box = this.tip.getBoundingClientRect(), width = this.plot.clientWidth;
+      this.tip.style.left = `${Math.max(0, Math.min(x + 12, width - box.width))}px`;
       this.tip.style.top = `${y + 16}px`;
     }
-    tell() { return ""; }
+    describe() { return ""; }
   }
 
   // ---- histograms, aggregated anew for what is visible ----
@@ -315,7 +315,7 @@
       for (const [, text] of this.data.bounds) entries.push([css("--law"), text]);
       return entries;
     }
-    tell(u, left) {
+    describe(u, left) {
       const index = u.cursor.idx;
       if (index === null || index === undefined) return "";
       const half = this.barMs / 2, x = u.data[0][index];
@@ -369,7 +369,7 @@
       if (this.law.length) entries.push([css("--law"), `exact law${this.data.without}`]);
       return entries;
     }
-    tell(u, left) {
+    describe(u, left) {
       const x = u.posToVal(left, "x");
       const last = this.data.counted.filter(([at]) => at <= x).pop();
       const once = (p) => (p >= 0.5 ? `${digits(100 * p, 1)} %` : p > 0 ? `1 in ${digits(1 / p, 1 / p < 10 ? 1 : 0)}` : "none");
@@ -441,7 +441,7 @@
         entries.push([css(colour), name === "faults" ? "a fault acts" : "the master has a station in error"]);
       return entries;
     }
-    tell(u, left) {
+    describe(u, left) {
       const x = u.posToVal(left, "x"), index = u.cursor.idx, parts = [];
       if (index !== null && index !== undefined && this.data.cells[index]) {
         const [at, longest, shortest] = this.data.cells[index];
@@ -475,11 +475,11 @@
       };
     }
     colour(kind) {
-      const look = this.data.looks[kind];
-      return look.grey ? grey(look.colour) : shown(look.colour);
+      const style = this.data.box_styles[kind];
+      return style.grey ? grey(style.colour) : shown(style.colour);
     }
-    ink(look) {
-      return look.hatch || (look.grey && isDark()) ? css("--ink") : look.colour === "#000000" && !isDark() ? "#ffffff" : "#000000";
+    ink(style) {
+      return style.hatch || (style.grey && isDark()) ? css("--ink") : style.colour === "#000000" && !isDark() ? "#ffffff" : "#000000";
     }
     shapes(u) {
       const { ctx, bbox } = u, ratio = devicePixelRatio, { min, max } = u.scales.x;
@@ -493,14 +493,14 @@
       ctx.textAlign = "center";
       for (const [lane, from, to, kind, label] of this.data.boxes) {
         if (to < min || from > max) continue;
-        const look = this.data.looks[kind], colour = this.colour(kind);
+        const style = this.data.box_styles[kind], colour = this.colour(kind);
         const left = u.valToPos(Math.max(from, min), "x", true), right = u.valToPos(Math.min(to, max), "x", true);
         const over = kind === "damage" || kind === "heard damage" || kind === "lost";
-        const wide = Math.max(right - left, (over ? 3 : 1) * ratio), high = tall * look.height, top = bbox.top + tall * (lane + 0.5) - high / 2;
+        const wide = Math.max(right - left, (over ? 3 : 1) * ratio), high = tall * style.height, top = bbox.top + tall * (lane + 0.5) - high / 2;
         ctx.fillStyle = ctx.strokeStyle = colour;
         ctx.lineWidth = ratio;
-        if (look.filled) ctx.fillRect(left, top, wide, high);
-        if (look.hatch) {
+        if (style.filled) ctx.fillRect(left, top, wide, high);
+        if (style.hatch) {
           ctx.save();
           ctx.beginPath();
           ctx.rect(left, top, wide, high);
@@ -510,26 +510,26 @@
           ctx.stroke();
           ctx.restore();
         }
-        ctx.strokeStyle = look.filled && !over ? css("--soft") : colour;
-        if (wide > 5 * ratio || !look.filled) ctx.strokeRect(left, top, wide, high);
+        ctx.strokeStyle = style.filled && !over ? css("--soft") : colour;
+        if (wide > 5 * ratio || !style.filled) ctx.strokeRect(left, top, wide, high);
         if (!label) continue;
-        const room = ctx.measureText(label).width;
-        if (room + 8 * ratio > wide) continue;
+        const textWidth = ctx.measureText(label).width;
+        if (textWidth + 8 * ratio > wide) continue;
         const middle = (left + right) / 2, centre = top + high / 2 + ratio;
-        if (look.hatch) {
+        if (style.hatch) {
           ctx.fillStyle = css("--plot");
-          ctx.fillRect(middle - room / 2 - 3 * ratio, top + 2 * ratio, room + 6 * ratio, high - 4 * ratio);
+          ctx.fillRect(middle - textWidth / 2 - 3 * ratio, top + 2 * ratio, textWidth + 6 * ratio, high - 4 * ratio);
         }
-        ctx.fillStyle = this.ink(look);
+        ctx.fillStyle = this.ink(style);
         ctx.fillText(label, middle, centre);
       }
       for (const [lane, at, kind] of this.data.marks) {
         if (at < min || at > max) continue;
-        const look = this.data.mark_looks[kind], x = u.valToPos(at, "x", true);
+        const style = this.data.mark_styles[kind], x = u.valToPos(at, "x", true);
         const bottom = bbox.top + tall * (lane + 1);
-        ctx.fillStyle = ctx.strokeStyle = shown(look.colour);
+        ctx.fillStyle = ctx.strokeStyle = shown(style.colour);
         ctx.beginPath();
-        if (look.below) {
+        if (style.below) {
           ctx.strokeStyle = css("--soft");
           ctx.lineWidth = ratio;
           ctx.moveTo(x, bottom - 5 * ratio);
@@ -547,14 +547,14 @@
     }
     legend() {
       const entries = [];
-      for (const [kind, look] of Object.entries(this.data.looks))
+      for (const [kind, style] of Object.entries(this.data.box_styles))
         if (kind !== "scan" && kind !== "level")
-          entries.push([this.colour(kind), look.meaning, look.hatch ? "hatch" : look.filled ? "" : "frame"]);
-      for (const look of Object.values(this.data.mark_looks))
-        entries.push([look.below ? css("--soft") : shown(look.colour), (look.below ? "| " : "▼ ") + look.meaning]);
+          entries.push([this.colour(kind), style.meaning, style.hatch ? "hatch" : style.filled ? "" : "frame"]);
+      for (const style of Object.values(this.data.mark_styles))
+        entries.push([style.below ? css("--soft") : shown(style.colour), (style.below ? "| " : "▼ ") + style.meaning]);
       return entries;
     }
-    tell(u, left, top) {
+    describe(u, left, top) {
       const x = u.posToVal(left, "x"), lane = Math.floor((top / u.over.clientHeight) * this.data.lanes.length);
       const near = (u.scales.x.max - u.scales.x.min) / u.over.clientWidth * 5;
       const parts = [];
@@ -575,12 +575,12 @@
         hooks: { draw: [...options.hooks.draw, (u) => uprights(u, this.data.bounds)] } };
     }
     // The same on a light page and a dark one: lighter blue is another part's.
-    colour(kind) { return this.data.looks[kind].colour; }
-    ink(look) { return look.colour === "#0072B2" ? "#ffffff" : "#000000"; }
+    colour(kind) { return this.data.box_styles[kind].colour; }
+    ink(style) { return style.colour === "#0072B2" ? "#ffffff" : "#000000"; }
     legend() {
       return [...super.legend(), ...this.data.bounds.map(([, text]) => [css("--law"), text])];
     }
-    tell(u, left, top) { return [super.tell(u, left, top), ...boundsNear(u, this.data.bounds, left)].filter(Boolean).join(" · "); }
+    describe(u, left, top) { return [super.describe(u, left, top), ...boundsNear(u, this.data.bounds, left)].filter(Boolean).join(" · "); }
   }
 
   const KINDS = { histogram: Histogram, tail: Tail, "over-run": OverRun, timeline: Timeline, parts: Parts };

@@ -1,1 +1,1 @@
-"""What a run's records are counted into while it goes on: histograms, gaps, latencies, ports."""
+"""Counters of a run's records while it goes on: link scans, refresh gaps, ports, latencies, devices."""

@@ -18,7 +18,7 @@ _HALF_BIN = BIN_TICKS // 2
 #: The quantiles of every report, by name, in thousandths.
 QUANTILES = {"p50": 500, "p95": 950, "p99": 990, "p999": 999}
 
-#: A quantile is only told when at least so many samples lie beyond it.
+#: A quantile is known only where at least so many samples lie beyond it.
 SAMPLES_BEYOND = 10
 
 
@@ -64,20 +64,20 @@ class Histogram:
 
     def merge(self, other: Histogram) -> None:
         """Add all counts of another histogram."""
-        self._book(other, 1)
+        self._add(other, 1)
         if other.maximum is not None:
             self.maximum = other.maximum if self.maximum is None else max(self.maximum, other.maximum)
         if other.minimum is not None:
             self.minimum = other.minimum if self.minimum is None else min(self.minimum, other.minimum)
 
-    def take_back(self, other: Histogram) -> None:
+    def subtract(self, other: Histogram) -> None:
         """Subtract all counts of another histogram; counts may become negative.
 
         Minimum and maximum stay: they cover everything that was ever added.
         """
-        self._book(other, -1)
+        self._add(other, -1)
 
-    def _book(self, other: Histogram, sign: int) -> None:
+    def _add(self, other: Histogram, sign: int) -> None:
         for position, times in other.bins.items():
             left = self.bins.get(position, 0) + sign * times
             if left:

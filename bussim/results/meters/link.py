@@ -13,10 +13,6 @@ from bussim.results.meters.timeline import (
     Span,
     Spans,
     Timeline,
-    cells_from_json,
-    cells_to_json,
-    spans_from_json,
-    spans_to_json,
 )
 from bussim.trace.records import LinkTotals, ScanRecord
 
@@ -33,7 +29,7 @@ class ScanTimes:
         self.longest_cause = ""
 
     def add(self, scan: ScanRecord) -> None:
-        """Take in a scan; of several longest ones the first is told."""
+        """Take in a scan; of several longest ones the first is kept."""
         longest = self.histogram.maximum
         if longest is None or scan.duration > longest:
             self.longest_at, self.longest_cause = scan.start, scan.cause
@@ -64,9 +60,9 @@ class LinkRecord:
     """One N:N link's statistics.
 
     ``after_startup`` are the scans that began at or after the link was healthy for the first time.
-    ``refresh`` is by (source, receiver) names. ``in_error`` tells when each station's error flag
-    was on at the master. ``failed_per_scan`` tells, by error code, how many scans had how many
-    failed attempts with that code (only scans that had one).
+    ``refresh`` is by (source, receiver) names. ``in_error`` has when each station's error flag
+    was on at the master. ``failed_per_scan`` has, by error code, how many scans had how many failed
+    attempts with that code (only scans that had one).
     """
 
     plc_names: tuple[str, ...]
@@ -87,8 +83,10 @@ class LinkRecord:
                 {"source": source, "receiver": receiver, "last": pair.last, **pair.gaps.to_json()}
                 for (source, receiver), pair in self.refresh.items()
             ],
-            "timeline": cells_to_json(self.timeline),
-            "in_error": spans_to_json(self.in_error),
+            "timeline": [list(cell) for cell in self.timeline],
+            "in_error": {
+                str(station): [list(span) for span in spans] for station, spans in self.in_error.items()
+            },
             "failed_per_scan": {
                 f"{code:02X}": {str(number): scans for number, scans in sorted(by_number.items())}
                 for code, by_number in sorted(self.failed_per_scan.items())
@@ -106,8 +104,11 @@ class LinkRecord:
                 (str(pair["source"]), str(pair["receiver"])): Refresh(Histogram.from_json(pair), pair["last"])
                 for pair in data["refresh"]
             },
-            timeline=cells_from_json(data["timeline"]),
-            in_error=spans_from_json(data["in_error"]),
+            timeline=[Cell(*map(int, numbers)) for numbers in data["timeline"]],
+            in_error={
+                int(station): [Span(int(start), None if end is None else int(end)) for start, end in spans]
+                for station, spans in data["in_error"].items()
+            },
             failed_per_scan={
                 int(code, 16): {int(number): int(scans) for number, scans in by_number.items()}
                 for code, by_number in data["failed_per_scan"].items()

@@ -1,4 +1,4 @@
-"""What happened on the ports beside the N:N links: transactions, polls, ages of data, free protocol.
+"""Counts of the ports beside the N:N links: transactions, polls, data ages, free protocol.
 
 Memory does not grow with a run: counts, and histograms of times. Times are ticks.
 """
@@ -16,18 +16,18 @@ from bussim.trace.records import CycleRecord, FreeRecord, PollRecord, RunTotals,
 #: The yy of D8063 = 7xyy that have a count of their own (PW10 board manual, section 8).
 NO_RESPONSE = 9
 WRONG_CHECK = 3
-#: Outcomes where the master took an answer for that to its request.
-_ANSWERS = ("ok", "exception")
-#: Modbus functions that read: only what is read grows old.
+#: Outcomes where the master took a response as that to its request.
+_RESPONSES = ("ok", "exception")
+#: Modbus functions that read: only data that is read has an age.
 _READS = frozenset({1, 2, 3, 4})
 
 
 def response_time(record: TransactionRecord) -> int | None:
-    """Last stop bit of the request to the last stop bit of its answer, an exception included.
+    """Last stop bit of the request to the last stop bit of its response, an exception included.
 
-    None without an answer, and where the answer is to another request.
+    None without a response, and where the response is to another request.
     """
-    answered = record.outcome in _ANSWERS and not record.mismatched
+    answered = record.outcome in _RESPONSES and not record.mismatched
     if not answered or record.asked is None or record.answer_end is None:
         return None
     return record.answer_end - record.asked
@@ -136,9 +136,9 @@ class FreeCounts:
 class PortRecord:
     """One node as Modbus master or with the free protocol.
 
-    ``exceptions`` are by exception code, ``others`` by the words of the port error. ``timeout`` is
-    the master's, in ticks, None where it is not known. ``mismatched`` are answers to another request
-    that the master has taken; what it heard and refused is none of them.
+    ``exceptions`` are by exception code, ``others`` by the text of the port error. ``timeout`` is
+    the master's, in ticks, None where it is not known. ``mismatched`` are responses to another
+    request that the master has taken, without those that it has refused.
     """
 
     bus: str
@@ -155,10 +155,10 @@ class PortRecord:
     @property
     def responses(self) -> Histogram:
         """Response times of all polls."""
-        together = Histogram()
+        merged = Histogram()
         for poll in self.polls.values():
-            together.merge(poll.responses)
-        return together
+            merged.merge(poll.responses)
+        return merged
 
     def poll(self, name: str) -> Poll:
         """The poll of that name, a new one if there is none."""
@@ -170,7 +170,7 @@ class PortRecord:
     def transaction(self, record: TransactionRecord) -> None:
         """Count an attempt."""
         self.poll(record.poll).transaction(record)
-        self.mismatched += record.mismatched and record.outcome in _ANSWERS
+        self.mismatched += record.mismatched and record.outcome in _RESPONSES
         if record.outcome == "ok":
             return
         if record.exception:
@@ -212,7 +212,7 @@ class PortRecord:
             exceptions={int(code, 16): int(number) for code, number in data["exceptions"].items()},
             timeouts=int(data["timeouts"]),
             crc_errors=int(data["crc_errors"]),
-            others={str(words): int(number) for words, number in data["others"].items()},
+            others={str(text): int(number) for text, number in data["others"].items()},
             mismatched=int(data["mismatched"]),
             free=FreeCounts(**{name: int(number) for name, number in data["free"].items()}),
         )

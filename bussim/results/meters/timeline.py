@@ -1,12 +1,12 @@
-"""What a run looked like over its time, in bounded memory: scan times and stations in error."""
+"""Scan times and stations in error over the time of a run, in bounded memory."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterable
+from typing import NamedTuple
 
 from bussim.trace.records import NoteRecord
-from bussim.units import TICKS_PER_MS
+from bussim.units import TICKS_PER_MS, seconds
 
 #: Most cells of a timeline: more than a plot has columns.
 MOST_CELLS = 2048
@@ -17,7 +17,7 @@ MOST_SPANS = 512
 
 
 class Cell(NamedTuple):
-    """The link scans that began within one stretch of a run. Times in ticks."""
+    """The link scans that began within one part of a run. Times in ticks."""
 
     start: int  # of the first of them
     scans: int
@@ -71,16 +71,16 @@ class Timeline:
 
 
 class Span(NamedTuple):
-    """When something lasted, in ticks; ``end`` is None for what lasts beyond the run's end."""
+    """A time from ``start`` to ``end`` in ticks; ``end`` is None where it lasts beyond the run's end."""
 
     start: int
     end: int | None
 
 
 class Spans:
-    """When each of several things (stations in error) was on; at most :data:`MOST_SPANS` spans.
+    """When each of several flags (of stations in error) was on; at most :data:`MOST_SPANS` spans.
 
-    Beyond that, spans of one thing that are less than :attr:`joined_within` ticks apart become one.
+    Beyond that, spans of one flag that are less than :attr:`joined_within` ticks apart become one.
     """
 
     __slots__ = ("_on", "_spans", "joined_within")
@@ -91,25 +91,25 @@ class Spans:
         self._spans: dict[int, list[Span]] = {}
 
     def on(self, what: int, tick: int) -> None:
-        """It begins; nothing happens if it is on already."""
+        """Switch one on; no change if it is on already."""
         self._on.setdefault(what, tick)
 
     def off(self, what: int, tick: int) -> None:
-        """It ends; nothing happens if it is not on."""
+        """Switch one off; no change if it is off."""
         start = self._on.pop(what, None)
         if start is None:
             return
         self._append(self._spans.setdefault(what, []), Span(start, tick))
         while sum(map(len, self._spans.values())) > MOST_SPANS:
-            self._thin()
+            self._join()
 
     def all_off(self, tick: int) -> None:
-        """Everything that is on ends."""
+        """Switch off all that are on."""
         for what in list(self._on):
             self.off(what, tick)
 
     def all(self) -> dict[int, list[Span]]:
-        """Every thing's spans in time order, things in ascending order."""
+        """The spans of each in time order, by ascending numbers."""
         spans = {what: list(past) for what, past in self._spans.items()}
         for what, start in self._on.items():
             spans.setdefault(what, []).append(Span(start, None))
@@ -122,7 +122,7 @@ class Spans:
         else:
             past.append(new)
 
-    def _thin(self) -> None:
+    def _join(self) -> None:
         self.joined_within = 2 * self.joined_within or TICKS_PER_MS
         for what, past in self._spans.items():
             self._spans[what] = []
@@ -131,9 +131,9 @@ class Spans:
 
 
 def fault_spans(notes: Iterable[NoteRecord], places: Collection[str]) -> list[tuple[str, Span]]:
-    """Each fault's words and when it acted, from its notes "fault" and "fault_over" of one name.
+    """Each fault's text and when it acted, from its notes "fault" and "fault_over" of one name.
 
-    A note that tells its PLC or bus counts only there, any other one everywhere.
+    Of notes that name a PLC or bus only those count that name one of ``places``.
     """
     spans: list[tuple[str, Span]] = []
     acting: dict[str, int] = {}
@@ -154,24 +154,6 @@ def fault_spans(notes: Iterable[NoteRecord], places: Collection[str]) -> list[tu
     return spans
 
 
-def cells_to_json(cells: list[Cell]) -> list[list[int]]:
-    """Cells as plain lists of numbers, in the order of their fields."""
-    return [list(cell) for cell in cells]
-
-
-def cells_from_json(data: list[list[int]]) -> list[Cell]:
-    """The cells of :func:`cells_to_json`. Raises TypeError or ValueError for anything else."""
-    return [Cell(*map(int, numbers)) for numbers in data]
-
-
-def spans_to_json(spans: Mapping[int, list[Span]]) -> dict[str, Any]:
-    """Spans by number as plain data."""
-    return {str(what): [list(span) for span in past] for what, past in spans.items()}
-
-
-def spans_from_json(data: Mapping[str, Any]) -> dict[int, list[Span]]:
-    """The spans of :func:`spans_to_json`. Raises TypeError or ValueError for anything else."""
-    return {
-        int(what): [Span(int(start), None if end is None else int(end)) for start, end in past]
-        for what, past in data.items()
-    }
+def time_on(spans: Iterable[Span], duration: int) -> float:
+    """How long all of the spans lasted within a run of ``duration`` ticks, in seconds."""
+    return seconds(sum((duration if span.end is None else span.end) - span.start for span in spans))

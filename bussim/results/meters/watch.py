@@ -50,7 +50,7 @@ class Watch:
         self._by_name = {(each.plc, each.device): each for each in self.watched}
 
     def take(self, record: Record) -> None:
-        """A record; only new values of these devices matter."""
+        """Keep a record if it is a new value of one of the devices."""
         if isinstance(record, DeviceValueRecord):
             found = self._by_name.get((record.plc, record.device))
             if found is not None:

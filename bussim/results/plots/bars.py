@@ -13,7 +13,7 @@ from bussim.results.plots.style import RUNS
 from bussim.units import milliseconds
 
 _MOST_BARS = 160
-#: Shortest stretch of times on an axis, in ms.
+#: Shortest range of times on an axis, in ms.
 _LEAST_SHOWN = 0.1
 #: The whole range is so many times the usual one before that has an axis of its own.
 _FAR = 5
@@ -29,7 +29,7 @@ def whole_range(histograms: Sequence[Histogram]) -> tuple[int, int]:
 def usual_range(histograms: Sequence[Histogram]) -> tuple[int, int]:
     """The bins around the densest half of every histogram, and at least those of its densest nine tenths.
 
-    So a hill that one scan in five belongs to is not left out because it is narrow and lies apart.
+    So a peak of one scan in five is not left out because it is narrow and lies apart.
     """
     halves = [_densest(histogram, 5) for histogram in histograms]
     low, high = min(low for low, _ in halves), max(high for _, high in halves)
@@ -41,7 +41,7 @@ def usual_range(histograms: Sequence[Histogram]) -> tuple[int, int]:
 
 
 def _densest(histogram: Histogram, tenths: int) -> tuple[int, int]:
-    """First and last bin of the shortest stretch that holds so many tenths of the samples."""
+    """First and last bin of the shortest range that holds so many tenths of the samples."""
     needed = tenths * histogram.count
     places = sorted(histogram.bins)
     best = (places[0], places[-1])
@@ -115,9 +115,14 @@ def _draw_bars(axes: Axes, bars: dict[int, int], width: int, colour: str, *, alo
 
 
 def marked(histogram: Histogram) -> dict[str, float]:
-    """What is marked of a histogram, in ticks: those of mean, p99 and max that it tells."""
+    """What is marked of a histogram, in ticks: mean, p99 and max as far as they are known."""
     values = {"mean": histogram.mean, "p99": histogram.quantile(990), "max": histogram.maximum}
     return {name: value for name, value in values.items() if value is not None}
+
+
+def marks_in_words(histogram: Histogram) -> str:
+    """What is marked of a histogram as text: ``mean 50.4 ms, max 51.1 ms``."""
+    return ", ".join(f"{name} {ms_text(value)}" for name, value in marked(histogram).items())
 
 
 def ms_text(ticks: float) -> str:

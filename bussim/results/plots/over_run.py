@@ -31,7 +31,7 @@ _MOST_FAULTS = 10
 
 @dataclass(frozen=True, slots=True)
 class _Lane:
-    """A line of the chart of events: what it is, when it was, and its colour."""
+    """A line of the chart of events: its label, when it was on, and its colour."""
 
     label: str
     spans: Sequence[Span]
@@ -127,7 +127,7 @@ def _between(span: Span, end: float) -> tuple[float, float]:
 
 
 def _fault_lanes(run: RunRecord, link: LinkRecord, bus: str) -> list[_Lane]:
-    """Faults of the bus and of its PLCs, those with the same words on one line."""
+    """Faults of the bus and of its PLCs, those with the same text on one line."""
     lanes: dict[str, list[Span]] = {}
     for text, span in fault_spans(run.notes, {bus, *link.plc_names}):
         lanes.setdefault(text, []).append(span)

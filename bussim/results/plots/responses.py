@@ -11,9 +11,18 @@ from matplotlib.lines import Line2D
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.ports import PortRecord
-from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
-from bussim.results.plots.scan_times import caption, run_labels
-from bussim.results.plots.style import IN_ERROR, RUNS, Picture, finish_picture, new_picture, shorten, style
+from bussim.results.plots.bars import MARKS, draw, is_far, marked, marks_in_words, usual_range, whole_range
+from bussim.results.plots.scan_times import captions, run_labels
+from bussim.results.plots.style import (
+    IN_ERROR,
+    Picture,
+    finish_picture,
+    legend_of_runs,
+    new_picture,
+    shorten,
+    style,
+    too_many,
+)
 from bussim.results.run_record import RunRecord
 from bussim.units import format_ms, milliseconds
 
@@ -21,7 +30,7 @@ from bussim.units import format_ms, milliseconds
 _MOST_PANELS = 8
 #: A timeout is on the axis up to so many times the longest response.
 _BEYOND = 20
-_TIMES = "end of the request to end of its answer (ms)"
+_TIMES = "end of the request to end of its response (ms)"
 
 
 @dataclass(slots=True)
@@ -43,15 +52,14 @@ def response_time_histogram(
 ) -> Picture:
     """The histograms of a master's response times: a row for each poll, on one axis of time.
 
-    Counts are logarithmic, so that rare slow answers are seen, and the timeout is marked. Where a few
-    answers or the timeout lie far from the usual answers, these have an axis of their own beside the
+    Counts are logarithmic, so that rare slow responses are seen, and the timeout is marked. Where a few
+    responses or the timeout lie far from the usual ones, these have an axis of their own beside the
     whole range. Several runs share the panels, each in its colour; ``labels`` names them (default:
     the scenarios' names).
 
-    Raises UsageError if a run has no such master or it had no answer, or for too many runs.
+    Raises UsageError if a run has no such master or it had no response, or for too many runs.
     """
-    if len(runs) > len(RUNS):
-        raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {len(RUNS)}")
+    too_many(runs)
     ports = [master_of(run, node) for run in runs]
     panels = _panels(ports)
     filled = [histogram for panel in panels for histogram in panel.responses if histogram.count]
@@ -63,20 +71,19 @@ def response_time_histogram(
     handles = _explain(ports, labels or run_labels(runs), timeouts, near)
     abreast = len(handles) if len(runs) == 1 else 1
     with style():
-        captions = "; ".join(dict.fromkeys(caption(run) for run in runs))
         height = 1.2 + 0.22 * len(handles) / abreast + 1.6 * len(panels)
-        picture = new_picture(7.5, height, captions)
+        picture = new_picture(7.5, height, captions(runs))
         columns = picture.subplots(
             len(panels), 1 + beside, sharex="col", squeeze=False, width_ratios=(2, 3) if beside else (1,)
         ).T.tolist()
         for axes, panel in zip(columns[0], panels, strict=True):
             if beside:
-                draw(axes, panel.responses, usual, "the usual answers (ms)", "answers")
+                draw(axes, panel.responses, usual, "the usual responses (ms)", "responses")
                 axes.locator_params(axis="x", nbins=5)
             axes.set_title(shorten(_in_words(panel), 100), fontsize=9)
         for axes, panel in zip(columns[-1], panels, strict=True):
             axes.set_yscale("log")
-            draw(axes, panel.responses, whole, _TIMES, "answers")
+            draw(axes, panel.responses, whole, _TIMES, "responses")
             axes.set_ylim(0.6, max(12, axes.get_ylim()[1]))  # a whole decade: whole numbers on the axis
             for timeout in near:
                 axes.axvline(milliseconds(timeout), color=IN_ERROR, linewidth=2, alpha=0.8)
@@ -97,13 +104,13 @@ def masters(run: RunRecord) -> list[str]:
 
 
 def master_of(run: RunRecord, node: str) -> PortRecord:
-    """The master of a run. Raises UsageError if there is none of that name, or without an answer."""
+    """The master of a run. Raises UsageError if there is none of that name, or without a response."""
     port = run.ports.get(node)
     if port is None or not port.polls:
         known = ", ".join(repr(name) for name, port in run.ports.items() if port.polls) or "none"
         raise UsageError(f"{run.scenario} has no Modbus master {node!r}; it has {known}")
     if not port.responses.count:
-        raise UsageError(f"{run.scenario}: {node} had no answer, there is nothing to plot")
+        raise UsageError(f"{run.scenario}: {node} had no response, there is nothing to plot")
     return port
 
 
@@ -126,11 +133,10 @@ def _panels(ports: Sequence[PortRecord]) -> list[_Panel]:
 
 
 def _in_words(panel: _Panel) -> str:
-    answers, attempts = sum(h.count for h in panel.responses), sum(panel.attempts)
-    words = f"{panel.label}: {answers:,} of {attempts:,} attempts answered"
-    if len(panel.responses) == 1:
-        words += "".join(f", {name} {ms_text(value)}" for name, value in marked(panel.responses[0]).items())
-    return words
+    responses, attempts = sum(h.count for h in panel.responses), sum(panel.attempts)
+    words = f"{panel.label}: {responses:,} of {attempts:,} attempts answered"
+    marks = marks_in_words(panel.responses[0]) if len(panel.responses) == 1 else ""
+    return f"{words}, {marks}" if marks else words
 
 
 def _limit(column: Sequence[Axes], shown: tuple[int, int]) -> None:
@@ -145,18 +151,14 @@ def _limit(column: Sequence[Axes], shown: tuple[int, int]) -> None:
 def _explain(
     ports: Sequence[PortRecord], labels: Sequence[str], timeouts: Sequence[int], near: Sequence[int]
 ) -> list[Line2D]:
-    handles = []
+    responses = [port.responses for port in ports]
     if len(ports) > 1:
-        for number, (label, port) in enumerate(zip(labels, ports, strict=True)):
-            together = port.responses
-            numbers = ", ".join(f"{name} {ms_text(value)}" for name, value in marked(together).items())
-            text = f"{shorten(label, 40)}: {together.count:,} answers, {numbers}"
-            handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
-        handles.append(Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted"))
+        texts = [f"{each.count:,} responses, {marks_in_words(each)}" for each in responses]
+        handles = legend_of_runs(labels, texts)
     else:
-        handles += [
+        handles = [
             Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=name)
-            for name in marked(ports[0].responses)
+            for name in marked(responses[0])
         ]
     for timeout in timeouts:
         handle = Line2D([], [], color=IN_ERROR, linewidth=2, alpha=0.8, label=f"timeout {format_ms(timeout)}")

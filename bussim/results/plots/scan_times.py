@@ -8,16 +8,32 @@ from textwrap import wrap
 from matplotlib.lines import Line2D
 
 from bussim.errors import UsageError
-from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.link import LinkRecord
-from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
-from bussim.results.plots.style import RUNS, Picture, finish_picture, new_picture, shorten, style
+from bussim.results.plots.bars import (
+    MARKS,
+    draw,
+    is_far,
+    marked,
+    marks_in_words,
+    ms_text,
+    usual_range,
+    whole_range,
+)
+from bussim.results.plots.style import (
+    Picture,
+    finish_picture,
+    legend_of_runs,
+    new_picture,
+    shorten,
+    style,
+    too_many,
+)
 from bussim.results.run_record import RunRecord
+from bussim.results.text.run import caption_of
 from bussim.units import seconds
 
 #: What the axes are called.
 _AXES = ("link scan time (ms)", "link scans")
-_MOST_RUNS = len(RUNS)
 
 
 def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[str] | None = None) -> Picture:
@@ -29,14 +45,13 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
 
     Raises UsageError if a run has no such bus or no scans on it, or for too many runs.
     """
-    if len(runs) > _MOST_RUNS:
-        raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {_MOST_RUNS}")
+    too_many(runs)
     links = [link_of(run, bus) for run in runs]
     histograms = [link.scan_times.histogram for link in links]
     whole = whole_range(histograms)
     usual = usual_range(histograms)
     with style():
-        picture = new_picture(7.5, 4.4 + 0.2 * len(runs), _captions(runs))
+        picture = new_picture(7.5, 4.4 + 0.2 * len(runs), captions(runs))
         if is_far(whole, usual):
             close_up, axes = picture.subplots(1, 2, width_ratios=(2, 3))
             draw(close_up, histograms, usual, *_AXES)
@@ -57,7 +72,8 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
             handles = _explain_one(links[0])
         else:
             heading = f"link scans on {bus}"
-            handles = _explain_several(labels or run_labels(runs), histograms)
+            texts = [f"{histogram.count:,} scans, {marks_in_words(histogram)}" for histogram in histograms]
+            handles = legend_of_runs(labels or run_labels(runs), texts)
         finish_picture(picture, heading, handles)
     return picture
 
@@ -75,12 +91,8 @@ def link_of(run: RunRecord, bus: str) -> LinkRecord:
 
 
 def caption(run: RunRecord) -> str:
-    """What a picture rests on: scenario, seed, duration, version."""
-    summary = run.summary
-    return (
-        f"{summary['scenario']}, seed {summary['seed']}, {summary['duration_s']:g} s, "
-        f"bussim {summary['bussim']}"
-    )
+    """What a picture is of: scenario, seed, duration, version."""
+    return caption_of(run.summary)
 
 
 def run_labels(runs: Sequence[RunRecord]) -> list[str]:
@@ -93,7 +105,8 @@ def run_labels(runs: Sequence[RunRecord]) -> list[str]:
     return names
 
 
-def _captions(runs: Sequence[RunRecord]) -> str:
+def captions(runs: Sequence[RunRecord]) -> str:
+    """The captions of several runs, each once."""
     return "; ".join(dict.fromkeys(caption(run) for run in runs))
 
 
@@ -108,16 +121,6 @@ def _explain_one(link: LinkRecord) -> list[Line2D]:
         Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=_wrapped(text))
         for name, text in texts.items()
     ]
-
-
-def _explain_several(labels: Sequence[str], histograms: Sequence[Histogram]) -> list[Line2D]:
-    handles = []
-    for number, (label, histogram) in enumerate(zip(labels, histograms, strict=True)):
-        numbers = ", ".join(f"{name} {ms_text(value)}" for name, value in marked(histogram).items())
-        text = f"{shorten(label, 40)}: {histogram.count:,} scans, {numbers}"
-        handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
-    key = "lines: mean solid, p99 dashed, maximum dotted"
-    return [*handles, Line2D([], [], linestyle="", label=key)]
 
 
 def _wrapped(text: str) -> str:

@@ -1,4 +1,4 @@
-"""How bussim's pictures look, and how they are saved: the same bytes for the same run."""
+"""The style of bussim's pictures, and how they are saved: the same bytes for the same run."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from bussim.errors import UsageError
 from bussim.version import __version__
 
-# The palette of Okabe and Ito, which colour-blind people can tell apart; yellow, too pale for
+# The palette of Okabe and Ito, which colour-blind people can distinguish; yellow, too pale for
 # lines, is left out.
 _BLUE, _VERMILLION, _GREEN, _PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 _ORANGE, _SKY, _BLACK = "#E69F00", "#56B4E9", "#000000"
@@ -31,7 +32,7 @@ FAULT = _ORANGE  # a fault acts
 IN_ERROR = _VERMILLION  # a failed attempt, a damaged character, a station in error
 #: Of runs on one axis, in order; the colours of faults and errors come last.
 RUNS = (SIMULATED, _GREEN, _PURPLE, _SKY, _BLACK, _ORANGE, _VERMILLION)
-#: Frames by their kind in the trace: who asks is purple, who answers or tells is sky blue.
+#: Frames by their kind in the trace: polls and requests are purple, replies, responses and data sky blue.
 FRAMES = {
     "data": _SKY,
     "poll": _PURPLE,
@@ -143,6 +144,21 @@ def new_picture(width: float, height: float, description: str) -> Picture:
     picture.description = description
     FigureCanvasAgg(picture)
     return picture
+
+
+def legend_of_runs(labels: Sequence[str], texts: Sequence[str]) -> list[Line2D]:
+    """A line for each of several runs, in its colour, and what the marks of all of them mean."""
+    handles = [
+        Line2D([], [], color=RUNS[number], linewidth=3, label=f"{shorten(label, 40)}: {text}")
+        for number, (label, text) in enumerate(zip(labels, texts, strict=True))
+    ]
+    return [*handles, Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted")]
+
+
+def too_many(runs: Sequence[object]) -> None:
+    """Raise UsageError where there are more runs than colours."""
+    if len(runs) > len(RUNS):
+        raise UsageError(f"{len(runs)} runs on one axis cannot be distinguished; at most {len(RUNS)}")
 
 
 def finish_picture(picture: Picture, heading: str, handles: Sequence[Artist], *, columns: int = 1) -> None:

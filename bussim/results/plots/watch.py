@@ -30,7 +30,7 @@ _BETWEEN = 0.1
 
 
 def shown_devices(watched: Sequence[Watched]) -> int:
-    """How many of these devices a picture has room for: the first so many."""
+    """How many of these devices fit into a picture: the first so many."""
     height, number = 0.0, 0
     for group in _groups(watched):
         for each in group:
@@ -43,10 +43,10 @@ def shown_devices(watched: Sequence[Watched]) -> int:
 
 
 def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) -> Picture:
-    """The devices of a watch from ``begin`` to ``end`` (ticks), in their order; neighbouring bits together.
+    """The devices of a watch from ``begin`` to ``end`` (ticks), in their order; neighbouring bits share axes.
 
-    ``about`` is what the picture rests on. Of more devices than there is room for
-    (:func:`shown_devices`) the first ones are shown; the heading tells.
+    ``about`` names the scenario, seed and version. Of more devices than fit
+    (:func:`shown_devices`) the first ones are shown, and the heading says so.
     """
     number, among = shown_devices(watch.watched), len(watch.watched)
     if number < among:
@@ -114,8 +114,8 @@ def _steps(axes: Axes, each: Watched, begin: int, end: int) -> None:
     times, values = _course(each, begin, end)
     axes.step(times, values, where="post", color=PALETTE[1], linewidth=1.1)
     low, high = min(values), max(values)
-    room = max(1, (high - low) * 0.05)  # one that stands still has a line through the middle
-    axes.set_ylim(low - room, high + room)
+    margin = max(1, (high - low) * 0.05)  # a constant value is a line through the middle
+    axes.set_ylim(low - margin, high + margin)
     ticks = 4 if axes.get_window_extent().height > 60 else 2
     axes.yaxis.set_major_locator(MaxNLocator(ticks, integer=True))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:.0f}"))

@@ -100,7 +100,7 @@ class RunFolder:
         traceback: TracebackType | None,
     ) -> None:
         if not self._finished:
-            with contextlib.suppress(OSError):  # what went wrong before counts
+            with contextlib.suppress(OSError):  # the error before it is the one to report
                 self.rows.close()
             self._lock.close()
             with contextlib.suppress(OSError):
@@ -109,7 +109,7 @@ class RunFolder:
             raise RunError(f"{self.target}: writing failed: {_reason(error)}") from error
 
     def finish(self, record: RunRecord, scenario: str) -> Path:
-        """Write what is known only now, and move the folder into its place.
+        """Write summary, histograms, scenario and pictures, and move the folder into its place.
 
         ``scenario`` is the text of the scenario as run. Returns the target.
         """
@@ -201,7 +201,7 @@ def _clear(part: Path) -> None:
 
 
 def _remove(part: Path) -> None:
-    """Remove a marked folder, the marker last, so that what is left of it always says what it is."""
+    """Remove a marked folder, the marker last, so that what is left of it stays marked."""
     for entry in part.iterdir():
         if entry.name != MARKER:
             shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
@@ -230,7 +230,7 @@ def _is_stale(part: Path) -> bool:
 if sys.platform == "win32":
 
     def _try_lock(file: IO[str]) -> bool:
-        """Lock a byte far behind the text, which others can go on reading."""
+        """Lock a byte far behind the text, which other processes can go on reading."""
         import msvcrt
 
         file.seek(1 << 20)
@@ -258,12 +258,12 @@ else:
         except BlockingIOError:
             return False
         except OSError:
-            return True  # a file system without locks: nobody can hold one
+            return True  # a file system without locks: no process can hold one
         return True
 
     @contextlib.contextmanager
     def _one_at_a_time(folder: Path) -> Iterator[None]:
-        """Let one process at a time look for a free name in a folder and take it."""
+        """Let one process at a time find a free name in a folder and take it."""
         import fcntl
 
         handle = os.open(folder, os.O_RDONLY)

@@ -55,7 +55,7 @@ def load_run(folder: Path) -> RunRecord:
 
 
 class FolderRows:
-    """The rows in a run's folder, read when asked for. UsageError tells what the run did not keep."""
+    """The rows in a run's folder, read when asked for. UsageError names what the run did not keep."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -26,7 +26,7 @@ def bus_summary(totals: BusTotals, duration: int) -> dict[str, Any]:
 
 
 def unlisted_ports(totals: RunTotals, records: Mapping[str, PortRecord]) -> list[PortTotals]:
-    """Totals for nodes of which only records are known: those that a listener has heard."""
+    """Totals of nodes of which only records are known: those of a recording."""
     listed = {port.node for port in totals.ports} | {device.name for device in totals.devices}
     return [
         PortTotals(
@@ -50,7 +50,7 @@ def unlisted_ports(totals: RunTotals, records: Mapping[str, PortRecord]) -> list
 def port_summary(totals: PortTotals, record: PortRecord | None, duration: int) -> dict[str, Any]:
     """A port of a PLC: what it is, and what it did as master, as slave or with the free protocol.
 
-    A port that a program has changed while running tells everything that it has been.
+    A port that a program has changed while running has the keys of all that it was.
     """
     protocol = totals.protocol or ""
     found: dict[str, Any] = {"protocol": totals.protocol, "bus": totals.bus}
@@ -73,7 +73,7 @@ def port_summary(totals: PortTotals, record: PortRecord | None, duration: int) -
 
 
 def device_summary(totals: DeviceTotals, record: PortRecord | None, duration: int) -> dict[str, Any]:
-    """A device; of an HMI also what it did as master, of one with the free protocol what it said."""
+    """A device; of an HMI also what it did as master, of one with the free protocol what it sent."""
     found: dict[str, Any] = {
         "model": totals.model,
         "bus": totals.bus,
@@ -124,7 +124,7 @@ def _poll(poll: Poll, duration: int) -> dict[str, Any]:
 
 
 def _age(poll: Poll, duration: int) -> dict[str, Any]:
-    """How old what is read is; ``open`` at the end of the run (the run, if nothing ever arrived)."""
+    """The data ages of a poll; ``open`` is that at the end (the whole run, if nothing arrived)."""
     arrival, refresh = poll.on_arrival, poll.before_refresh
     known = quantiles(refresh)
     return {

@@ -7,7 +7,7 @@ from bussim.results.numbers import ms
 
 
 def quantiles(histogram: Histogram) -> dict[str, float | None]:
-    """All of :data:`QUANTILES` in ms; None for one that too few samples tell."""
+    """All of :data:`QUANTILES` in ms; None for one with too few samples beyond it."""
     return {name: ms(histogram.quantile(thousandths)) for name, thousandths in QUANTILES.items()}
 
 

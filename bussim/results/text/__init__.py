@@ -1,1 +1,1 @@
-"""A run's results in words and small tables, and their entries in ``summary.json``."""
+"""A run's results as text and small tables for a terminal, from ``summary.json``."""

@@ -1,12 +1,14 @@
-"""Buses, ports and devices beside the N:N links in words, from ``summary.json``."""
+"""Buses, ports and devices beside the N:N links as text, from ``summary.json``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from bussim.results.numbers import counted
 
+#: What statistics of times are called.
+SHOWN = {"min": "min", "p50": "median", "mean": "mean", "p99": "p99", "max": "max"}
 #: Most polls of a master that have a line.
 _MOST_POLLS = 12
 
@@ -57,7 +59,7 @@ def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:
     if station is not None:
         what += f", station {station}"
     yield f"{name}: {what} on {port['bus']}{_timeout(port)}"
-    yield from _what_it_did(port)
+    yield from _counts(port)
     if port["errors"]:
         errors = ", ".join(f"{yy} {_times(number)}" for yy, number in port["errors"].items())
         yield f"  port errors      yy of D8063 = 7xyy: {errors}"
@@ -66,17 +68,17 @@ def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:
 def _device(name: str, device: Mapping[str, Any]) -> Iterator[str]:
     station = "" if device["station"] is None else f", station {device['station']}"
     yield f"{name}: {device['model']}{station} on {device['bus']}{_timeout(device)}"
-    yield from _what_it_did(device)
+    yield from _counts(device)
     if device["state"]:
         yield f"  at the end       {', '.join(f'{key} {value}' for key, value in device['state'].items())}"
 
 
-def _what_it_did(node: Mapping[str, Any]) -> Iterator[str]:
+def _counts(node: Mapping[str, Any]) -> Iterator[str]:
     if "transactions" in node:
         yield from _master(node)
     if "sent" in node:
         yield f"  messages         {_free(node)}"
-    # A device of the free protocol or an HMI has no requests, and they are not worth a line then.
+    # A device of the free protocol or an HMI has no requests, and no line of them.
     if node.get("requests") or (node.get("station") is not None and "requests" in node):
         yield f"  requests         {_slave(node)}"
 
@@ -90,13 +92,15 @@ def _master(port: Mapping[str, Any]) -> Iterator[str]:
     ]
     counts = [f"{_grouped(port['transactions'])}: {_grouped(port['ok'])} ok", *failures]
     mismatched = port["mismatched_responses"]
-    wrong = f"; {counted(mismatched, 'answer')} taken that belonged to another request" if mismatched else ""
+    wrong = (
+        f"; {counted(mismatched, 'response')} taken that belonged to another request" if mismatched else ""
+    )
     yield f"  transactions     {', '.join(counts)}{wrong}"
     if port["response_ms"]["max"] is not None:
-        yield f"  response         {_typical(port['response_ms'])}"
+        yield f"  response         {times_in_words(port['response_ms'])}"
     cycles = port["cycle_ms"]
     if cycles["count"]:
-        yield f"  poll cycle       {_typical(cycles)}, {counted(cycles['count'], 'cycle')}"
+        yield f"  poll cycle       {times_in_words(cycles)}, {counted(cycles['count'], 'cycle')}"
     polls = {name: poll for name, poll in port["polls"].items() if name}
     for name in list(polls)[:_MOST_POLLS]:
         yield f"  {f'poll {name}':<16} {_poll(polls[name])}"
@@ -107,7 +111,7 @@ def _master(port: Mapping[str, Any]) -> Iterator[str]:
 def _poll(poll: Mapping[str, Any]) -> str:
     words = f"{counted(poll['turns'], 'turn')}, {_grouped(poll['failed_turns'])} failed"
     if poll["response_ms"]["max"] is not None:
-        words += f"; response {_typical(poll['response_ms'])}"
+        words += f"; response {times_in_words(poll['response_ms'])}"
     age = poll["age_ms"]
     if age is not None:
         oldest = age["before_refresh"]["max"]
@@ -121,7 +125,7 @@ def _poll(poll: Mapping[str, Any]) -> str:
 def _slave(node: Mapping[str, Any]) -> str:
     words = [_grouped(node["requests"]), f"{_grouped(node['answered'])} answered"]
     words += _unless_none(node.get("broadcasts", 0), "broadcasts")
-    if "transactions" not in node:  # else the exceptions are told of the master
+    if "transactions" not in node:  # else the exceptions stand among the master's
         words += [f"{_grouped(number)} exception {code}" for code, number in node["exceptions"].items()]
     if node["rejected"]:
         reasons = ", ".join(f"{reason} {_times(number)}" for reason, number in node["rejected"].items())
@@ -140,9 +144,9 @@ def _free(node: Mapping[str, Any]) -> str:
     return ", ".join(words)
 
 
-def _typical(times: Mapping[str, float | None]) -> str:
-    shown = (("typical", "p50"), ("p99", "p99"), ("max", "max"))
-    return ", ".join(f"{word} {times[key]:.3f}" for word, key in shown if times[key] is not None) + " ms"
+def times_in_words(times: Mapping[str, float | None], keys: Sequence[str] = ("p50", "p99", "max")) -> str:
+    """Statistics of times in ms, ``median 50.406, p99 50.414, max 51.103 ms``; unknown ones left out."""
+    return ", ".join(f"{SHOWN[key]} {times[key]:.3f}" for key in keys if times[key] is not None) + " ms"
 
 
 def _timeout(node: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""A run's result in words and small tables, for a terminal."""
+"""A run's result as text and small tables, for a terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.results.numbers import counted
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
-from bussim.results.text.ports import alone_lines, port_lines
+from bussim.results.text.ports import SHOWN, alone_lines, port_lines, times_in_words
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,27 +19,27 @@ _ON_OFF = {0: "off", 1: "ON"}
 
 
 def show_result(console: Console, record: RunRecord, station_names: Mapping[str, Mapping[int, str]]) -> None:
-    """Print what a controls engineer asks first. ``station_names`` are by bus and station number."""
+    """Print the figures of a run that matter most. ``station_names`` are by bus and station number."""
     summary = record.summary
-    _say(console, f"{summary['scenario']}: {summary['duration_s']:g} s simulated, seed {summary['seed']}")
+    _print(console, f"{summary['scenario']}: {summary['duration_s']:g} s simulated, seed {summary['seed']}")
     for bus, link in summary["links"].items():
         console.print()
         _show_link(console, record, bus, link, station_names.get(bus, {}))
     for line in (*alone_lines(summary), *port_lines(summary), *latency_lines(summary)):
-        _say(console, line)
+        _print(console, line)
     if summary["warnings"]:
         console.print()
         for warning in summary["warnings"]:
-            _say(console, f"warning: {warning}")
+            _print(console, f"warning: {warning}")
 
 
 def _show_link(
     console: Console, record: RunRecord, bus: str, link: dict[str, Any], names: Mapping[int, str]
 ) -> None:
     if link["attempts"] is None:
-        _say(console, f"{bus}: {link['stations']} stations, no working master: no link scans")
+        _print(console, f"{bus}: {link['stations']} stations, no working master: no link scans")
         return
-    _say(
+    _print(
         console,
         f"{bus}: {link['stations']} stations, mode {link['mode']}, "
         f"{link['retries']} retries = {counted(link['attempts'], 'attempt')} a poll, "
@@ -55,28 +55,26 @@ def _show_link(
 def _show_times(console: Console, link: dict[str, Any]) -> None:
     times, later = link["scan_time_ms"], link["scan_time_ms"]["after_startup"]
     if not link["scans"]:
-        _say(console, "  no complete link scan")
+        _print(console, "  no complete link scan")
         return
-    numbers = [("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
-    shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
-    missing = [word for word, key in numbers if times[key] is None]
+    missing = [SHOWN[key] for key in ("p50", "p99") if times[key] is None]
     few = f" (too few scans for {' and '.join(missing)})" if missing else ""
-    _say(console, f"  link scan time   {shown} ms{few}")
-    _say(console, f"  longest          {_when_and_why(times)}")
+    _print(console, f"  link scan time   {times_in_words(times, ('p50', 'mean', 'p99', 'max'))}{few}")
+    _print(console, f"  longest          {_when_and_why(times)}")
     if later["max"] is not None and later["max_at_s"] != times["max_at_s"]:
-        _say(console, f"  after start-up   {later['max']:.3f} ms {_when_and_why(later)}")
+        _print(console, f"  after start-up   {later['max']:.3f} ms {_when_and_why(later)}")
     healthy = link["healthy_at_s"]
     health = "never all stations healthy" if healthy is None else f"all stations healthy at {healthy:.3f} s"
-    _say(console, f"  link scans       {link['scans']:,}, bus load {link['bus_load']:.1%}, {health}")
-    oddities = [
+    _print(console, f"  link scans       {link['scans']:,}, bus load {link['bus_load']:.1%}, {health}")
+    rare = [
         f"{counted(link[key], what)}"
         for key, what in (("collisions", "collision"), ("undetected_frames", "undetected damaged frame"))
         if link[key]
     ]
     if link["undetected_frames"]:
-        oddities[-1] += " (rests on the assumed frame layout)"
-    if oddities:
-        _say(console, f"  also             {', '.join(oddities)}")
+        rare[-1] += " (rests on the assumed frame layout)"
+    if rare:
+        _print(console, f"  also             {', '.join(rare)}")
 
 
 def _when_and_why(times: dict[str, Any]) -> str:
@@ -113,7 +111,7 @@ def _show_registers(console: Console, record: RunRecord, bus: str) -> None:
         if "D8201" in registers and "D8202" in registers:
             words.append(f"{name} {registers['D8201']}/{registers['D8202']}")
     if words:
-        _say(console, f"  D8201/D8202      {', '.join(words)}")
+        _print(console, f"  D8201/D8202      {', '.join(words)}")
 
 
 def _show_refresh(console: Console, gaps: dict[str, dict[str, Any]]) -> None:
@@ -124,9 +122,17 @@ def _show_refresh(console: Console, gaps: dict[str, dict[str, Any]]) -> None:
         text = f"{worst['open']:.3f} ms, still open at the end"
     else:
         text = f"{worst['max']:.3f} ms"
-    usual = f", typical {worst['p50']:.3f} ms" if worst["p50"] is not None else ""
+    median = f", median {worst['p50']:.3f} ms" if worst["p50"] is not None else ""
     many = f", the longest of {len(gaps)} pairs" if len(gaps) > 1 else ""
-    _say(console, f"  refresh gap      {text} ({pair}{many}{usual})")
+    _print(console, f"  refresh gap      {text} ({pair}{many}{median})")
+
+
+def caption_of(summary: Mapping[str, Any]) -> str:
+    """What a picture or a table is of: scenario, seed, duration, version."""
+    return (
+        f"{summary['scenario']}, seed {summary['seed']}, {summary['duration_s']:g} s, "
+        f"bussim {summary['bussim']}"
+    )
 
 
 def _registers(record: RunRecord, plc: str) -> dict[str, int]:
@@ -134,5 +140,5 @@ def _registers(record: RunRecord, plc: str) -> dict[str, int]:
     return found
 
 
-def _say(console: Console, text: str) -> None:
+def _print(console: Console, text: str) -> None:
     console.print(text, markup=False, highlight=False, soft_wrap=True)

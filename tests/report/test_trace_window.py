@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import bussim
 from bussim.report.scene import scene_of
-from bussim.report.trace_window import Part, TraceWindow, parts_of_scan, told
+from bussim.report.trace_window import Part, TraceWindow, in_words, parts_of_scan
 from bussim.report.window_reader import read_window, worst_window
 from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_MS
@@ -74,7 +74,7 @@ def test_parts_that_differ_are_told_apart() -> None:
         Part(360_000, 432_000, "at station 2: answered", 3),
         Part(432_000, 504_000, "overhead of the scan"),
     ]
-    assert told(parts) == [
+    assert in_words(parts) == [
         "2.000 ms (data frame of a, 1 answered poll)",
         "1.000 ms (attempt 1 at station 2: damaged, code 04)",
         "2.000 ms (attempt 2 at station 2: damaged, code 04)",
@@ -90,7 +90,7 @@ def test_without_the_records_a_scan_is_one_part() -> None:
     ]
 
 
-def test_a_scan_with_a_late_answer_says_who_was_late() -> None:
+def test_a_scan_with_a_late_reply_names_the_station() -> None:
     scan = ScanRecord("link", 5, 0, 5000, 1, 0, 0, "station 1 (b) answered 15 ms after its poll")
     (sentence,) = scene_of(TraceWindow("link", 0, 9000, ("a", "b"), scans=[scan])).why
     assert sentence.endswith("overhead of the scan); station 1 (b) answered 15 ms after its poll.")
