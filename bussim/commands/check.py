@@ -7,11 +7,12 @@ import json
 import click
 
 from bussim.commands.common.scenario_options import code_option
+from bussim.devices.contract import MasterSettings
 from bussim.errors import Problem, ScenarioError
 from bussim.line.protocols import BusProtocol
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
-from bussim.scenario.model import HmiSettings, Scenario
+from bussim.scenario.model import Scenario
 from bussim.units import format_time
 
 
@@ -68,7 +69,7 @@ def _program(program: Program) -> str:
 
 
 def _polls(scenario: Scenario) -> int:
-    hmis = [device.settings for device in scenario.devices if isinstance(device.settings, HmiSettings)]
+    hmis = [device.settings for device in scenario.devices if isinstance(device.settings, MasterSettings)]
     return sum(len(plc.polls) for plc in scenario.plcs) + sum(len(hmi.polls) for hmi in hmis)
 
 

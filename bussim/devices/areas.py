@@ -13,6 +13,15 @@ from bussim.engines.modbus.pdu import FUNCTIONS, STANDARD_LIMITS, Limits
 from bussim.engines.modbus.server import Space
 
 ADDRESSES = 0x10000
+#: The address spaces by the keys of a scenario file.
+SECTIONS = {
+    "coils": Space.COILS,
+    "inputs": Space.INPUTS,
+    "input_registers": Space.INPUT_REGISTERS,
+    "registers": Space.HOLDING,
+}
+#: Those that Modbus can write.
+WRITABLE = (Space.COILS, Space.HOLDING)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Mapping
 from typing import Self
 
-from bussim.devices.v80 import V80
+from bussim.devices.v80.map import V80
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.events import FrameRejected, RequestServed
 from bussim.engines.modbus.server import RegisterMap

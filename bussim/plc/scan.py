@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
+from dataclasses import dataclass
 from operator import sub
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,14 @@ if TYPE_CHECKING:
     import numpy as np
 
 _BLOCK = 512
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """A PLC's scan time without N:N: uniform over mean ± jitter (0 <= jitter < mean)."""
+
+    mean: int
+    jitter: int = 0
 
 
 class ScanCycle:

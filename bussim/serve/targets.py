@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
+from bussim.devices.contract import BusDevice, FreeProtocolSettings, MasterSettings, SlaveSettings
 from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
 from bussim.line.protocols import BusProtocol
@@ -87,12 +89,16 @@ def _station(settings: PortSettings) -> int | None:
     return settings.station if (settings.protocol or "").endswith("slave") else None
 
 
-def _device(device: model.BusDevice, bus: model.Bus) -> ServeTarget:
-    if isinstance(device.settings, model.FreeSettings):
-        what = "free protocol"
-    else:
-        role = "master" if isinstance(device.settings, model.HmiSettings) else "slave"
-        what = f"Modbus {device.mode.value.upper()} {role}"
+def _device(device: BusDevice, bus: model.Bus) -> ServeTarget:
+    match device.settings:
+        case FreeProtocolSettings():
+            what = "free protocol"
+        case MasterSettings():
+            what = f"Modbus {device.mode.value.upper()} master"
+        case SlaveSettings():
+            what = f"Modbus {device.mode.value.upper()} slave"
+        case _ as never:
+            assert_never(never)
     return ServeTarget(device.name, bus.name, bus.protocol, what, device.timing, device.station)
 
 

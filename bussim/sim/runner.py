@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol, assert_never
 
-from bussim.devices.lx import LxMap
+from bussim.devices.lx.map import LxMap
 from bussim.line.characters import LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.line.random_streams import Streams

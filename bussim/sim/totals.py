@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from bussim.devices.contract import MasterSettings
 from bussim.engines.nn.master import Master
 from bussim.plc.link_registers import master_config, setting_values
 from bussim.plc.plc import Plc
 from bussim.scenario import model
-from bussim.scenario.model import HmiSettings
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
@@ -114,5 +114,5 @@ def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
         exceptions=dict(counts.exceptions),
         rejected=dict(counts.rejected),
         state=node.state(now),
-        timeout=spec.settings.timeout if isinstance(spec.settings, HmiSettings) else None,
+        timeout=spec.settings.timeout if isinstance(spec.settings, MasterSettings) else None,
     )

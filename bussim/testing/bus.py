@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Self
 
-from bussim.devices.v80 import V80
+from bussim.devices.v80.map import V80
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
 from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.server import Space

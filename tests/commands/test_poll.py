@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from bussim.devices.v80 import V80
+from bussim.devices.v80.map import V80
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bussim.devices.port import DevicePort
+from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import (
     ExceptionResponse,
     Request,
@@ -11,6 +13,8 @@ from bussim.engines.modbus.pdu import (
     write_registers,
 )
 from bussim.engines.modbus.server import RegisterMap, serve
+from bussim.engines.modbus.slave import SlaveConfig
+from bussim.line.characters import LineTiming
 
 
 def ask(device: RegisterMap, request: Request, now: int = 0) -> tuple[int, ...] | int:
@@ -37,3 +41,8 @@ def code(device: RegisterMap, request: Request, now: int = 0) -> int:
     """The exception code of a request, 0 without one."""
     response = serve(device, request, now)
     return 0 if isinstance(response, Response) else response.code
+
+
+def slave_config(port: DevicePort, mode: Mode, line: LineTiming) -> SlaveConfig:
+    """A model's slave engine, which answers by itself."""
+    return SlaveConfig(port.framing(mode, line), port.delay)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from bussim.devices.stepper.device import Stepper
+from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.registers import BY_NAME, COILS
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import coil, put, registers

@@ -9,15 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.lx import LX_AREAS, LxMap
-from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.lx.map import LX_AREAS, LxMap
+from bussim.devices.map.map import Entry, UserMap
+from bussim.devices.map.values import Fixed, Noise, Sweep, noise_key
+from bussim.devices.registry import form_of
 from bussim.devices.stepper.axis import Switch
-from bussim.devices.stepper.device import Stepper
+from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.registers import BY_NAME, COILS
-from bussim.devices.user import Entry, UserMap
-from bussim.devices.v80 import V80
-from bussim.devices.values import Fixed, Noise, Sweep, noise_key
-from bussim.engines.modbus.adu import Mode
+from bussim.devices.v80.map import V80
 from bussim.engines.modbus.pdu import (
     FUNCTIONS,
     MAX_PDU,
@@ -110,14 +109,10 @@ def test_every_function_that_a_device_lacks_is_exception_01(name: str, function:
     assert response == ExceptionResponse(function, 1)
 
 
-def test_profiles_speak_what_they_say() -> None:
-    line = LineTiming(9600, CharFormat(8, "N", 1))
-    assert set(DEVICE_PROFILES) == set(DEVICES)
-    for profile in DEVICE_PROFILES.values():
-        for mode in profile.modes:
-            assert profile.slave_config(mode, line).framing.mode is mode
-        assert profile.baud in profile.bauds
-    assert DEVICE_PROFILES["lx"].slave_config(Mode.RTU, line, driven=True).driven
+@pytest.mark.parametrize("name", DEVICES)
+def test_ports_speak_what_they_say(name: str) -> None:
+    port, line = form_of({"model": name}).port, LineTiming(9600, CharFormat(8, "N", 1))
+    assert all(port.framing(mode, line).mode is mode for mode in port.modes)
 
 
 # -- the stepper in time ---------------------------------------------------------------------------

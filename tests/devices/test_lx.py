@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.devices.lx import LX_AREAS, LxMap, lx_address
+from bussim.devices.lx.map import LX_AREAS, LxMap
 from bussim.engines.modbus.pdu import (
     Request,
     write_coil,
@@ -53,8 +53,6 @@ def test_the_tables_are_complete() -> None:
 def test_coils_by_name_and_address(first: str, last: str, start: int, count: int) -> None:
     device = lx()
     end = start + count - 1
-    assert lx_address(parse_device(first)) == start
-    assert lx_address(parse_device(last)) == end
     for name, address in [(first, start), (last, end)]:
         device.memory.set(parse_device(name), 1)
         assert ask(device, Request(1, address, 1)) == (1,)
@@ -73,12 +71,10 @@ def test_coils_by_name_and_address(first: str, last: str, start: int, count: int
     assert device.memory.get(parse_device(last)) == (1 if expected else 0)
 
 
-@pytest.mark.parametrize(("first", "last", "start", "count"), REGISTERS[:3])
-def test_registers_by_name_and_address(first: str, last: str, start: int, count: int) -> None:
+@pytest.mark.parametrize(("letter", "start", "count"), [(row[0][0], *row[2:]) for row in REGISTERS[:3]])
+def test_registers_by_name_and_address(letter: str, start: int, count: int) -> None:
     device = lx()
-    memory, letter, end = device.memory, first[0], start + count - 1
-    assert lx_address(parse_device(first), word=True) == start
-    assert lx_address(parse_device(last), word=True) == end
+    memory, end = device.memory, start + count - 1
     for number, address, value in [(0, start, 0x1234), (count - 1, end, 0xFEDC)]:
         memory.set_word(letter, number, value)
         assert ask(device, Request(3, address, 1)) == (value,)
@@ -94,10 +90,8 @@ def test_registers_by_name_and_address(first: str, last: str, start: int, count:
 
 def test_x_is_octal() -> None:
     device = lx()
-    assert lx_address(parse_device("X10")) == 0xF808
     device.memory.set(parse_device("X10"), 1)
     assert ask(device, Request(1, 0xF808, 1)) == (1,)
-    assert lx_address(parse_device("Y17")) == 0xFC0F
 
 
 # -- 32-bit counters -------------------------------------------------------------------------------
@@ -109,15 +103,6 @@ def test_c205_to_c208_is_address_f70a_quantity_8() -> None:
         device.memory.set_word("C", number, number << 16 | number + 1000)
     expected = [half for number in range(205, 209) for half in (number + 1000, number)]
     assert ask(device, Request(3, 0xF70A, 8)) == tuple(expected)
-    assert lx_address(parse_device("C205"), word=True) == 0xF70A
-
-
-def test_high_word_first() -> None:
-    device = LxMap(Memory(), high_first=True)
-    device.memory.set_word("C", 205, 0x0001_0002)
-    assert ask(device, Request(3, 0xF70A, 2)) == (1, 2)
-    assert code(device, write_registers(0xF70A, (3, 4))) == 0
-    assert device.memory.word("C", 205) == 0x0003_0004
 
 
 def test_both_ends_of_the_counters() -> None:
@@ -182,10 +167,3 @@ def test_ramps_across_a_byte_border_keep_their_order() -> None:
     assert code(device, write_coils(1000, bits)) == 0
     assert tuple(device.memory.get(Device("M", 1000 + k)) for k in range(11)) == bits
     assert ask(device, Request(1, 1000, 11)) == bits
-
-
-@pytest.mark.parametrize(("name", "word"), [("M4000", False), ("X400", False), ("S1000", False)])
-def test_devices_without_an_address(name: str, word: bool) -> None:
-    device = Device(name[0], int(name[1:], 8 if name[0] == "X" else 10))
-    with pytest.raises(ValueError, match=f"{name} has no Modbus coil"):
-        lx_address(device, word=word)

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from bussim.devices.user import Entry, UserMap
-from bussim.devices.values import Fixed
+from bussim.devices.map.map import Entry, UserMap
+from bussim.devices.map.values import Fixed
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.pdu import Request, encode_request

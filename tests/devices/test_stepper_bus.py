@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.stepper.device import Stepper
+from bussim.devices.stepper.map import Stepper
+from bussim.devices.stepper.profile import STEPPER_PORT
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.events import TransactionEnded
 from bussim.engines.modbus.framing import Framing
@@ -16,16 +16,16 @@ from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.slave import Slave
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from tests.devices.ask import slave_config
 from tests.engines.modbus.frames import EXCHANGES
 from tests.engines.modbus.wire import RTU_LINE, Wire, spell_to
 
 MS, S = TICKS_PER_MS, TICKS_PER_SECOND
-PROFILE = DEVICE_PROFILES["stepper"]
 
 
 @pytest.mark.parametrize("exchange", [e for e in EXCHANGES if e.what.startswith("stepper")])
 def test_every_example_of_the_manual(exchange: object) -> None:
-    slave = Slave(PROFILE.slave_config(Mode.RTU, RTU_LINE), {1: Stepper()})
+    slave = Slave(slave_config(STEPPER_PORT, Mode.RTU, RTU_LINE), {1: Stepper()})
     slave.start(0)
     _, end = spell_to(slave, exchange.request_chars, 0, RTU_LINE)
     slave.line_idle(end + slave.quiet)
@@ -35,10 +35,10 @@ def test_every_example_of_the_manual(exchange: object) -> None:
 
 def test_no_ascii() -> None:
     with pytest.raises(ValueError, match="stepper does not speak Modbus ascii, only rtu"):
-        PROFILE.slave_config(Mode.ASCII, RTU_LINE)
+        slave_config(STEPPER_PORT, Mode.ASCII, RTU_LINE)
 
 
-@pytest.mark.parametrize("baud", PROFILE.bauds)
+@pytest.mark.parametrize("baud", STEPPER_PORT.bauds)
 def test_never_answers_before_35_ms(baud: int) -> None:
     line = LineTiming(baud, CharFormat(8, "N", 1))
     device = Stepper(baud=baud)
@@ -50,7 +50,7 @@ def test_never_answers_before_35_ms(baud: int) -> None:
         Poll(1, Request(1, 0, 1)),
     ]
     master = PollingMaster(MasterConfig(Framing.rtu(line), 100 * MS), PollList(polls))
-    slave = Slave(PROFILE.slave_config(Mode.RTU, line), {device.station: device})
+    slave = Slave(slave_config(STEPPER_PORT, Mode.RTU, line), {device.station: device})
     for engine in (slave, master):
         wire.add(engine)
         wire.handle(engine, engine.start(0))
@@ -71,7 +71,7 @@ def test_a_positioning_run_seen_by_a_polling_master() -> None:
         Poll(1, Request(3, 0x0C, 1), every=500 * MS),
     ]
     master = PollingMaster(MasterConfig(Framing.rtu(RTU_LINE), 100 * MS), PollList(polls))
-    slave = Slave(PROFILE.slave_config(Mode.RTU, RTU_LINE), {1: device})
+    slave = Slave(slave_config(STEPPER_PORT, Mode.RTU, RTU_LINE), {1: device})
     for engine in (slave, master):
         wire.add(engine)
         wire.handle(engine, engine.start(0))
@@ -92,7 +92,7 @@ def test_a_positioning_run_seen_by_a_polling_master() -> None:
 
 def test_the_old_address_answers_until_power_comes_back() -> None:
     device = Stepper()
-    config = PROFILE.slave_config(Mode.RTU, RTU_LINE)
+    config = slave_config(STEPPER_PORT, Mode.RTU, RTU_LINE)
 
     def answers(slave: Slave, station: int) -> bool:
         slave.start(0)

@@ -6,7 +6,6 @@ from fractions import Fraction
 
 import pytest
 
-from bussim.devices.stepper.device import Stepper
 from bussim.devices.stepper.events import (
     CommandRefused,
     Job,
@@ -14,6 +13,7 @@ from bussim.devices.stepper.events import (
     MotorStopped,
     Stop,
 )
+from bussim.devices.stepper.map import Stepper
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import registers
 from tests.devices.steppers import (

@@ -8,8 +8,8 @@ from fractions import Fraction
 import pytest
 
 from bussim.devices.stepper.axis import Switch
-from bussim.devices.stepper.device import Stepper
 from bussim.devices.stepper.events import CommandRefused, OutputChanged
+from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput, StepperProfile
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.devices.ask import coil

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.stepper.device import Stepper
 from bussim.devices.stepper.events import MotorStopped, OutputChanged, ProjectEnded, StepEntered, Stop
+from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.program import Cursor, Plan, following
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.devices.steppers import command, events, position, run_to_end, set_

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.devices.stepper.device import Stepper
+from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.registers import COILS, REGISTERS, Group
 from bussim.engines.modbus.pdu import Request, write_coil, write_coils, write_register, write_registers
 from tests.devices.ask import ask, code, coil, put, registers

@@ -8,7 +8,6 @@ from math import ceil
 import pytest
 
 from bussim.devices.stepper.axis import Switch
-from bussim.devices.stepper.device import Stepper
 from bussim.devices.stepper.events import (
     Job,
     MotorStopped,
@@ -16,6 +15,7 @@ from bussim.devices.stepper.events import (
     PoweredOn,
     Stop,
 )
+from bussim.devices.stepper.map import Stepper
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.steppers import (
     LOW,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.v80 import V80
+from bussim.devices.map.model import MAP_PORT
+from bussim.devices.v80.map import V80, V80_PORT
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import (
     Request,
@@ -18,7 +18,7 @@ from bussim.engines.modbus.pdu import (
 from bussim.engines.modbus.server import Space, serve
 from bussim.engines.modbus.slave import Slave
 from bussim.line.characters import CharFormat, LineTiming
-from tests.devices.ask import ask, code
+from tests.devices.ask import ask, code, slave_config
 from tests.engines.modbus.frames import ASCII_REQUEST, ASCII_RESPONSE, EXCHANGES
 from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, spell_to
 
@@ -31,7 +31,7 @@ def test_every_example_of_the_manual(exchange: object) -> None:
     if space is not None:
         for number, value in enumerate(response.values):
             device.set(space, request.address + number, value)
-    slave = Slave(DEVICE_PROFILES["v80"].slave_config(Mode.RTU, RTU_LINE), {exchange.station: device})
+    slave = Slave(slave_config(V80_PORT, Mode.RTU, RTU_LINE), {exchange.station: device})
     slave.start(0)
     _, end = spell_to(slave, exchange.request_chars, 0, RTU_LINE)
     slave.line_idle(end + slave.quiet)
@@ -45,7 +45,7 @@ def test_ascii_example() -> None:
     device = V80()
     for address in range(107, 110):
         device.set(Space.HOLDING, address, 0x63)
-    slave = Slave(DEVICE_PROFILES["v80"].slave_config(Mode.ASCII, ASCII_LINE), {6: device})
+    slave = Slave(slave_config(V80_PORT, Mode.ASCII, ASCII_LINE), {6: device})
     slave.start(0)
     spell_to(slave, ASCII_REQUEST, 0, ASCII_LINE)
     assert slave.begin_transmit(0).chars == ASCII_RESPONSE
@@ -53,7 +53,7 @@ def test_ascii_example() -> None:
 
 def test_ascii_with_eight_data_bits() -> None:
     line = LineTiming(9600, CharFormat(8, "N", 1))
-    slave = Slave(DEVICE_PROFILES["v80"].slave_config(Mode.ASCII, line), {6: V80()})
+    slave = Slave(slave_config(V80_PORT, Mode.ASCII, line), {6: V80()})
     slave.start(0)
     spell_to(slave, ASCII_REQUEST, 0, line)
     assert slave.begin_transmit(0).chars.startswith(b":060306")
@@ -116,7 +116,7 @@ def test_another_value_leaves_the_coil_alone(word: int) -> None:
 
 def test_broadcast() -> None:
     device = V80()
-    config = DEVICE_PROFILES["v80"].slave_config(Mode.ASCII, ASCII_LINE)
+    config = slave_config(V80_PORT, Mode.ASCII, ASCII_LINE)
     slave = Slave(config, {6: device})
     slave.start(0)
     spell_to(slave, config.framing.encode(0, b"\x05\x00\x07\xff\x00").chars, 0, ASCII_LINE)
@@ -132,8 +132,8 @@ def test_a_frame_with_a_pause_of_four_characters_ends_only_after_four_and_a_half
     """To a standard slave the same silence ends the frame."""
     frame = EXCHANGES[4].request_chars
     silence = RTU_LINE.characters(4)
-    for name, served in [("v80", False), ("map", True)]:
-        slave = Slave(DEVICE_PROFILES[name].slave_config(Mode.RTU, RTU_LINE), {6: V80()})
+    for port, served in [(V80_PORT, False), (MAP_PORT, True)]:
+        slave = Slave(slave_config(port, Mode.RTU, RTU_LINE), {6: V80()})
         slave.start(0)
         _, end = spell_to(slave, b"\x42\x42", 0, RTU_LINE)
         _, end = spell_to(slave, frame, end + silence, RTU_LINE)

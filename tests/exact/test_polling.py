@@ -14,8 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.scripted import Message
-from bussim.devices.user import Entry
+from bussim.devices.contract import BusDevice
+from bussim.devices.free.scripted import Message
+from bussim.devices.lx.model import LxSettings
+from bussim.devices.map.map import Entry
+from bussim.devices.map.model import MapSettings
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
@@ -38,10 +41,10 @@ SIGMAS = 4.5
 #: Random buses.
 SEEDS = 40
 EXTRA = PROFILES["pw10"].transaction_time
-WORDS = model.MapSettings((Entry(Space.HOLDING, 0, count=200, writable=True),), FUNCTIONS)
+WORDS = MapSettings((Entry(Space.HOLDING, 0, count=200, writable=True),), FUNCTIONS)
 
 
-def station(name: str = "feeder", number: int = 1, **given: object) -> model.BusDevice:
+def station(name: str = "feeder", number: int = 1, **given: object) -> BusDevice:
     return device(name, "map", number, settings=WORDS, **given)
 
 
@@ -214,7 +217,7 @@ def random_bus(seed: int) -> model.Scenario:
     """A master (a PLC or an HMI) with random polls of random slaves."""
     rng = random.Random(seed)
     timing, mode = rng.choice(LINES)
-    slaves: list[model.BusDevice] = []
+    slaves: list[BusDevice] = []
     plcs: list[model.Plc] = []
     given = {"timing": timing, "mode": mode}
     for number in range(1, rng.randint(2, 4)):
@@ -223,7 +226,7 @@ def random_bus(seed: int) -> model.Scenario:
             slaves.append(device(f"s{number}", "stepper", number, **given))
         elif kind == "lx":
             scan = model.Scan(rng.randint(1, 9) * MS, rng.choice([0, MS // 2]))
-            slaves.append(device(f"s{number}", "lx", number, settings=model.LxSettings(scan), **given))
+            slaves.append(device(f"s{number}", "lx", number, settings=LxSettings(scan), **given))
         elif kind == "plc":
             words = {"form": form(timing)}
             slave = SLAVE if mode is Mode.RTU else "modbus-ascii-slave"
@@ -557,7 +560,7 @@ def reasons(scenario: model.Scenario, node: str = "press.COM3") -> str:
 
 
 def with_polls(
-    *polls: PollSpec, devices: tuple[model.BusDevice, ...] = (station(),), **words: int
+    *polls: PollSpec, devices: tuple[BusDevice, ...] = (station(),), **words: int
 ) -> model.Scenario:
     return serial_bus(devices, [plc("press", port("COM3", MASTER, **words), polls=polls)], seconds=5)
 
@@ -626,7 +629,7 @@ def test_slaves_that_cannot_serve_it() -> None:
     assert "it does not have that function (exception 01)" in reasons(
         with_polls(ask(function=4), devices=(stepper,))
     )
-    assert "lets nobody write there" in reasons(
+    assert "does not allow writing there" in reasons(
         with_polls(ask(function=6, address=0x16, count=1, to=None, values=(1,)), devices=(stepper,))
     )
     assert "refuses these values (exception 03)" in reasons(

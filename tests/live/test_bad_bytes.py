@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from bussim.devices.v80 import V80
+from bussim.devices.v80.map import V80
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.modbus.pdu import Request as Ask
 from bussim.engines.modbus.pdu import encode_request

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from bussim.devices.v80 import V80
+from bussim.devices.v80.map import V80
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat

@@ -11,11 +11,18 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from bussim.devices.scripted import Message
+from bussim.devices.contract import BusDevice
+from bussim.devices.free.model import FreeSettings
+from bussim.devices.free.scripted import Message
+from bussim.devices.hmi import HmiSettings
+from bussim.devices.lx.model import LxSettings
+from bussim.devices.map.map import Entry, UserMap
+from bussim.devices.map.model import MapSettings
+from bussim.devices.map.values import Computed, Fixed, Noise, Sweep
 from bussim.devices.stepper.axis import Switch
+from bussim.devices.stepper.model import StepperSettings
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput
-from bussim.devices.user import Entry, UserMap
-from bussim.devices.values import Computed, Fixed, Noise, Sweep
+from bussim.devices.v80.model import V80Settings
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
@@ -32,15 +39,13 @@ MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 LINE = LineTiming(9600, CharFormat(8, "N", 1))
 
 
-def device(text: str, *changes: tuple[str, str]) -> model.BusDevice:
+def device(text: str, *changes: tuple[str, str]) -> BusDevice:
     return loads(spoilt((DRIVE, text), *changes)).devices[0]
 
 
 def test_what_a_device_has_if_nothing_is_said() -> None:
     found = device("{name: drive, model: stepper, bus: line}")
-    assert found == model.BusDevice(
-        "drive", "stepper", "line", 1, Mode.RTU, LINE, 35 * MS, 0, model.StepperSettings()
-    )
+    assert found == BusDevice("drive", "stepper", "line", 1, Mode.RTU, LINE, 35 * MS, 0, StepperSettings())
     assert device("{name: drive, model: v80, bus: line}").delay == 0
 
 
@@ -57,7 +62,7 @@ def test_lx() -> None:
     found = device(
         "{name: drive, model: lx, bus: line, scan: {mean: 5 ms, jitter: 1 ms}, registers: {D007: -1, X10: 1}}"
     )
-    assert found.settings == model.LxSettings(model.Scan(5 * MS, MS), {"D7": -1, "X10": 1})
+    assert found.settings == LxSettings(model.Scan(5 * MS, MS), {"D7": -1, "X10": 1})
 
 
 def test_v80_by_reference_number() -> None:
@@ -65,7 +70,7 @@ def test_v80_by_reference_number() -> None:
         "{name: drive, model: v80, bus: line, coils: {127: 1, 00128: 1}, inputs: {10001: 1, 2: 1}, "
         "input_registers: {30005: 7}, registers: {40108: 0x63, 1: -1, 49999: 5}}"
     )
-    assert found.settings == model.V80Settings(
+    assert found.settings == V80Settings(
         {
             (Space.COILS, 126): 1,
             (Space.COILS, 127): 1,
@@ -86,7 +91,7 @@ def test_stepper() -> None:
         "profile: {save_coil: 30, acceleration_unit: 2.5, homing_zeroes: true, refused_command: 0, "
         "step_output: step, zero_is_endless: false}}"
     )
-    assert found.settings == model.StepperSettings(
+    assert found.settings == StepperSettings(
         dataclasses.replace(
             STEPPER_PROFILE,
             save_coil=30,
@@ -110,7 +115,7 @@ MAP = """{name: drive, model: map, bus: line, functions: [3, 6],
 
 def test_map() -> None:
     settings = device(MAP).settings
-    assert isinstance(settings, model.MapSettings)
+    assert isinstance(settings, MapSettings)
     assert settings.functions == {3, 6}
     *others, noisy = settings.entries
     assert others == [
@@ -123,13 +128,13 @@ def test_map() -> None:
     assert noisy.value == Noise(100, 9, S, noisy.value.key, normal=True)
     UserMap(settings.entries, settings.functions)
     plain = device("{name: drive, model: map, bus: line, registers: [{address: 0}]}").settings
-    assert isinstance(plain, model.MapSettings)
+    assert isinstance(plain, MapSettings)
     assert plain.functions == FUNCTIONS
 
 
 def _noise(found: model.Scenario) -> list[int]:
     settings = found.devices[0].settings
-    assert isinstance(settings, model.MapSettings)
+    assert isinstance(settings, MapSettings)
     return [settings.entries[-1].value.value(second * S) for second in range(20)]
 
 
@@ -144,7 +149,7 @@ def test_the_noise_of_a_map_follows_the_seed_wherever_that_comes_from() -> None:
 def test_the_noise_of_a_map_does_not_depend_on_the_devices_place() -> None:
     moved = loads(spoilt((DRIVE, "{name: other, model: lx, bus: line, station: 9}\n  - " + MAP)))
     settings = moved.devices[1].settings
-    assert isinstance(settings, model.MapSettings)
+    assert isinstance(settings, MapSettings)
     assert settings == device(MAP).settings
 
 
@@ -155,7 +160,7 @@ def test_hmi() -> None:
         "{name: go, station: 2, function: 6, address: 7, values: [-1], times: 1}]}"
     )
     assert (found.station, found.mode) == (None, Mode.ASCII)
-    assert found.settings == model.HmiSettings(
+    assert found.settings == HmiSettings(
         (
             PollSpec("station 2 03 @7", "", 2, 3, 7, 4, None, (), S, retries=2),
             PollSpec("go", "", 2, 6, 7, 1, None, (65535,), times=1),
@@ -172,7 +177,7 @@ def test_free() -> None:
         '{text: "A\\r", at: 1 s, every: 2 s, times: 3, jitter: 4 ms}, {bytes: "02 FF", reply_to: "?", '
         'delay: 5 ms}, {text: 12, reply_to: {bytes: "06"}}]}'
     )
-    assert found.settings == model.FreeSettings(
+    assert found.settings == FreeSettings(
         (
             Message(b"A\r", S, 2 * S, 3, 4 * MS),
             Message(b"\x02\xff", reply_to=b"?", delay=5 * MS),
@@ -264,7 +269,7 @@ def test_code_is_loaded_with_permission_from_beside_the_scenario(tmp_path: Path)
     found = load(_calling(tmp_path, "bussim_test_sensors:level"), allow_code=True)
     assert sys.path == before
     settings = found.devices[0].settings
-    assert isinstance(settings, model.MapSettings)
+    assert isinstance(settings, MapSettings)
     value = settings.entries[0].value
     assert isinstance(value, Computed)
     assert value.value(3 * S) == 3

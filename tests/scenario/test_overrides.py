@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bussim.devices.scripted import Message
+from bussim.devices.free.model import FreeSettings
+from bussim.devices.free.scripted import Message
+from bussim.devices.stepper.model import StepperSettings
 from bussim.errors import ScenarioError, UsageError
 from bussim.plc.profiles import AbsentStation
 from bussim.scenario import model
@@ -171,8 +173,8 @@ def test_ports_polls_and_devices() -> None:
     assert poll.every == 2 * TICKS_PER_SECOND
     assert found("devices.drive.delay=50ms").devices[0].delay == 50 * MS
     changed = found("devices.reader.says.0.every=3 s", 'devices.reader.says.0.text="BC"').devices[1].settings
-    assert changed == model.FreeSettings((Message(b"BC", every=3 * TICKS_PER_SECOND),))
-    assert found("devices.drive.registers.pitch=700").devices[0].settings == model.StepperSettings(
+    assert changed == FreeSettings((Message(b"BC", every=3 * TICKS_PER_SECOND),))
+    assert found("devices.drive.registers.pitch=700").devices[0].settings == StepperSettings(
         registers={"pitch": 700}
     )
 

@@ -12,11 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bussim.devices.free.model import MessageIn
+from bussim.devices.map.model import ItemIn
+from bussim.devices.registry import MODELS, form_of
 from bussim.errors import ScenarioError, UsageError
 from bussim.scenario import builtin
 from bussim.scenario.loader import from_data, load, loads
 from bussim.scenario.model import Scenario
-from bussim.scenario.schema.devices import MODELS, ItemIn, MessageIn
 from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS, FaultIn, NoiseIn
 from bussim.scenario.schema.document import BusIn, DocumentIn, NNIn, PlcIn, PortIn
 from bussim.scenario.schema.polls import PollIn
@@ -390,7 +392,7 @@ _KEYS = sorted(
         info.alias or name
         for form in (
             *(DocumentIn, BusIn, PlcIn, PortIn, PollIn, ProfileIn, NNIn, NoiseIn, FaultIn, ItemIn, MessageIn),
-            *MODELS.values(),
+            *(form_of({"model": name}) for name in MODELS),
         )
         for name, info in form.model_fields.items()
     }

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bussim import api
+from bussim.devices.stepper.model import StepperSettings
 from bussim.errors import ScenarioError
-from bussim.scenario import model
 from bussim.scenario.loader import loads
 from bussim.scenario.yaml.dump import dumps
 
@@ -32,9 +32,9 @@ devices:
 """
 
 
-def settings(text: str) -> model.StepperSettings:
+def settings(text: str) -> StepperSettings:
     found = loads(text).devices[0].settings
-    assert isinstance(found, model.StepperSettings)
+    assert isinstance(found, StepperSettings)
     return found
 
 
@@ -82,7 +82,7 @@ def test_written_down_it_is_the_same() -> None:
 
 def test_a_step_can_be_set_from_outside() -> None:
     found = loads(TEXT, "x.yaml", ["devices.drive.steps.1.step_distance=500"]).devices[0].settings
-    assert isinstance(found, model.StepperSettings)
+    assert isinstance(found, StepperSettings)
     assert found.steps[1]["step_distance"] == 500
 
 

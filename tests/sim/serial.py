@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.scripted import Message
+from bussim.devices.contract import BusDevice
+from bussim.devices.free.model import FreeSettings
+from bussim.devices.free.scripted import Message
+from bussim.devices.hmi import HmiSettings
+from bussim.devices.lx.model import LxSettings
+from bussim.devices.registry import form_of
+from bussim.devices.stepper.model import StepperSettings
+from bussim.devices.v80.model import V80Settings
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
@@ -31,22 +37,22 @@ __all__ = ["MS", "SECOND", "Done", "Recorder", "device", "hmi", "poll", "run", "
 PLAIN = LineTiming(9600, CharFormat(8, "N", 1))
 
 
-def device(name: str, kind: str = "v80", station: int = 1, **given: Any) -> model.BusDevice:
+def device(name: str, kind: str = "v80", station: int = 1, **given: Any) -> BusDevice:
     """A slave; ``settings`` default to the model's own."""
     settings = {
-        "v80": model.V80Settings(),
-        "stepper": model.StepperSettings(),
-        "lx": model.LxSettings(model.Scan(5 * MS)),
+        "v80": V80Settings(),
+        "stepper": StepperSettings(),
+        "lx": LxSettings(model.Scan(5 * MS)),
     }.get(kind)
     timing = given.pop("timing", PLAIN)
     values: dict[str, Any] = {
         "bus": "bus",
         "mode": Mode.RTU,
-        "delay": DEVICE_PROFILES[kind].delay,
+        "delay": form_of({"model": kind}).port.delay,
         "jitter": 0,
         "settings": settings,
     }
-    return model.BusDevice(name=name, model=kind, station=station, timing=timing, **{**values, **given})
+    return BusDevice(name=name, model=kind, station=station, timing=timing, **{**values, **given})
 
 
 def poll(
@@ -57,21 +63,21 @@ def poll(
 
 def hmi(
     name: str, *polls: PollSpec, timeout: int = 100 * MS, interval: int = 5 * MS, **given: Any
-) -> model.BusDevice:
-    settings = model.HmiSettings(tuple(polls), timeout, interval, 100 * MS)
+) -> BusDevice:
+    settings = HmiSettings(tuple(polls), timeout, interval, 100 * MS)
     values: dict[str, Any] = {"bus": "bus", "mode": Mode.RTU, "timing": PLAIN, "delay": 0, "jitter": 0}
-    return model.BusDevice(name=name, model="hmi", station=None, settings=settings, **{**values, **given})
+    return BusDevice(name=name, model="hmi", station=None, settings=settings, **{**values, **given})
 
 
-def scripted(name: str, *messages: Message, **given: Any) -> model.BusDevice:
+def scripted(name: str, *messages: Message, **given: Any) -> BusDevice:
     values: dict[str, Any] = {"bus": "bus", "mode": Mode.RTU, "timing": PLAIN, "delay": 0, "jitter": 0}
-    return model.BusDevice(
-        name=name, model="free", station=None, settings=model.FreeSettings(messages), **{**values, **given}
+    return BusDevice(
+        name=name, model="free", station=None, settings=FreeSettings(messages), **{**values, **given}
     )
 
 
 def serial_bus(
-    devices: Sequence[model.BusDevice],
+    devices: Sequence[BusDevice],
     plcs: Sequence[model.Plc] = (),
     *,
     seconds: float = 5,

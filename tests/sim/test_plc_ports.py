@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from bussim.devices.scripted import Message
+from bussim.devices.free.scripted import Message
+from bussim.devices.map.model import MapSettings
 from bussim.line.characters import NN_LINE
 from bussim.line.protocols import BusProtocol
 from bussim.plc.memory import parse_device
@@ -49,13 +50,13 @@ def test_a_transaction_costs_whole_scans() -> None:
     assert set(outcomes(done)) == {"ok"}
 
 
-def _ones() -> model.MapSettings:
-    from bussim.devices.user import Entry
-    from bussim.devices.values import Fixed
+def _ones() -> MapSettings:
+    from bussim.devices.map.map import Entry
+    from bussim.devices.map.values import Fixed
     from bussim.engines.modbus.pdu import FUNCTIONS
     from bussim.engines.modbus.server import Space
 
-    return model.MapSettings((Entry(Space.HOLDING, 0, Fixed(7), 10, writable=True),), FUNCTIONS)
+    return MapSettings((Entry(Space.HOLDING, 0, Fixed(7), 10, writable=True),), FUNCTIONS)
 
 
 def test_data_reach_memory_at_end_and_not_before() -> None:

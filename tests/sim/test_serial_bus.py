@@ -8,10 +8,13 @@ from math import sqrt
 
 import pytest
 
-from bussim.devices.profiles import DEVICE_PROFILES
-from bussim.devices.scripted import Message
-from bussim.devices.user import Entry
-from bussim.devices.values import Sweep
+from bussim.devices.free.scripted import Message
+from bussim.devices.lx.model import LxSettings
+from bussim.devices.map.map import Entry
+from bussim.devices.map.model import MapSettings
+from bussim.devices.map.values import Sweep
+from bussim.devices.registry import form_of
+from bussim.devices.v80.model import V80Settings
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
@@ -57,10 +60,10 @@ def test_a_plain_transaction_tick_for_tick() -> None:
 def test_a_device_answers_after_its_own_silence_and_delay(kind: str) -> None:
     given: dict[str, object] = {}
     if kind == "map":
-        given["settings"] = model.MapSettings((Entry(Space.HOLDING, 0, count=9),), FUNCTIONS)
+        given["settings"] = MapSettings((Entry(Space.HOLDING, 0, count=9),), FUNCTIONS)
     done = run(serial_bus([hmi("panel", poll()), device("one", kind, **given)], seconds=2))
-    ends = round(PLAIN.character * DEVICE_PROFILES[kind].gaps.end)
-    wait = max(ends, DEVICE_PROFILES[kind].delay)
+    port = form_of({"model": kind}).port
+    wait = max(round(PLAIN.character * port.gaps.end), port.delay)
     assert {r.answer_start - r.asked for r in done.record.transactions if r.answer_start} == {wait}  # type: ignore[operator]
 
 
@@ -73,7 +76,7 @@ def test_the_stepper_never_answers_before_35_ms() -> None:
 
 
 def test_a_plc_as_slave_answers_at_its_end() -> None:
-    settings = model.LxSettings(model.Scan(7 * MS), {"D0": 42})
+    settings = LxSettings(model.Scan(7 * MS), {"D0": 42})
     done = run(serial_bus([hmi("panel", poll()), device("plc", "lx", settings=settings)], seconds=3))
     waits = [r.answer_start - r.asked for r in done.record.transactions if r.answer_start and r.asked]
     assert all(SILENCE <= wait < SILENCE + 7 * MS for wait in waits)
@@ -104,7 +107,7 @@ def test_frames_say_what_they_are() -> None:
 def test_ascii() -> None:
     line = LineTiming(9600, CharFormat(7, "E", 1))
     both = {"mode": Mode.ASCII, "timing": line}
-    settings = model.V80Settings({(Space.HOLDING, 0x6B + n): 0x63 for n in range(3)})
+    settings = V80Settings({(Space.HOLDING, 0x6B + n): 0x63 for n in range(3)})
     devices = [
         hmi("panel", poll("a", 6, 3, 0x6B, 3), **both),
         device("v80", station=6, settings=settings, **both),
@@ -252,7 +255,7 @@ def test_a_device_refuses_what_it_lacks() -> None:
 
 def test_a_register_map_of_the_scenario_moves_with_time() -> None:
     entries = (Entry(Space.HOLDING, 0, Sweep(0, 1000, 10 * SECOND)),)
-    settings = model.MapSettings(entries, FUNCTIONS)
+    settings = MapSettings(entries, FUNCTIONS)
     done = run(serial_bus([hmi("panel", poll()), device("ramp", "map", settings=settings)], seconds=8))
     answers = [f for f in done.record.frames if f.kind == "response"]
     served = [r.served for r in done.record.transactions]

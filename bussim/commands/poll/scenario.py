@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bussim.commands.poll.plan import Plan, Planned
+from bussim.devices.contract import BusDevice, MasterSettings
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import WRITES
 from bussim.errors import UsageError
@@ -15,7 +16,7 @@ from bussim.plc.ports.cpavl import BadSettings, read_settings
 from bussim.plc.ports.device_layout import fetch, fits, is_bits
 from bussim.plc.ports.requests import poll_of
 from bussim.plc.ports.spec import PollSpec, PortSpec
-from bussim.scenario.model import BusDevice, HmiSettings, Plc
+from bussim.scenario.model import Plc
 
 if TYPE_CHECKING:
     from bussim.live.options import PortOptions
@@ -37,7 +38,7 @@ def plan_of(
 
     scenario = api.load(file, allow_code=allow_code)
     for device in scenario.devices:
-        if device.name == node and isinstance(device.settings, HmiSettings):
+        if device.name == node and isinstance(device.settings, MasterSettings):
             return _of_hmi(url, device, device.settings, rounds, options)
     for plc in scenario.plcs:
         for port in plc.ports:
@@ -49,7 +50,7 @@ def plan_of(
 
 
 def _masters(scenario: Scenario) -> list[str]:
-    names = [device.name for device in scenario.devices if isinstance(device.settings, HmiSettings)]
+    names = [device.name for device in scenario.devices if isinstance(device.settings, MasterSettings)]
     for plc in scenario.plcs:
         polled = {poll.port for poll in plc.polls if isinstance(poll, PollSpec)}
         names += [plc.port_node(port.name) for port in plc.ports if port.name in polled]
@@ -57,7 +58,7 @@ def _masters(scenario: Scenario) -> list[str]:
 
 
 def _of_hmi(
-    url: str, device: BusDevice, settings: HmiSettings, rounds: int | None, options: PortOptions
+    url: str, device: BusDevice, settings: MasterSettings, rounds: int | None, options: PortOptions
 ) -> Plan:
     return Plan(
         url=url,

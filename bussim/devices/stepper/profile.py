@@ -6,6 +6,20 @@ from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction
 
+from bussim.devices.port import DevicePort
+from bussim.engines.modbus.adu import Mode
+from bussim.line.characters import CharFormat
+from bussim.units import TICKS_PER_MS
+
+#: Rates, 8N1 and 35 ms: manual, sections 2 and 3.
+STEPPER_PORT = DevicePort(
+    "stepper",
+    modes=(Mode.RTU,),
+    bauds=(4800, 9600, 19200, 38400, 115200),
+    formats=(CharFormat(8, "N", 1),),
+    delay=35 * TICKS_PER_MS,
+)
+
 
 class StepOutput(StrEnum):
     """When the output of a program step (40034) is on."""

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import assert_never
 
-from bussim.devices.lx import LxMap
-from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.contract import BusDevice, FreeProtocolSettings, MasterSettings, SlaveSettings
+from bussim.devices.lx.map import LxMap
 from bussim.engines.modbus.framing import Framing
 from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
 from bussim.exact.polls.model import PollListModel, PollModel
@@ -22,11 +23,8 @@ from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.scenario.model import (
-    BusDevice,
     DropReply,
     Fault,
-    FreeSettings,
-    HmiSettings,
     Plc,
     PowerOff,
     Scenario,
@@ -179,30 +177,21 @@ class _Reader:
         self.broken[port.node] = _refused(port.node, port.bus, port.protocol, [why])
 
     def _device(self, device: BusDevice) -> None:
-        settings = device.settings
-        if isinstance(settings, FreeSettings):
-            if settings.messages:
-                self.scripted.setdefault(device.bus, []).append(device.name)
-        elif not isinstance(settings, HmiSettings):
-            slave = device_model(
-                device, extra=self._slowness(device.name), off=self._off(device.name, device.name)
-            )
-            if slave is not None:
-                self.slaves.append(slave)
-        elif settings.polls:
-            self._master(
-                MasterModel(
-                    node=device.name,
-                    bus=device.bus,
-                    framing=DEVICE_PROFILES["map"].framing(device.mode, device.timing),
-                    timing=device.timing,
-                    timeout=settings.timeout,
-                    turnaround=settings.turnaround,
-                    master_timing=Direct(settings.interval),
-                    polls=settings.polls,
-                    plc=False,
-                )
-            )
+        name, bus = device.name, device.bus
+        match device.settings:
+            case FreeProtocolSettings() as free:
+                if free.sends:
+                    self.scripted.setdefault(bus, []).append(name)
+            case SlaveSettings() as slave:
+                extra, off = self._slowness(name), self._off(name, name)
+                found = device_model(device, slave, extra=extra, off=off)
+                if found is not None:
+                    self.slaves.append(found)
+            case MasterSettings() as master:
+                if master.polls:
+                    self._master(_device_master(device, master))
+            case _ as never:
+                assert_never(never)
 
     # -- faults ------------------------------------------------------------------------------------
 
@@ -304,6 +293,21 @@ class _Reader:
                 "other ports of the PLC lengthen some of its scans, so that only bounds are given, no mean"
             )
         return notes + self._left_out(master.bus, off)
+
+
+def _device_master(device: BusDevice, settings: MasterSettings) -> MasterModel:
+    """A device that is a master."""
+    return MasterModel(
+        node=device.name,
+        bus=device.bus,
+        framing=device.framing(),
+        timing=device.timing,
+        timeout=settings.timeout,
+        turnaround=settings.turnaround,
+        master_timing=Direct(settings.interval),
+        polls=settings.polls,
+        plc=False,
+    )
 
 
 def _refused(

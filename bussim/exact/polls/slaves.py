@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bussim.devices.areas import AreaMap
-from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.contract import BusDevice, SlaveSettings
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.pdu import READS, ExceptionResponse, Request
 from bussim.engines.modbus.server import SPACES, serve
 from bussim.exact.polls.master_timing import Span, exactly
 from bussim.line.characters import LineTiming
-from bussim.scenario.model import BusDevice, LxSettings
-from bussim.scenario.resolve.register_maps import register_map
 
 _NOTHING = exactly(0)
 
@@ -63,36 +61,31 @@ class SlaveModel:
         if function in READS:
             return ""
         if not all(part.area.writable for part in parts):
-            return "it lets nobody write there (exception 02)"
+            return "it does not allow writing there (exception 02)"
         answer = serve(found, request, 0) if valued else None
         if isinstance(answer, ExceptionResponse):
             return f"it refuses these values (exception {answer.code:02})"
         return ""
 
 
-def device_model(device: BusDevice, *, extra: Span, off: bool) -> SlaveModel | None:
-    """A device as slave; None for one that is none, or whose mode is impossible on its line."""
-    found = register_map(device.settings)
-    if found is None or device.station is None:
-        return None
+def device_model(device: BusDevice, settings: SlaveSettings, *, extra: Span, off: bool) -> SlaveModel | None:
+    """A device as slave; None for one whose mode is impossible on its line."""
     try:
-        framing = DEVICE_PROFILES[device.model].framing(device.mode, device.timing)
+        framing = device.framing()
     except ValueError:
         return None
-    end = 0
-    if isinstance(device.settings, LxSettings):
-        end = device.settings.scan.mean + device.settings.scan.jitter - 1
+    scan = settings.plc_scan()
     return SlaveModel(
         name=device.name,
         owner=device.name,
         bus=device.bus,
-        station=device.station,
+        station=device.station or 0,
         framing=framing,
         timing=device.timing,
-        map=found,
+        map=settings.register_map(),
         delay=device.delay,
         spread=device.jitter,
-        end=end,
+        end=scan.mean + scan.jitter - 1 if scan is not None else 0,
         extra=extra,
         off=off,
     )

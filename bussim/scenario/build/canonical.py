@@ -17,7 +17,7 @@ from bussim.scenario.yaml.source_map import Path
 from bussim.units import format_time
 
 if TYPE_CHECKING:
-    from bussim.scenario.schema.devices import DeviceIn
+    from bussim.devices.forms import DeviceIn
     from bussim.scenario.schema.polls import TransactionIn
 
 
@@ -106,15 +106,17 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
 def _polls(polls: Sequence[TransactionIn]) -> list[dict[str, object]]:
     if not polls:
         return []
-    from bussim.scenario.build.canonical_devices import written_poll  # what only a scenario with polls pays
+    from bussim.scenario.build.polls import written_poll  # what only a scenario with polls pays
 
     return [written_poll(poll) for poll in polls]
 
 
 def _device(device: DeviceIn, polls: Sequence[TransactionIn]) -> dict[str, object]:
-    from bussim.scenario.build.canonical_devices import written_device
-
-    return written_device(device, polls)
+    written = {key: value for key, value in as_written(device).items() if value not in ({}, [])}
+    device.fill(written)
+    if polls:
+        written["polls"] = _polls(polls)
+    return in_order(device, written)
 
 
 def _nn(member: Member, plc: PlcIn) -> dict[str, object]:

@@ -13,7 +13,6 @@ from bussim.scenario.build.disturbances import faults_of, noise_of
 from bussim.scenario.build.names import unique_names
 from bussim.scenario.model import (
     Bus,
-    BusDevice,
     Edge,
     Latency,
     LinkAttachment,
@@ -30,7 +29,8 @@ from bussim.scenario.schema.programs import LatencyIn
 from bussim.scenario.yaml.source_map import Path
 
 if TYPE_CHECKING:
-    from bussim.scenario.schema.devices import DeviceIn
+    from bussim.devices.contract import BusDevice
+    from bussim.devices.forms import DeviceIn
     from bussim.scenario.schema.polls import TransactionIn
 
 #: Polls of PLCs and HMIs by the path of their owner.
@@ -121,16 +121,15 @@ def _devices(
 ) -> tuple[BusDevice, ...]:
     if not devices:
         return ()
-    from bussim.scenario.build.devices import device_of  # what only a scenario with devices pays
+    from bussim.scenario.build.polls import master_polls  # what only a scenario with devices pays
 
     lines = lines_of(draft)
     return tuple(
-        device_of(
-            entry.value,
-            polls.get(entry.path, ()),
+        entry.value.device(
             lines[entry.value.bus],
             power_on.get(entry.value.name, 0),
-            checked.code,
+            master_polls(polls.get(entry.path, ())),
+            checked.code.find,
         )
         for entry in devices
         if entry.value is not None
@@ -140,7 +139,7 @@ def _devices(
 def _polls(member: Member, polls: Sequence[TransactionIn]) -> tuple[PollSpec | FreeSpec, ...]:
     if not polls:
         return ()
-    from bussim.scenario.build.devices import polls_of
+    from bussim.scenario.build.polls import polls_of
 
     return polls_of(member, polls)
 

@@ -5,16 +5,7 @@ values from a file and reports every mistake before one exists.
 """
 
 from bussim.line.protocols import BusProtocol
-from bussim.scenario.model.devices import (
-    BusDevice,
-    DeviceSettings,
-    FreeSettings,
-    HmiSettings,
-    LxSettings,
-    MapSettings,
-    StepperSettings,
-    V80Settings,
-)
+from bussim.plc.scan import Scan
 from bussim.scenario.model.faults import (
     BoardError,
     CableCut,
@@ -47,7 +38,6 @@ from bussim.scenario.model.noise import (
 from bussim.scenario.model.plc import (
     LinkAttachment,
     Plc,
-    Scan,
 )
 from bussim.scenario.model.scenario import (
     Edge,
@@ -60,19 +50,15 @@ __all__ = [
     "BoardError",
     "Burst",
     "Bus",
-    "BusDevice",
     "BusProtocol",
     "CableCut",
     "ClockPpm",
-    "DeviceSettings",
     "Direction",
     "DropReply",
     "Edge",
     "Fault",
     "FaultKind",
     "FlipBits",
-    "FreeSettings",
-    "HmiSettings",
     "Impulse",
     "InsertChar",
     "Jabber",
@@ -80,8 +66,6 @@ __all__ = [
     "Latency",
     "LinkAttachment",
     "LoseChar",
-    "LxSettings",
-    "MapSettings",
     "Noise",
     "NoiseKind",
     "Plc",
@@ -90,10 +74,8 @@ __all__ = [
     "Scan",
     "Scenario",
     "Slow",
-    "StepperSettings",
     "Stop",
     "Target",
-    "V80Settings",
     "Window",
     "WrongFormat",
 ]

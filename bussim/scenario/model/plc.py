@@ -9,19 +9,12 @@ from typing import TYPE_CHECKING
 from bussim.plc.inputs import InputSpec
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
+from bussim.plc.scan import Scan
 from bussim.plc.sources import Source
 from bussim.units import TICKS_PER_MS, round_half_up
 
 if TYPE_CHECKING:  # what only a scenario with programs pays
     from bussim.plc.program.program import Program
-
-
-@dataclass(frozen=True, slots=True)
-class Scan:
-    """A PLC's scan time without N:N: uniform over mean ± jitter (0 <= jitter < mean)."""
-
-    mean: int
-    jitter: int = 0
 
 
 @dataclass(frozen=True, slots=True)

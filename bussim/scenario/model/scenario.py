@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from bussim.scenario.model.devices import BusDevice, MapSettings
 from bussim.scenario.model.faults import Fault
 from bussim.scenario.model.noise import Bus, Noise
 from bussim.scenario.model.plc import Plc
+
+if TYPE_CHECKING:  # what only a scenario with devices pays
+    from bussim.devices.contract import BusDevice
 
 
 class Edge(StrEnum):
@@ -58,10 +61,12 @@ class Scenario:
     source: dict[str, object] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
-        """Give the noise in register maps its keys: also a replaced seed draws other values."""
-        if any(isinstance(device.settings, MapSettings) for device in self.devices):
-            devices = tuple(_with_keys(device, self.seed) for device in self.devices)
-            object.__setattr__(self, "devices", devices)
+        """Devices draw from the seed: also a replaced one changes their noise."""
+        devices = tuple(
+            replace(device, settings=device.settings.seeded(self.seed, device.name))
+            for device in self.devices
+        )
+        object.__setattr__(self, "devices", devices)
 
     def nodes_on(self, bus: str) -> tuple[str, ...]:
         """What sits on a bus, in the order of its cable: PLCs' ports as in ``plcs``, then devices."""
@@ -72,22 +77,3 @@ class Scenario:
                 ports.append(plc.link.port)
             names += [plc.port_node(port) for port in sorted(ports)]
         return (*names, *(device.name for device in self.devices if device.bus == bus))
-
-
-def _with_keys(device: BusDevice, seed: int) -> BusDevice:
-    """A device whose noise is named by the seed, itself and the address, not by its place in the file."""
-    from bussim.devices.values import Noise as NoiseValue
-    from bussim.devices.values import noise_key
-
-    if not isinstance(device.settings, MapSettings):
-        return device
-    entries = tuple(
-        replace(
-            entry,
-            value=replace(entry.value, key=noise_key(seed, device.name, entry.space.value, entry.address)),
-        )
-        if isinstance(entry.value, NoiseValue)
-        else entry
-        for entry in device.settings.entries
-    )
-    return replace(device, settings=replace(device.settings, entries=entries))

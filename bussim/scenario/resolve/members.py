@@ -72,12 +72,9 @@ def device_name(name: str) -> str | None:
 
 def raw_registers(plc: PlcIn) -> dict[str, int]:
     """``registers`` by the devices' proper names, without names that are not devices."""
-    return raw_devices(plc.registers)
-
-
-def raw_devices(registers: Mapping[str, int]) -> dict[str, int]:
-    """Values by the devices' proper names, without names that are not devices."""
-    return {proper: value for name, value in registers.items() if (proper := device_name(name)) is not None}
+    return {
+        proper: value for name, value in plc.registers.items() if (proper := device_name(name)) is not None
+    }
 
 
 @dataclass(frozen=True, slots=True)

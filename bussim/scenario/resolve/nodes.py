@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.scenario.resolve.members import PLAIN_LINE, Member, line_of
-from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration, own_line
+from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
 from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.yaml.source_map import Path
 from bussim.wording import show, suggest
 
 if TYPE_CHECKING:
-    from bussim.scenario.schema.devices import DeviceIn
+    from bussim.devices.forms import DeviceIn
 
 
 class Role(Enum):
@@ -28,6 +28,10 @@ class Role(Enum):
     SLAVE = "Modbus slave"
     FREE = "free protocol"
     SILENT = "silent"  # a port that does nothing, or whose protocol is not simulated
+
+
+#: The role of a device by the kind of its model.
+_ROLES = {"slave": Role.SLAVE, "master": Role.MASTER, "free protocol": Role.FREE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,14 +82,8 @@ def port_node(member: Member, config: PortConfiguration, line: LineTiming) -> No
 
 def device_node(path: Path, device: DeviceIn, line: LineTiming) -> Node:
     """A device's node."""
-    from bussim.scenario.schema.devices import HmiIn, SlaveIn  # what only a scenario with devices pays
-
-    timing = own_line(device, line)
-    mode, station, role = None, None, Role.FREE
-    if isinstance(device, SlaveIn):
-        mode, station, role = Mode(device.mode), device.station, Role.SLAVE
-    elif isinstance(device, HmiIn):
-        mode, role = Mode(device.mode), Role.MASTER
+    mode, station = device.address()
+    role, timing = _ROLES[device.role], device.timing(line)
     return Node(device.name, device.name, device.bus, role, timing, mode, station, path, device=device)
 
 

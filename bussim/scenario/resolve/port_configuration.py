@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
@@ -16,9 +15,6 @@ from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports import cpavl
 from bussim.scenario.schema.document import PortIn
 from bussim.scenario.yaml.source_map import Path
-
-if TYPE_CHECKING:
-    from bussim.scenario.schema.devices import DeviceIn
 
 #: M8000 and D8000 on are special devices.
 FIRST_SPECIAL = 8000
@@ -129,8 +125,8 @@ def register_of(port: str, words: Device, key: str) -> str:
     return f"D{words.address + offset}"
 
 
-def own_line(given: PortIn | DeviceIn, line: LineTiming) -> LineTiming:
-    """Rate and format of a node that may have its own instead of its bus's."""
+def own_line(given: PortIn, line: LineTiming) -> LineTiming:
+    """Rate and format of a port that may have its own instead of its bus's."""
     return LineTiming(given.baud or line.baud, given.format or line.format)
 
 

@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.areas import AreaMap
+from bussim.devices.contract import SlaveSettings
+from bussim.devices.forms import SlaveIn
+from bussim.devices.lx.model import LxSettings
 from bussim.engines.modbus.adu import BROADCAST, Mode, adu_chars
 from bussim.engines.modbus.framing import reply_times
 from bussim.engines.modbus.pdu import EXCEPTION_SIZE, READS, Request, response_size
 from bussim.engines.modbus.server import SPACES, Space
+from bussim.plc.scan import Scan
+from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.nodes import Directory, Node, Role
-from bussim.scenario.schema.devices import DeviceIn, LxIn, SlaveIn
-from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.draft import Entry
 from bussim.scenario.schema.polls import TransactionIn
 from bussim.scenario.yaml.source_map import Report
 from bussim.scenario.yaml.user_code import Code
 from bussim.units import format_ms, format_time
 
-if TYPE_CHECKING:
-    from bussim.devices.areas import AreaMap
-
 
 class Answers:
     """Judges what comes back. Register maps are made once a device, when a poll asks it."""
 
-    def __init__(self, draft: Draft, nodes: Directory, code: Code, report: Report) -> None:
+    def __init__(self, nodes: Directory, code: Code, report: Report) -> None:
         self._nodes = nodes
         self._code = code
         self._report = report
-        self._broken = {entry.path for entry in draft.devices if entry.cut}
-        self._maps: dict[str, AreaMap | None] = {}
+        self._slaves: dict[str, SlaveSettings] = {}
+        self._maps: dict[str, AreaMap] = {}
 
     def check(self, entry: Entry[TransactionIn], poll: TransactionIn, master: Node, timeout: int) -> None:
         """Judge one poll of a master, whose request can be sent."""
@@ -63,8 +62,6 @@ class Answers:
         found = self._map(slave)
         function, address = poll.function or 0, poll.address or 0
         count = poll.quantity
-        if found is None:
-            return
         if function not in found.functions:
             self._warn_exception(entry, "function", slave, f"does not have function {function}", 1)
             return
@@ -88,17 +85,20 @@ class Answers:
     ) -> None:
         self._report.warn((*entry.path, key), f"{slave.name} {what}: it answers with exception {code:02}")
 
-    def _map(self, slave: Node) -> AreaMap | None:
+    def _settings(self, slave: Node) -> SlaveSettings:
+        """A slave as its model has it; the port of a PLC is one of the model ``lx``."""
+        if slave.name not in self._slaves:
+            self._slaves[slave.name] = (
+                slave.device.settings((), self._code.find)
+                if isinstance(slave.device, SlaveIn)
+                else LxSettings(_longest_scan(slave.member))
+            )
+        return self._slaves[slave.name]
+
+    def _map(self, slave: Node) -> AreaMap:
         if slave.name not in self._maps:
-            self._maps[slave.name] = None if slave.path in self._broken else self._map_of(slave.device)
+            self._maps[slave.name] = self._settings(slave).register_map()
         return self._maps[slave.name]
-
-    def _map_of(self, device: DeviceIn | None) -> AreaMap | None:
-        """The map of a device, or of a PLC's port."""
-        from bussim.scenario.build.devices import settings_of
-        from bussim.scenario.resolve.register_maps import plc_map, register_map
-
-        return plc_map({}) if device is None else register_map(settings_of(device, (), self._code))
 
     def _check_time(
         self,
@@ -114,7 +114,9 @@ class Answers:
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
         request = Request(poll.function or 0, poll.address or 0, poll.quantity)
-        least, most = _response_time(slave, EXCEPTION_SIZE if refused else response_size(request))
+        least, most = _response_time(
+            slave, self._settings(slave), EXCEPTION_SIZE if refused else response_size(request)
+        )
         if least > timeout:
             can = f"takes at least {format_ms(least)}: it never comes in time"
         elif most > timeout:
@@ -133,20 +135,20 @@ def _name(mode: Mode | None) -> str:
     return f"Modbus {mode.value.upper()}" if mode is not None else "no Modbus"
 
 
-def _response_time(slave: Node, pdu_size: int) -> tuple[int, int]:
+def _longest_scan(member: Member | None) -> Scan:
+    """The scan at whose END a PLC's port answers."""
+    if member is None:
+        raise AssertionError("what is no device is the port of a PLC")
+    scan = member.plc.scan
+    return Scan(member.longest_scan if member.takes_part else scan.mean + scan.jitter)
+
+
+def _response_time(slave: Node, settings: SlaveSettings, pdu_size: int) -> tuple[int, int]:
     """Least and longest time from a request's end to the end of the response, in ticks."""
-    mode = slave.mode or Mode.RTU
-    profile = DEVICE_PROFILES[slave.device.model if slave.device is not None else "lx"]
-    delay, jitter, waiting = profile.delay, 0, 0
-    if isinstance(slave.device, SlaveIn):
-        delay = slave.device.delay if slave.device.delay is not None else delay
-        jitter = slave.device.jitter
-    if isinstance(slave.device, LxIn):
-        waiting = slave.device.scan.mean + slave.device.scan.jitter
-    elif slave.member is not None:
-        scan = slave.member.plc.scan
-        waiting = slave.member.longest_scan if slave.member.takes_part else scan.mean + scan.jitter
-    framing = profile.framing(mode, slave.timing)
+    mode, device, scan = slave.mode or Mode.RTU, slave.device, settings.plc_scan()
+    delay, jitter = (device.least_delay, device.jitter) if isinstance(device, SlaveIn) else (0, 0)
+    waiting = scan.mean + scan.jitter if scan is not None else 0
+    framing = settings.port.framing(mode, slave.timing)
     _, (least, most) = reply_times(framing, delay=delay, jitter=jitter, end=waiting)
     sent = slave.timing.characters(adu_chars(mode, pdu_size))
     return least + sent, most + sent

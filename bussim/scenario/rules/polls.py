@@ -29,7 +29,7 @@ def check_polls(
     draft: Draft, members: Sequence[Member], nodes: Directory, code: Code, report: Report
 ) -> set[str]:
     """Judge the polls of every PLC and HMI; returns the names of the ports that have some."""
-    answers = Answers(draft, nodes, code, report)
+    answers = Answers(nodes, code, report)
     polled: set[str] = set()
     for member in members:
         polls = draft.polls.get(member.path, [])

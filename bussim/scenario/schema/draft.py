@@ -32,7 +32,7 @@ from bussim.scenario.yaml.source_map import Path, Report
 from bussim.wording import show, suggest
 
 if TYPE_CHECKING:
-    from bussim.scenario.schema.devices import DeviceIn
+    from bussim.devices.forms import DeviceIn
     from bussim.scenario.schema.polls import TransactionIn
 
 T = TypeVar("T", bound=Model)
@@ -93,7 +93,7 @@ def read_draft(data: object, report: Report) -> Draft:
     least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
     draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (least, MAX_PLCS), report)
     if data.get("devices"):
-        from bussim.scenario.schema.devices import form_of  # what only a scenario with devices pays
+        from bussim.devices.registry import form_of  # what only a scenario with devices pays
 
         draft.devices = _section(form_of, data, ("devices",), (0, MAX_DEVICES), report)
     draft.noise = _section(lambda _: NoiseIn, data, ("noise",), (0, MAX_NOISE), report)
@@ -124,10 +124,11 @@ def _check_buses_given(data: dict[Any, Any], report: Report) -> None:
 
 def _polls(owner: Entry[Any], report: Report) -> list[Entry[TransactionIn]]:
     """The polls of a PLC or an HMI."""
-    from bussim.scenario.schema.devices import HmiIn, form_of
+    from bussim.devices.forms import MasterIn
+    from bussim.devices.registry import form_of
     from bussim.scenario.schema.polls import HmiPollIn, PollIn
 
-    if owner.path[0] == "devices" and form_of(owner.raw) is not HmiIn:
+    if owner.path[0] == "devices" and not issubclass(form_of(owner.raw), MasterIn):
         return []  # it has no polls, which was reported
     form: type[TransactionIn] = PollIn if owner.path[0] == "plcs" else HmiPollIn
     return _section(lambda _: form, owner.raw, (*owner.path, "polls"), (0, MAX_POLLS), report)

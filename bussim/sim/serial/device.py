@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from bussim.devices.contract import BusDevice, MasterSettings, SlaveSettings
 from bussim.engines.contract import SERVE
 from bussim.engines.free.events import Sent
 from bussim.engines.modbus.events import CycleEnded, PollEnded, TransactionEnded
@@ -11,10 +12,8 @@ from bussim.engines.modbus.slave import Slave
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.events import TurnEnded
 from bussim.plc.scan import ScanCycle
-from bussim.scenario import model
 from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus
-from bussim.sim.serial.models import behaviour
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.reporter import SerialReporter
 
@@ -22,11 +21,11 @@ from bussim.sim.serial.reporter import SerialReporter
 class DeviceNode(SerialNode):
     """A device of the scenario with its one port."""
 
-    __slots__ = ("_attempts", "_behaviour", "_cycle", "_end_of_scan", "_powered", "_slave", "spec")
+    __slots__ = ("_attempts", "_behaviour", "_cycle", "_end_of_scan", "_polls", "_powered", "_scan", "spec")
 
     def __init__(
         self,
-        spec: model.BusDevice,
+        spec: BusDevice,
         bus: SerialBus,
         position: int,
         kernel: Kernel,
@@ -44,15 +43,15 @@ class DeviceNode(SerialNode):
         )
         self.spec = spec
         self._powered = False
-        self._behaviour = behaviour(spec, streams)
-        self._slave = spec.station is not None
+        settings = spec.settings
+        self._behaviour = settings.behaviour(spec, streams)
         # Of a PLC as a slave: its scan, at whose END it answers.
-        self._cycle: ScanCycle | None = None
+        self._scan = settings.plc_scan() if isinstance(settings, SlaveSettings) else None
+        self._cycle = ScanCycle(streams.generator("scan", spec.name)) if self._scan is not None else None
         self._end_of_scan = kernel.timer(self._on_end_of_scan, END)
         # Of a master: what its running poll has tried so far.
         self._attempts: list[TransactionEnded] = []
-        if isinstance(spec.settings, model.LxSettings):
-            self._cycle = ScanCycle(streams.generator("scan", spec.name))
+        self._polls = settings.polls if isinstance(settings, MasterSettings) else ()
 
     @property
     def powered(self) -> bool:
@@ -62,19 +61,18 @@ class DeviceNode(SerialNode):
     def power_on(self, now: int) -> None:
         """The supply comes."""
         self._powered = True
-        settings = self.spec.settings
-        if self._cycle is not None and isinstance(settings, model.LxSettings):
-            self._cycle.run(now, settings.scan.mean, settings.scan.jitter, None)
+        if self._cycle is not None and self._scan is not None:
+            self._cycle.run(now, self._scan.mean, self._scan.jitter, None)
         engine, timing = self._behaviour.power_on(now)
         self.use_engine(engine, timing, now)
         self.handle(engine.start(now), now)
-        self._behaviour.tell(self.reporter)
+        self._record_events()
 
     def power_off(self, now: int) -> None:
         """The supply goes."""
         self.halt(now)
         self._behaviour.power_off(now)
-        self._behaviour.tell(self.reporter)
+        self._record_events()
         if self._cycle is not None:
             self._cycle.stop(now)
         self._end_of_scan.cancel()
@@ -94,13 +92,13 @@ class DeviceNode(SerialNode):
         """What becomes of an event."""
         del now
         reporter = self.reporter
-        if self._slave:
+        if self.kind == "response":
             reporter.slave_event(self, item)
-            self._behaviour.tell(self.reporter)
+            self._record_events()
         elif isinstance(item, TransactionEnded):
             self._attempts.append(item)
         elif isinstance(item, PollEnded):
-            name = self._poll_name(item.index)
+            name = self._polls[item.index].name
             self._record_attempts(name)
             turn = TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late)
             reporter.turn(self, turn)
@@ -109,18 +107,19 @@ class DeviceNode(SerialNode):
         elif isinstance(item, Sent):
             reporter.sent(self, item, "")
 
-    def _poll_name(self, index: int) -> str:
-        settings = self.spec.settings
-        assert isinstance(settings, model.HmiSettings)  # noqa: S101 - narrows the type; no other polls
-        return settings.polls[index].name
-
     def _record_attempts(self, poll: str) -> None:
         for number, attempt in enumerate(self._attempts, 1):
             self.reporter.transaction(self, attempt, poll, number, attempt.end)
         self._attempts.clear()
 
+    def _record_events(self) -> None:
+        for event in self._behaviour.events():
+            self.reporter.note(event.tick, event.kind, self.name, event.text)
+            if event.warning:
+                self.reporter.warn(event.warning)
+
     def state(self, now: int) -> dict[str, int]:
-        """What is worth telling of the device at the end."""
+        """Its state for the summary, by name."""
         state = self._behaviour.state(now)
-        self._behaviour.tell(self.reporter)
+        self._record_events()
         return state

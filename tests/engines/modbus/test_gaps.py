@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from bussim.devices.profiles import DEVICE_PROFILES
+from bussim.devices.v80.map import V80_PORT
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.gaps import silences
@@ -52,7 +52,7 @@ def test_figures(baud: int, name: str, milliseconds: Fraction) -> None:
 @pytest.mark.parametrize("name", BITS)
 def test_v80_ends_frames_after_four_and_a_half_characters_at_every_rate(baud: int, name: str) -> None:
     timing = LineTiming(baud, CharFormat.parse(name))
-    end = silences(timing, DEVICE_PROFILES["v80"].gaps).end
+    end = silences(timing, V80_PORT.gaps).end
     assert end == Fraction(9, 2) * Fraction(BITS[name], baud) * TICKS_PER_SECOND
 
 

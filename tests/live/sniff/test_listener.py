@@ -7,7 +7,7 @@ import random
 import pytest
 
 import bussim
-from bussim.devices.v80 import V80
+from bussim.devices.v80.map import V80
 from bussim.engines.contract import RxChar
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.modbus.pdu import (

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from bussim.devices.lx import LxMap
+from bussim.devices.lx.map import LxMap
 from bussim.engines.contract import OPEN, RxChar
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.random_streams import Streams

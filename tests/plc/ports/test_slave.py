@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.devices.lx import LxMap
+from bussim.devices.lx.map import LxMap
 from bussim.engines.modbus.codes import PortError
 from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.framing import Framing

@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bussim.devices.areas import Area, AreaMap, Part
-from bussim.devices.profiles import DEVICE_PROFILES
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.controller import FORWARD, REVERSE, Controller
 from bussim.devices.stepper.events import PoweredOn, StepperEvent
 from bussim.devices.stepper.parameters import Parameters, with_words
-from bussim.devices.stepper.profile import STEPPER_PROFILE, StepperProfile
+from bussim.devices.stepper.profile import STEPPER_PORT, STEPPER_PROFILE, StepperProfile
 from bussim.devices.stepper.registers import BY_NAME, COILS, INPUTS, OUTPUTS, REGISTERS, Group, Register
 from bussim.engines.modbus.codes import ExceptionCode
 from bussim.engines.modbus.pdu import Function
@@ -26,7 +25,6 @@ STEPPER_FUNCTIONS = frozenset(
         int(Function.WRITE_REGISTERS),
     )
 )
-_PROFILE = DEVICE_PROFILES["stepper"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +47,7 @@ class Stepper(AreaMap):
     def __init__(
         self,
         station: int = 1,
-        baud: int = _PROFILE.baud,
+        baud: int = 9600,
         switches: Sequence[Switch] = (),
         profile: StepperProfile = STEPPER_PROFILE,
     ) -> None:
@@ -58,8 +56,8 @@ class Stepper(AreaMap):
             _check_number("input", switch.input, INPUTS)
         if not BY_NAME["station"].low <= station <= BY_NAME["station"].high:
             raise ValueError(f"station (={station}) must be in [1...247]")
-        if baud not in _PROFILE.bauds:
-            raise ValueError(f"baud (={baud}) must be one of {', '.join(map(str, _PROFILE.bauds))}")
+        if baud not in STEPPER_PORT.bauds:
+            raise ValueError(f"baud (={baud}) must be one of {', '.join(map(str, STEPPER_PORT.bauds))}")
         areas: list[Area] = [
             RegisterArea(Space.HOLDING, r.address, r.words, r.name, r.writable, 1, r) for r in REGISTERS
         ]
@@ -149,7 +147,7 @@ class Stepper(AreaMap):
         self.parameters.power_on()
         self.controller.power_on(now)
         self.station = self.parameters["station"]
-        if self.parameters["baud"] in _PROFILE.bauds:
+        if self.parameters["baud"] in STEPPER_PORT.bauds:
             self.baud = self.parameters["baud"]
         self.controller.events.append(PoweredOn(now, self.station, self.baud))
 

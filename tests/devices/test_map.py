@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.user import Entry, UserMap
-from bussim.devices.values import Computed, Fixed, Noise, Sweep, Value, noise_key
+from bussim.devices.map.map import Entry, UserMap
+from bussim.devices.map.values import Computed, Fixed, Noise, Sweep, Value, noise_key
 from bussim.engines.modbus.pdu import Limits, Request, write_coils, write_registers
 from bussim.engines.modbus.server import Space
 from bussim.plc.sources import Counter, Toggle

@@ -21,10 +21,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bussim.devices.areas import Area, AreaMap, Part
+from bussim.devices.port import DevicePort
 from bussim.engines.modbus.pdu import Function, Limits
 from bussim.engines.modbus.server import Space
 from bussim.plc.memory import FIRST_LONG_COUNTER, Device, Memory
 
+LX_PORT = DevicePort("lx")
 #: 01 03 05 06 0F 10 (LX slave note, chapter 1).
 LX_FUNCTIONS = frozenset(
     (
@@ -73,30 +75,16 @@ LX_AREAS = (
 )
 
 
-def lx_address(device: Device, *, word: bool = False) -> int:
-    """The Modbus address of a device: a coil, or with ``word`` (T, C; D always) a register.
-
-    Raises ValueError for a device that has none.
-    """
-    space = Space.HOLDING if word or device.is_word else Space.COILS
-    for area in LX_AREAS:
-        place = device.address - area.first
-        if area.space is space and area.letter == device.letter and 0 <= place < area.count // area.width:
-            return area.start + place * area.width
-    raise ValueError(f"{device} has no Modbus {'register' if space is Space.HOLDING else 'coil'}")
-
-
 class LxMap(AreaMap):
     """The devices of one PLC's memory. X can only be read.
 
-    A 32-bit counter is two registers, low word first unless ``high_first`` (assumed, as this family's
-    32-bit pairs of D; the note does not say). Function 06 never fits one: exception 02.
+    A 32-bit counter is two registers, low word first (assumed, as this family's 32-bit pairs of D; the
+    note does not say). Function 06 never fits one: exception 02.
     """
 
-    def __init__(self, memory: Memory, *, high_first: bool = False) -> None:
+    def __init__(self, memory: Memory) -> None:
         super().__init__(LX_AREAS, LX_FUNCTIONS, LX_LIMITS)
         self.memory = memory
-        self._order = (16, 0) if high_first else (0, 16)  # by how much each of two words is shifted
 
     def _fetch(self, part: Part, now: int) -> Sequence[int]:
         del now
@@ -110,7 +98,7 @@ class LxMap(AreaMap):
         words = [memory.word(letter, number) for number in range(first, first + count // area.width)]
         if area.width == 1:
             return words
-        return [word >> shift & 0xFFFF for word in words for shift in self._order]
+        return [half for word in words for half in (word & 0xFFFF, word >> 16)]
 
     def _store(self, part: Part, values: Sequence[int], now: int) -> None:
         del now
@@ -124,7 +112,6 @@ class LxMap(AreaMap):
             for number, word in enumerate(values, area.first + offset):
                 memory.set_word(letter, number, word)
         else:
-            one, other = self._order
             pairs = zip(values[::2], values[1::2], strict=True)
-            for number, (first, second) in enumerate(pairs, area.first + offset // 2):
-                memory.set_word(letter, number, first << one | second << other)
+            for number, (low, high) in enumerate(pairs, area.first + offset // 2):
+                memory.set_word(letter, number, high << 16 | low)

@@ -1,4 +1,4 @@
-"""Where the values of a register map that somebody defines come from, as functions of the tick."""
+"""Where the values of a register map that a scenario defines come from, as functions of the tick."""
 
 from __future__ import annotations
 

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from fractions import Fraction
 
-from bussim.devices.areas import Area, AreaMap, Part
+from bussim.devices.areas import WRITABLE, Area, AreaMap, Part
+from bussim.devices.port import DevicePort
 from bussim.engines.modbus.codes import ExceptionCode
+from bussim.engines.modbus.gaps import GapRule
 from bussim.engines.modbus.pdu import FUNCTIONS, Limits
 from bussim.engines.modbus.server import Space
 
+#: "More than four and a half characters" (manual, section 1.2), at every rate.
+V80_PORT = DevicePort("v80", gaps=GapRule(end=Fraction(9, 2), fast_character=None))
 #: 1024 coils in one read (manual, section 2.1; the same for inputs, assumed), 125 registers (section 2.2).
 V80_LIMITS = Limits(read_coils=1024, read_inputs=1024)
 #: Items of each space: what four-digit reference numbers reach (assumed; the manual gives no sizes).
@@ -26,9 +31,8 @@ class V80(AreaMap):
     """
 
     def __init__(self, items: int = V80_ITEMS) -> None:
-        writable = (Space.COILS, Space.HOLDING)
         super().__init__(
-            [Area(space, 0, items, space.value, space in writable) for space in Space], FUNCTIONS, V80_LIMITS
+            [Area(space, 0, items, space.value, space in WRITABLE) for space in Space], FUNCTIONS, V80_LIMITS
         )
         self._bits = {space: bytearray(items) for space in Space if space.is_bit}
         self._words = {space: array("H", bytes(2 * items)) for space in Space if not space.is_bit}

@@ -1,4 +1,4 @@
-"""A register map that somebody defines: fixed values, ramps, noise, functions, and plain memory."""
+"""A register map that a scenario defines: fixed values, ramps, noise, functions, and plain memory."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from bussim.devices.areas import Area, AreaMap, Part
-from bussim.devices.values import Fixed, Value
+from bussim.devices.areas import WRITABLE, Area, AreaMap, Part
+from bussim.devices.map.values import Fixed, Value
 from bussim.engines.modbus.codes import ExceptionCode
 from bussim.engines.modbus.pdu import FUNCTIONS, STANDARD_LIMITS, Limits
 from bussim.engines.modbus.server import Space
@@ -131,7 +131,7 @@ def _area(entry: Entry) -> EntryArea:
     space, name = entry.space, entry.name or f"{entry.space.value} address {entry.address}"
     if entry.words not in (1, 2) or (space.is_bit and entry.words == 2):
         raise ValueError(f"{name}: items of {entry.words} words; bits have 1, registers 1 or 2")
-    if entry.writable and space not in (Space.COILS, Space.HOLDING):
+    if entry.writable and space not in WRITABLE:
         raise ValueError(f"{name}: Modbus cannot write {space.value}, only coils and holding registers")
     size = entry.count * entry.words
     return EntryArea(space, entry.address, size, name, entry.writable, entry.words, entry)

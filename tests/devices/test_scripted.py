@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.scripted import MOST_WAITING, Message, ScriptedDevice
+from bussim.devices.free.scripted import MOST_WAITING, Message, ScriptedDevice
 from bussim.engines.contract import TRANSMIT, RxChar, Transmit
 from bussim.engines.free.engine import FreeFrame
 from bussim.engines.free.events import Sent

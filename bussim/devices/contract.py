@@ -1,0 +1,161 @@
+"""What a device on a bus is to the rest of the program, whatever its model.
+
+A model belongs to one of three kinds: a Modbus slave, a Modbus master without a PLC's scan, or a device
+with a protocol of its own. Its frozen settings say what follows from them; its behaviour runs on a bus.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Self
+
+from bussim.devices.areas import AreaMap
+from bussim.devices.port import DevicePort
+from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.framing import Framing
+from bussim.engines.modbus.server import RegisterMap
+from bussim.engines.modbus.slave import Slave, SlaveConfig
+from bussim.line.characters import LineTiming
+from bussim.line.random_streams import Streams
+from bussim.plc.ports.spec import PollSpec
+from bussim.plc.scan import Scan
+
+
+class DeviceEvent(NamedTuple):
+    """Something that a device itself reports: ``kind`` and ``text`` for the trace, a warning for the user."""
+
+    tick: int
+    kind: str
+    text: str
+    warning: str = ""
+
+
+class Behaviour(ABC):
+    """A device in a run. Its node asks for an engine whenever the supply comes."""
+
+    @abstractmethod
+    def power_on(self, now: int) -> tuple[Any, LineTiming]:
+        """The supply comes: the engine, not started, and the rate and format that it uses."""
+
+    def power_off(self, now: int) -> None:
+        """The supply goes."""
+        del now
+
+    def state(self, now: int) -> dict[str, int]:
+        """Its state for the summary, by name."""
+        del now
+        return {}
+
+    def events(self) -> Iterator[DeviceEvent]:
+        """What it has to report since it was asked last."""
+        return iter(())
+
+
+class DeviceSettings(ABC):
+    """What is peculiar to a device of one model."""
+
+    __slots__ = ()
+
+    #: The port of the model.
+    port: ClassVar[DevicePort]
+
+    @abstractmethod
+    def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
+        """The device in a run."""
+
+    def seeded(self, seed: int, device: str) -> Self:
+        """The settings in a scenario of this seed, of a device of this name."""
+        del seed, device
+        return self
+
+
+class SlaveSettings(DeviceSettings):
+    """A Modbus slave."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def register_map(self) -> AreaMap:
+        """A new map with its addresses, functions, limits and values at power-on."""
+
+    def plc_scan(self) -> Scan | None:
+        """The scan of a PLC, which answers at END; None for what answers by itself."""
+        return None
+
+    def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
+        """A register map that is made anew at power-on."""
+        del streams
+        return SlaveBehaviour(device, self)
+
+
+@dataclass(frozen=True, slots=True)
+class MasterSettings(DeviceSettings):
+    """A Modbus master without a PLC's scan. Times in ticks."""
+
+    polls: tuple[PollSpec, ...]
+    timeout: int
+    interval: int
+    turnaround: int  # after a broadcast
+
+
+class FreeProtocolSettings(DeviceSettings):
+    """A device with a protocol of its own."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def sends(self) -> bool:
+        """Whether it ever sends something."""
+
+
+#: The settings of a device, by the kind of its model.
+AnySettings = SlaveSettings | MasterSettings | FreeProtocolSettings
+
+
+@dataclass(frozen=True, slots=True)
+class BusDevice:
+    """One entry of ``devices:``: something on a bus that is no PLC of the scenario. Times in ticks.
+
+    ``model`` is its model's name in the registry. ``station`` is None for what is no slave. ``delay`` is
+    the least time from a request's end to its reply's first edge, ``jitter`` what is added to it at most,
+    uniform. ``timing`` are its own rate and format, normally the bus's. ``power_on`` is when it is
+    switched on.
+    """
+
+    name: str
+    model: str
+    bus: str
+    station: int | None
+    mode: Mode
+    timing: LineTiming
+    delay: int
+    jitter: int
+    settings: AnySettings
+    power_on: int = 0
+
+    def framing(self) -> Framing:
+        """How it frames Modbus. Raises ValueError for a mode that is impossible on its line."""
+        return self.settings.port.framing(self.mode, self.timing)
+
+
+class SlaveBehaviour(Behaviour):
+    """A slave without a life of its own: its map is made anew at power-on."""
+
+    def __init__(self, device: BusDevice, settings: SlaveSettings) -> None:
+        self.device = device
+        self._settings = settings
+
+    def power_on(self, now: int) -> tuple[Any, LineTiming]:
+        """The engine over a new map."""
+        del now
+        device = self.device
+        return self.engine(self._settings.register_map(), device.station or 0, device.timing), device.timing
+
+    def engine(self, registers: RegisterMap, station: int, timing: LineTiming) -> Slave:
+        """The slave engine over a map, at a station, rate and format."""
+        framing = self._settings.port.framing(self.device.mode, timing)
+        driven = self._settings.plc_scan() is not None
+        return Slave(SlaveConfig(framing, self.device.delay, driven), {station: registers})

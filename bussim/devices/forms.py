@@ -1,0 +1,151 @@
+"""Entries of ``devices`` as the file has them: what every model has, and the kinds of models."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from bussim.devices.contract import AnySettings, BusDevice, SlaveSettings
+from bussim.devices.port import DevicePort
+from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
+from bussim.forms.fields import Baud, Format, Name, choice, time, whole
+from bussim.forms.form import Model
+from bussim.forms.report import EntryView, Reporter
+from bussim.line.characters import LineTiming
+from bussim.plc.ports.spec import PollSpec
+from bussim.units import TICKS_PER_SECOND, format_time
+
+#: Finds a function of the user by ``module:function``. Raises ValueError with a message for the user.
+Find = Callable[[str], Callable[[int], int]]
+
+LONG = (-(1 << 31), (1 << 32) - 1)
+Long = Annotated[int, whole(*LONG)]
+Word = Annotated[int, whole(-32768, 0xFFFF)]
+Delay = Annotated[int, time(0, 60 * TICKS_PER_SECOND)]
+ModbusMode = Annotated[str, choice(*(mode.value for mode in Mode))]
+
+
+class DeviceIn(Model):
+    """What every device has. Its fields are the keys of its entry; a model adds its own."""
+
+    example = "{name: feeder1, model: stepper, bus: feeder, station: 1}"
+    #: Whether it is of a model that is known.
+    known: ClassVar[bool] = True
+    #: What it is on its bus.
+    role: ClassVar[Literal["slave", "master", "free protocol"]] = "free protocol"
+    #: The port of its model.
+    port: ClassVar[DevicePort]
+
+    name: Name
+    model: str
+    bus: Name
+    baud: Baud | None = None
+    format: Format | None = None
+
+    def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
+        """Report what does not fit together or is odd in an entry whose values are right one by one."""
+
+    @abstractmethod
+    def settings(self, polls: tuple[PollSpec, ...], find: Find) -> AnySettings:
+        """The frozen settings of an entry without mistakes; ``polls`` are those of a master."""
+
+    def fill(self, written: dict[str, Any]) -> None:
+        """Put into the entry as written what it leaves open: its defaults, other forms of a value."""
+
+    def address(self) -> tuple[Mode | None, int | None]:
+        """Its mode of Modbus and its station; None for what has none."""
+        return None, None
+
+    def timing(self, line: LineTiming) -> LineTiming:
+        """Its own rate and format, on a bus with these."""
+        return LineTiming(self.baud or line.baud, self.format or line.format)
+
+    def device(self, line: LineTiming, power_on: int, polls: tuple[PollSpec, ...], find: Find) -> BusDevice:
+        """The frozen device on a bus with this rate and format, switched on at a tick."""
+        mode, station = self.address()
+        return BusDevice(
+            name=self.name,
+            model=self.model,
+            bus=self.bus,
+            station=station,
+            mode=mode or Mode.RTU,
+            timing=self.timing(line),
+            delay=0,
+            jitter=0,
+            settings=self.settings(polls, find),
+            power_on=power_on,
+        )
+
+
+class SlaveIn(DeviceIn):
+    """A Modbus slave."""
+
+    role = "slave"
+
+    station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] = 1
+    mode: ModbusMode = Mode.RTU.value
+    delay: Delay | None = None
+    jitter: Delay = 0
+
+    @property
+    def least_delay(self) -> int:
+        """The least time from a request's end to its reply, as given or as the model has it."""
+        return self.port.delay if self.delay is None else self.delay
+
+    def address(self) -> tuple[Mode | None, int | None]:
+        """Its mode and station."""
+        return Mode(self.mode), self.station
+
+    @abstractmethod
+    def settings(self, polls: tuple[PollSpec, ...], find: Find) -> SlaveSettings:
+        """Its settings."""
+
+    def device(self, line: LineTiming, power_on: int, polls: tuple[PollSpec, ...], find: Find) -> BusDevice:
+        """The frozen device with its delay."""
+        return replace(
+            super().device(line, power_on, polls, find), delay=self.least_delay, jitter=self.jitter
+        )
+
+    def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
+        """Compare mode and delay with what the model has."""
+        del find
+        port = self.port
+        if Mode(self.mode) not in port.modes:
+            allowed = ", ".join(mode.value for mode in port.modes)
+            report.error((*entry.path, "mode"), f"is {self.mode}, allowed {allowed} ({port.name})")
+        if self.least_delay < port.delay:
+            report.error(
+                (*entry.path, "delay"),
+                f"is {format_time(self.least_delay)}, but a {port.name} answers no sooner than "
+                f"{format_time(port.delay)}",
+            )
+
+    def fill(self, written: dict[str, Any]) -> None:
+        """The model's delay."""
+        written["delay"] = format_time(self.least_delay)
+
+
+class MasterIn(DeviceIn):
+    """A Modbus master without a scan, whose ``polls`` are read entry by entry."""
+
+    role = "master"
+
+    mode: ModbusMode = Mode.RTU.value
+    timeout: Annotated[int, time(1, 3600 * TICKS_PER_SECOND)] = TICKS_PER_SECOND
+    interval: Delay = TICKS_PER_SECOND // 200
+    turnaround: Delay = TICKS_PER_SECOND // 10
+    polls: list[Any] = Field([])
+
+    def address(self) -> tuple[Mode | None, int | None]:
+        """Its mode."""
+        return Mode(self.mode), None
+
+    def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
+        """Warn where it has nothing to send."""
+        del find
+        if not self.polls and not entry.lost("polls"):
+            report.warn(entry.path, f"{self.name} has no polls: it sends nothing")

@@ -1,0 +1,130 @@
+"""The device model ``free``: a device that sends fixed messages in a protocol of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from bussim.devices.contract import Behaviour, BusDevice, FreeProtocolSettings
+from bussim.devices.forms import Delay, DeviceIn, Find
+from bussim.devices.free.scripted import Message, ScriptedDevice
+from bussim.devices.port import DevicePort
+from bussim.forms.fields import Hex, Positive, Text, Time, Times, fail
+from bussim.forms.form import Model, only_one
+from bussim.line.characters import LineTiming
+from bussim.line.random_streams import Streams
+from bussim.plc.ports.spec import PollSpec
+
+MAX_MESSAGES = 1000
+FREE_PORT = DevicePort("free")
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSettings(FreeProtocolSettings):
+    """What the device sends, and when."""
+
+    port = FREE_PORT
+
+    messages: tuple[Message, ...]
+
+    @property
+    def sends(self) -> bool:
+        """Whether it has messages."""
+        return bool(self.messages)
+
+    def behaviour(self, device: BusDevice, streams: Streams) -> FreeBehaviour:
+        """The device in a run; every message has a stream for its jitter."""
+        draws = [streams.uniforms("saying", device.name, number) for number in range(len(self.messages))]
+        return FreeBehaviour(self.messages, device.timing, draws)
+
+
+class FreeBehaviour(Behaviour):
+    """A scripted device that begins anew at power-on; its random streams go on."""
+
+    def __init__(
+        self, messages: tuple[Message, ...], timing: LineTiming, draws: list[Iterator[float]]
+    ) -> None:
+        self._messages = messages
+        self._timing = timing
+        self._draws = draws
+
+    def power_on(self, now: int) -> tuple[ScriptedDevice, LineTiming]:
+        """The engine with its messages."""
+        del now
+        return ScriptedDevice(self._messages, self._timing, self._draws), self._timing
+
+
+class BytesIn(Model):
+    """Bytes as text or in hexadecimal."""
+
+    text: Text | None = None
+    bytes: Hex | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self, info: ValidationInfo) -> BytesIn:
+        only_one(self, ("text", "bytes"), info)
+        return self
+
+
+def _data(given: BytesIn) -> bytes:
+    return given.text or given.bytes or b""
+
+
+class HeardIn(BytesIn):
+    """Bytes that are answered."""
+
+    example = 'a text, or {bytes: "02 41 03"}'
+    shorthand = "text"
+
+
+class MessageIn(BytesIn):
+    """Something that a free-protocol device sends."""
+
+    example = '{text: "ABC\\r", every: 1 s}'
+
+    at: Time | None = None
+    every: Positive | None = None
+    times: Times | None = None
+    jitter: Time | None = None
+    reply_to: HeardIn | None = None
+    delay: Delay | None = None
+
+    @model_validator(mode="after")
+    def _on_its_own_or_a_reply(self) -> MessageIn:
+        if self.reply_to is not None:
+            for key in ("at", "every", "times", "jitter"):
+                if getattr(self, key) is not None:
+                    raise fail("excludes reply_to in the same entry", key)
+        elif self.delay is not None:
+            raise fail("needs reply_to", "delay")
+        if self.times is not None and self.times > 1 and self.every is None:
+            raise fail("needs every", "times")
+        return self
+
+    def message(self) -> Message:
+        """The frozen message."""
+        return Message(
+            data=_data(self),
+            at=self.at or 0,
+            every=self.every,
+            times=self.times,
+            jitter=self.jitter or 0,
+            reply_to=_data(self.reply_to) if self.reply_to is not None else b"",
+            delay=self.delay or 0,
+        )
+
+
+class FreeIn(DeviceIn):
+    """An entry of this model."""
+
+    port = FREE_PORT
+
+    says: Annotated[list[MessageIn], Field(min_length=1, max_length=MAX_MESSAGES)]
+
+    def settings(self, polls: tuple[PollSpec, ...], find: Find) -> FreeSettings:
+        """Its messages."""
+        del polls, find
+        return FreeSettings(tuple(message.message() for message in self.says))

@@ -1,0 +1,1 @@
+"""A PLC as Modbus slave of which nothing else is simulated."""

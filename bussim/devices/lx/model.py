@@ -1,0 +1,58 @@
+"""The device model ``lx``: a PLC as Modbus slave of which nothing else is simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from pydantic import Field
+
+from bussim.devices.contract import SlaveSettings
+from bussim.devices.forms import Find, SlaveIn, Word
+from bussim.devices.lx.map import LX_PORT, LxMap
+from bussim.forms.form import ScanIn
+from bussim.forms.registers import check_registers
+from bussim.forms.report import EntryView, Reporter
+from bussim.plc.memory import Memory, parse_device
+from bussim.plc.ports.spec import PollSpec
+from bussim.plc.scan import Scan
+
+
+@dataclass(frozen=True, slots=True)
+class LxSettings(SlaveSettings):
+    """A PLC that answers at END. ``registers`` are its devices at power-on by name."""
+
+    port = LX_PORT
+
+    scan: Scan
+    registers: dict[str, int] = field(default_factory=dict)
+
+    def register_map(self) -> LxMap:
+        """The PLC's memory."""
+        memory = Memory()
+        for name, value in self.registers.items():
+            memory.set(parse_device(name), value)
+        return LxMap(memory)
+
+    def plc_scan(self) -> Scan:
+        """Its scan."""
+        return self.scan
+
+
+class LxIn(SlaveIn):
+    """An entry of this model."""
+
+    port = LX_PORT
+
+    scan: ScanIn = ScanIn(mean="10 ms")  # type: ignore[arg-type] # read as from a file
+    registers: dict[str, Word] = Field({})
+
+    def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
+        """Judge its devices and their values."""
+        super().check(entry, find, report)
+        check_registers((*entry.path, "registers"), self.registers, report, link=False)
+
+    def settings(self, polls: tuple[PollSpec, ...], find: Find) -> LxSettings:
+        """Its scan, and its devices by their proper names (D007 is D7)."""
+        del polls, find
+        registers = {str(parse_device(name)): value for name, value in self.registers.items()}
+        return LxSettings(Scan(self.scan.mean, self.scan.jitter), registers)

@@ -1,0 +1,1 @@
+"""A Modbus slave whose register map the scenario defines."""

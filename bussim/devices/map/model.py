@@ -1,0 +1,237 @@
+"""The device model ``map``: a Modbus slave whose register map the scenario defines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Self
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from bussim.devices.areas import ADDRESSES, SECTIONS, WRITABLE
+from bussim.devices.contract import BusDevice, DeviceEvent, SlaveBehaviour, SlaveSettings
+from bussim.devices.forms import LONG, Find, Long, SlaveIn
+from bussim.devices.map.map import Entry, UserMap
+from bussim.devices.map.values import Computed, Fixed, Noise, Sweep, Value, noise_key
+from bussim.devices.port import DevicePort
+from bussim.engines.modbus.pdu import FUNCTIONS
+from bussim.engines.modbus.slave import Slave
+from bussim.forms.fields import Flag, Name, Positive, callable_name, fail, function_code, whole
+from bussim.forms.form import Model, only_one
+from bussim.forms.report import EntryView, Path, Reporter
+from bussim.line.characters import LineTiming
+from bussim.line.random_streams import Streams
+from bussim.plc.ports.spec import PollSpec
+from bussim.wording import names
+
+MAX_ENTRIES = 1000
+MAP_PORT = DevicePort("map")
+VALUE_KEYS = ("value", "ramp", "noise", "call")
+
+
+@dataclass(frozen=True, slots=True)
+class MapSettings(SlaveSettings):
+    """The entries of the map, and the functions that it serves."""
+
+    port = MAP_PORT
+
+    entries: tuple[Entry, ...]
+    functions: frozenset[int]
+
+    def register_map(self) -> UserMap:
+        """The map."""
+        return UserMap(self.entries, self.functions)
+
+    def behaviour(self, device: BusDevice, streams: Streams) -> MapBehaviour:
+        """The map in a run."""
+        del streams
+        return MapBehaviour(device, self)
+
+    def seeded(self, seed: int, device: str) -> Self:
+        """Noise has its key from seed, device and address, wherever it stands in the file."""
+        return replace(self, entries=tuple(_seeded(entry, seed, device) for entry in self.entries))
+
+
+def _seeded(entry: Entry, seed: int, device: str) -> Entry:
+    if not isinstance(entry.value, Noise):
+        return entry
+    key = noise_key(seed, device, entry.space.value, entry.address)
+    return replace(entry, value=replace(entry.value, key=key))
+
+
+class MapBehaviour(SlaveBehaviour):
+    """The map in a run, which reports the failures of the user's functions."""
+
+    def __init__(self, device: BusDevice, settings: MapSettings) -> None:
+        super().__init__(device, settings)
+        self._new_map = settings.register_map
+        self._map = settings.register_map()
+
+    def power_on(self, now: int) -> tuple[Slave, LineTiming]:
+        """The engine over a new map."""
+        del now
+        self._map, device = self._new_map(), self.device
+        return self.engine(self._map, device.station or 0, device.timing), device.timing
+
+    def events(self) -> Iterator[DeviceEvent]:
+        """Functions that failed."""
+        while (failure := self._map.poll()) is not None:
+            warning = f"{self.device.name}: the function of {failure.name} failed: {failure.error}"
+            yield DeviceEvent(failure.tick, "value_failed", f"{failure.name}: {failure.error}", warning)
+
+
+class SweepIn(Model):
+    """A value that goes linearly from one to another."""
+
+    example = "{from: 0, to: 1000, over: 10 s}"
+
+    from_: Long = Field(alias="from")
+    to: Long
+    over: Positive
+    repeat: Flag = False
+
+
+class NoiseValueIn(Model):
+    """A random value."""
+
+    example = "{center: 500, spread: 20, every: 1 s}"
+
+    center: Long
+    spread: Annotated[int, whole(0, LONG[1])]
+    every: Positive
+    normal: Flag = False
+
+
+class ItemIn(Model):
+    """Some equal items of a register map."""
+
+    example = "{address: 0, value: 5}"
+
+    name: Name | None = None
+    address: Annotated[int, whole(0, ADDRESSES - 1)]
+    count: Annotated[int, whole(1, ADDRESSES)] = 1
+    value: Long | None = None
+    ramp: SweepIn | None = None
+    noise: NoiseValueIn | None = None
+    call: Annotated[str, callable_name()] | None = None
+    words: Annotated[int, whole(1, 2)] = 1
+    high_first: Flag = False
+    writable: Flag = False
+    low: Long | None = None
+    high: Long | None = None
+
+    @model_validator(mode="after")
+    def _one_value(self, info: ValidationInfo) -> ItemIn:
+        if any(getattr(self, key) is not None for key in VALUE_KEYS):
+            only_one(self, VALUE_KEYS, info)
+        if self.high_first and self.words == 1:
+            raise fail("needs words: 2", "high_first")
+        for key in ("low", "high"):
+            if getattr(self, key) is not None and not self.writable:
+                raise fail("needs writable: true", key)
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise fail(f"is {self.high}, below low ({self.low})", "high")
+        return self
+
+    @property
+    def end(self) -> int:
+        """The first address behind it."""
+        return self.address + self.count * self.words
+
+    def values(self, find: Find) -> Value:
+        """Where its value comes from. Raises ValueError for a function of the user that cannot be had."""
+        if self.ramp is not None:
+            return Sweep(self.ramp.from_, self.ramp.to, self.ramp.over, self.ramp.repeat)
+        if self.noise is not None:
+            # The scenario gives it its key, which follows the seed.
+            return Noise(self.noise.center, self.noise.spread, self.noise.every, b"", self.noise.normal)
+        if self.call is not None:
+            return Computed(find(self.call))
+        return Fixed(self.value or 0)
+
+
+_Items = Annotated[list[ItemIn], Field(max_length=MAX_ENTRIES)]
+_Functions = Annotated[list[Annotated[int, function_code()]], Field(min_length=1, max_length=8)]
+
+
+class MapIn(SlaveIn):
+    """An entry of this model."""
+
+    port = MAP_PORT
+
+    functions: _Functions | None = None
+    coils: _Items = Field([])
+    inputs: _Items = Field([])
+    input_registers: _Items = Field([])
+    registers: _Items = Field([])
+
+    def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
+        """Judge where its items lie, and their values."""
+        super().check(entry, find, report)
+        for section, space in SECTIONS.items():
+            items: list[ItemIn] = getattr(self, section)
+            for index, item in enumerate(items):
+                path = (*entry.path, section, index)
+                _check_item(path, section, item, find, report)
+                if item.end > ADDRESSES:
+                    text = f"is {item.address}; its items end at {item.end - 1}, beyond 65535"
+                    report.error((*path, "address"), text)
+                for before, other in enumerate(items[:index]):
+                    if other.address < item.end and item.address < other.end:
+                        where = report.where((*path[:-1], before))
+                        text = f"is {item.address}, where the item at {other.address} already lies ({where})"
+                        report.error((*path, "address"), text)
+                        break
+                if space.is_bit and item.words == 2:
+                    report.error((*path, "words"), "is 2, but bits have one")
+        if not any(getattr(self, section) for section in SECTIONS) and not entry.lost(*SECTIONS):
+            report.error(entry.path, f"has nothing in it; expected one of {', '.join(SECTIONS)}")
+
+    def settings(self, polls: tuple[PollSpec, ...], find: Find) -> MapSettings:
+        """Its entries. Raises ValueError for a function of the user that cannot be had."""
+        del polls
+        entries = tuple(
+            Entry(
+                space=space,
+                address=item.address,
+                value=item.values(find),
+                count=item.count,
+                name=item.name or "",
+                writable=item.writable,
+                words=item.words,
+                high_first=item.high_first,
+                low=item.low,
+                high=item.high,
+            )
+            for section, space in SECTIONS.items()
+            for item in getattr(self, section)
+        )
+        return MapSettings(entries, FUNCTIONS if self.functions is None else frozenset(self.functions))
+
+    def fill(self, written: dict[str, Any]) -> None:
+        """The functions that it serves."""
+        super().fill(written)
+        written["functions"] = sorted(FUNCTIONS if self.functions is None else self.functions)
+
+
+def _check_item(path: Path, section: str, item: ItemIn, find: Find, report: Reporter) -> None:
+    bit = SECTIONS[section].is_bit
+    low, high = (0, 1) if bit else (-(1 << 16 * item.words - 1), (1 << 16 * item.words) - 1)
+    values = [("value", item.value)]
+    if item.ramp is not None:
+        values = [("ramp.from", item.ramp.from_), ("ramp.to", item.ramp.to)]
+    for key, value in values:
+        if value is not None and not low <= value <= high:
+            report.error((*path, *key.split(".")), f"is {value}, allowed {low}..{high}")
+    for key in ("low", "high"):
+        value = getattr(item, key)
+        if value is not None and not 0 <= value <= high:
+            report.error((*path, key), f"is {value}, allowed 0..{high} (unsigned)")
+    if item.writable and SECTIONS[section] not in WRITABLE:
+        writable = names(name for name, space in SECTIONS.items() if space in WRITABLE)
+        report.error((*path, "writable"), f"is true, but Modbus cannot write {section}, only {writable}")
+    if item.call is not None:
+        try:
+            find(item.call)
+        except ValueError as error:
+            report.error((*path, "call"), str(error))

@@ -1,0 +1,1 @@
+"""The V80 or PPC controller as Modbus slave."""

@@ -1,0 +1,100 @@
+"""From entries of ``polls`` without mistakes to frozen values, and to plain data with every default."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bussim.forms.form import as_written, in_order
+from bussim.plc.ports.spec import FreeSpec, PollSpec
+from bussim.scenario.resolve.members import Member
+from bussim.scenario.resolve.port_configuration import FREE
+from bussim.scenario.schema.polls import PollIn, TransactionIn
+
+
+def polls_of(member: Member, polls: Sequence[TransactionIn]) -> tuple[PollSpec | FreeSpec, ...]:
+    """The polls of a PLC."""
+    free = {config.name for config in member.ports if config.protocol == FREE}
+    return tuple(
+        _free(name, poll) if poll.port in free else _transaction(name, poll.port, poll)
+        for name, poll in _named(polls)
+        if isinstance(poll, PollIn)
+    )
+
+
+def master_polls(polls: Sequence[TransactionIn]) -> tuple[PollSpec, ...]:
+    """The polls of a device that is a master."""
+    return tuple(_transaction(name, "", poll) for name, poll in _named(polls))
+
+
+def _named(polls: Sequence[TransactionIn]) -> list[tuple[str, TransactionIn]]:
+    """Polls with their names: those given, for the rest what they ask.
+
+    Those that ask the same are numbered from the second on; no other poll changes a name.
+    """
+    seen: dict[str, int] = {}
+    named = []
+    for poll in polls:
+        name = poll.name
+        if name is None:
+            label = _label(poll)
+            seen[label] = seen.get(label, 0) + 1
+            name = label if seen[label] == 1 else f"{label} #{seen[label]}"
+        named.append((name, poll))
+    return named
+
+
+def _label(poll: TransactionIn) -> str:
+    port = [poll.port] if isinstance(poll, PollIn) else []
+    if poll.function is None:
+        return " ".join([*port, "free"])
+    return " ".join([*port, f"station {poll.station}", f"{poll.function:02X}", f"@{poll.address}"])
+
+
+def _transaction(name: str, port: str, poll: TransactionIn) -> PollSpec:
+    """A Modbus poll."""
+    if poll.station is None or poll.function is None or poll.address is None:
+        raise AssertionError("a poll without mistakes has a station, a function and an address")
+    device = (poll.to or poll.from_) if isinstance(poll, PollIn) else None
+    return PollSpec(
+        name=name,
+        port=port,
+        station=poll.station,
+        function=poll.function,
+        address=poll.address,
+        count=poll.quantity,
+        device=device,
+        values=tuple(value & 0xFFFF for value in poll.values or ()),
+        every=poll.every,
+        at=poll.at,
+        times=poll.times,
+        retries=poll.retries or 0,
+    )
+
+
+def _free(name: str, poll: PollIn) -> FreeSpec:
+    data = poll.data or poll.text or b""
+    return FreeSpec(
+        name=name,
+        port=poll.port,
+        send=poll.send,
+        send_count=poll.send_count if poll.send_count is not None else len(data),
+        data=data,
+        device=poll.to,
+        count=poll.count or 0,
+        every=poll.every,
+        at=poll.at,
+        times=poll.times,
+    )
+
+
+def written_poll(poll: TransactionIn) -> dict[str, object]:
+    """A poll in the file's own form. A name that it was not given stays open: what it asks names it."""
+    written = as_written(poll)
+    if poll.function is not None:
+        written.setdefault("count", poll.quantity)
+        written.setdefault("retries", 0)
+    elif isinstance(poll, PollIn):
+        data = poll.data or poll.text
+        if data is not None:
+            written.setdefault("send_count", len(data))
+    return in_order(poll, written)
