@@ -7,7 +7,7 @@ with a protocol of its own. Its frozen settings say what follows from them; its 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -32,16 +32,18 @@ class DeviceEvent(NamedTuple):
     warning: str = ""
 
 
-class Behaviour(ABC):
-    """A device in a run. Its node asks for an engine whenever the supply comes."""
+#: Makes an engine when the supply comes at a tick: it is not started yet. Beside it its rate and format.
+PowerOn = Callable[[int], tuple[Any, LineTiming]]
 
-    @abstractmethod
-    def power_on(self, now: int) -> tuple[Any, LineTiming]:
-        """The supply comes: the engine, not started, and the rate and format that it uses."""
+
+class Behaviour:
+    """A device in a run: with a new engine at every power-on, and nothing to report."""
+
+    def __init__(self, power_on: PowerOn) -> None:
+        self.power_on = power_on
 
     def power_off(self, now: int) -> None:
         """The supply goes."""
-        del now
 
     def state(self, now: int) -> dict[str, int]:
         """Its state for the summary, by name."""
@@ -85,9 +87,19 @@ class SlaveSettings(DeviceSettings):
         return None
 
     def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
-        """A register map that is made anew at power-on."""
+        """A slave whose map is made anew at power-on."""
         del streams
-        return SlaveBehaviour(device, self)
+        return Behaviour(lambda _: (self.engine(device, self.register_map()), device.timing))
+
+    def engine(self, device: BusDevice, registers: RegisterMap) -> Slave:
+        """The slave engine over a map."""
+        return self.engine_at(device, registers, device.station or 0, device.timing)
+
+    def engine_at(self, device: BusDevice, registers: RegisterMap, station: int, timing: LineTiming) -> Slave:
+        """The slave engine over a map, at a station, rate and format of its own."""
+        framing = self.port.framing(device.mode, timing)
+        driven = self.plc_scan() is not None
+        return Slave(SlaveConfig(framing, device.delay, driven), {station: registers})
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,23 +151,3 @@ class BusDevice:
     def framing(self) -> Framing:
         """How it frames Modbus. Raises ValueError for a mode that is impossible on its line."""
         return self.settings.port.framing(self.mode, self.timing)
-
-
-class SlaveBehaviour(Behaviour):
-    """A slave without a life of its own: its map is made anew at power-on."""
-
-    def __init__(self, device: BusDevice, settings: SlaveSettings) -> None:
-        self.device = device
-        self._settings = settings
-
-    def power_on(self, now: int) -> tuple[Any, LineTiming]:
-        """The engine over a new map."""
-        del now
-        device = self.device
-        return self.engine(self._settings.register_map(), device.station or 0, device.timing), device.timing
-
-    def engine(self, registers: RegisterMap, station: int, timing: LineTiming) -> Slave:
-        """The slave engine over a map, at a station, rate and format."""
-        framing = self._settings.port.framing(self.device.mode, timing)
-        driven = self._settings.plc_scan() is not None
-        return Slave(SlaveConfig(framing, self.device.delay, driven), {station: registers})

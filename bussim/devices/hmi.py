@@ -10,7 +10,6 @@ from bussim.devices.port import DevicePort
 from bussim.engines.modbus.master import MasterConfig
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import PollList
-from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.requests import poll_of
 from bussim.plc.ports.spec import PollSpec
@@ -24,25 +23,12 @@ class HmiSettings(MasterSettings):
 
     port = HMI_PORT
 
-    def behaviour(self, device: BusDevice, streams: Streams) -> HmiBehaviour:
-        """The master in a run."""
+    def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
+        """A master whose poll list begins anew at power-on."""
         del streams
-        return HmiBehaviour(device, self)
-
-
-class HmiBehaviour(Behaviour):
-    """A master whose poll list begins anew at power-on."""
-
-    def __init__(self, device: BusDevice, settings: HmiSettings) -> None:
-        self._device = device
-        self._settings = settings
-
-    def power_on(self, now: int) -> tuple[PollingMaster, LineTiming]:
-        """The engine over the poll list."""
-        device, settings = self._device, self._settings
-        config = MasterConfig(device.framing(), settings.timeout, settings.interval, settings.turnaround)
-        polls = PollList([poll_of(poll) for poll in settings.polls], now)
-        return PollingMaster(config, polls), device.timing
+        config = MasterConfig(device.framing(), self.timeout, self.interval, self.turnaround)
+        polls = [poll_of(poll) for poll in self.polls]
+        return Behaviour(lambda now: (PollingMaster(config, PollList(polls, now)), device.timing))
 
 
 class HmiIn(MasterIn):

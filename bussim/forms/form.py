@@ -27,6 +27,10 @@ class Model(BaseModel):
             return {cls.shorthand: value}
         return value
 
+    def given(self, *without: str) -> dict[str, Any]:
+        """The values that are there, by the names of their fields, without some of these."""
+        return {key: value for key, value in self if value is not None and key not in without}
+
 
 def given_of(model: Model, keys: tuple[str, ...]) -> str:
     """The first of ``keys`` that is given, "" for none."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.registers import BY_NAME, COILS
 from bussim.units import TICKS_PER_SECOND
@@ -47,11 +48,31 @@ def seconds_for(pulses: int) -> Fraction:
     return 2 * Fraction(TOP - LOW, SLOPE) + (pulses - 2 * ramp) / TOP
 
 
+def next_change(device: Stepper) -> int | None:
+    """The next tick at which something happens on its own, None for never."""
+    return device.controller.next_change() if device.powered else None
+
+
+def set_input(device: Stepper, number: int, now: int, *, on: bool) -> None:
+    """A signal from elsewhere: as of a switch that is on wherever the axis is."""
+    device.advance(now)
+    axis, signal = device.controller.axis, Switch(number)
+    axis._switches = (*(switch for switch in axis._switches if switch != signal), *[signal] * on)
+    axis.replan(now)
+    if device.powered:
+        device.controller.inputs_changed(now)
+
+
+def output(device: Stepper, number: int, now: int) -> bool:
+    device.advance(now)
+    return device.controller.outputs[number]
+
+
 def run_to_end(device: Stepper) -> int:
     """Let everything happen; returns the tick of the last change."""
     last = 0
     for _ in range(1000):
-        at = device.next_change()
+        at = next_change(device)
         if at is None:
             return last
         assert at >= last

@@ -33,6 +33,7 @@ from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.memory import Memory
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import put
+from tests.devices.steppers import next_change, set_input
 
 S = TICKS_PER_SECOND
 
@@ -156,7 +157,7 @@ def play(script: list[tuple[int, Any]], look: Callable[[Stepper, int, int], None
         if kind == "coil":
             serve(device, write_coil(number, on=flag), now)
         elif kind == "input":
-            device.set_input(number, now, on=flag)
+            set_input(device, number, now, on=flag)
         elif kind == "distance":
             put(device, 9, number & 0xFFFF, number >> 16 & 0xFFFF, now=now)
         else:
@@ -171,7 +172,7 @@ def play(script: list[tuple[int, Any]], look: Callable[[Stepper, int, int], None
 
 def step_by_step(device: Stepper, now: int, until: int) -> None:
     """As a driver that follows the device's appointments."""
-    while (at := device.next_change()) is not None and at <= until:
+    while (at := next_change(device)) is not None and at <= until:
         assert at >= now
         now = at
         device.advance(at)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bussim.devices.map.map import Entry, UserMap
 from bussim.devices.map.values import Computed, Fixed, Noise, Sweep, Value, noise_key
-from bussim.engines.modbus.pdu import Limits, Request, write_coils, write_registers
+from bussim.engines.modbus.pdu import Request, write_coils, write_registers
 from bussim.engines.modbus.server import Space
 from bussim.plc.sources import Counter, Toggle
 from bussim.units import TICKS_PER_SECOND
@@ -48,14 +48,15 @@ def test_32_bits_low_word_first_or_last() -> None:
     device = UserMap(
         [
             Entry(HOLDING, 0, Fixed(0x0001_0002), words=2, writable=True),
-            Entry(HOLDING, 2, Fixed(-2), words=2, writable=True, high_first=True, count=2),
+            Entry(HOLDING, 2, Fixed(-2), words=2, writable=True, high_first=True, count=2, high=0xDEADBEEF),
         ]
     )
     assert registers(device, 0, 6) == (2, 1, 0xFFFF, 0xFFFE, 0xFFFF, 0xFFFE)
     assert put(device, 4, 0xDEAD, 0xBEEF) == 0
-    assert device.value(HOLDING, 4, 0) == 0xDEADBEEF
+    assert put(device, 4, 0xDEAD, 0xBEF0) == 3  # more than its highest value, as one number of 32 bits
+    assert registers(device, 4, 2) == (0xDEAD, 0xBEEF)
     assert put(device, 0, 0xDEAD, 0xBEEF) == 0
-    assert device.value(HOLDING, 0, 0) == 0xBEEFDEAD
+    assert registers(device, 0, 2) == (0xDEAD, 0xBEEF)
     assert put(device, 0, 1) == 2  # half of it
     assert code(device, Request(3, 1, 2)) == 2
 
@@ -158,10 +159,9 @@ def test_functions_that_fail_are_a_device_failure(value: Value, said: str) -> No
     assert (failed.tick, failed.name, failed.error) == (9, "f", said)
 
 
-def test_own_functions_and_limits() -> None:
-    device = UserMap([Entry(HOLDING, 0, count=50)], frozenset((3,)), Limits(read_holding=10))
+def test_own_functions() -> None:
+    device = UserMap([Entry(HOLDING, 0, count=50)], frozenset((3,)))
     assert code(device, Request(3, 0, 10)) == 0
-    assert code(device, Request(3, 0, 11)) == 3
     assert code(device, Request(1, 0, 1)) == 1
     assert code(device, write_registers(0, (1,))) == 1
 
@@ -181,10 +181,6 @@ def test_maps_that_cannot_be(entries: list[Entry], said: str) -> None:
         UserMap(entries)
 
 
-def test_functions_and_limits_that_cannot_be() -> None:
+def test_functions_that_cannot_be() -> None:
     with pytest.raises(ValueError, match="functions 7, 8 are not known"):
         UserMap([], frozenset((3, 7, 8)))
-    with pytest.raises(ValueError, match=r"read_holding \(=126\) must be in \[1...125\]"):
-        UserMap([], limits=Limits(read_holding=126))
-    with pytest.raises(KeyError, match="4xxxx address 3"):
-        UserMap([]).value(HOLDING, 3, 0)

@@ -23,6 +23,7 @@ from tests.devices.steppers import (
     TOP,
     command,
     events,
+    next_change,
     position,
     run_to_end,
     seconds_for,
@@ -42,7 +43,7 @@ def test_a_run_of_200_units_ends_where_and_when_the_kinematics_say() -> None:
     assert command(device, "run_once", now) == 0
     pulses = 64_000
     end = now + round(seconds_for(pulses) * S)
-    assert device.next_change() == end
+    assert next_change(device) == end
     assert (device.value("running", now), device.value("arrived", now)) == (1, 0)
     assert device.value("running", end - 1) == 1
     assert position(device, end - 1) < 20000 or device.value("arrived", end - 1) == 0
@@ -85,7 +86,7 @@ def test_a_short_run_is_a_triangle() -> None:
     set_(device, distance=100)  # 320 pulses; the ramps alone would need 1155
     command(device, "run_once", 0)
     peak = (LOW**2 + SLOPE * 320) ** 0.5
-    assert device.next_change() == pytest.approx(2 * (peak - LOW) / SLOPE * S, abs=2)
+    assert next_change(device) == pytest.approx(2 * (peak - LOW) / SLOPE * S, abs=2)
     assert position(device, run_to_end(device)) == 100
 
 
@@ -130,7 +131,7 @@ def test_round_trips_go_there_and_back() -> None:
     device = Stepper()
     set_(device, distance=1000, round_trips=3)
     command(device, "run_once", 0)
-    end = 6 * device.next_change()
+    end = 6 * next_change(device)
     assert device.value("arrived", end - 1) == 0
     assert run_to_end(device) == end
     assert position(device, end) == 0
@@ -143,7 +144,7 @@ def test_round_trips_keep_the_speed_they_began_with() -> None:
     device = Stepper()
     set_(device, distance=1000, round_trips=2)
     command(device, "run_once", 0)
-    one = device.next_change()
+    one = next_change(device)
     set_(device, one // 2, speed=0)
     assert run_to_end(device) == 4 * one
     assert command(device, "run_once", 5 * one) == 4  # now it has none
@@ -191,7 +192,7 @@ def test_stop_ramps_down_or_stands_at_once() -> None:
         now = 5 * S  # at top speed
         before = position(device, now)
         assert command(device, "stop", now) == 0
-        end = device.next_change()
+        end = next_change(device)
         if mode:
             assert (end, device.value("running", now)) == (None, 0)
             assert position(device, 10 * S) == before
@@ -210,9 +211,9 @@ def test_stop_while_it_ramps_down_to_its_goal_lets_it_arrive() -> None:
     device = Stepper()
     set_(device, distance=20000)
     command(device, "run_once", 0)
-    end = device.next_change()
+    end = next_change(device)
     command(device, "stop", end - S // 10)
-    assert device.next_change() == end
+    assert next_change(device) == end
     assert (device.value("arrived", end), position(device, end)) == (1, 20000)
 
 
@@ -221,9 +222,9 @@ def test_a_second_stop_changes_nothing() -> None:
     set_(device, distance=20000)
     command(device, "run_once", 0)
     command(device, "stop", 5 * S)
-    end = device.next_change()
+    end = next_change(device)
     command(device, "stop", 5 * S + S // 4)
-    assert device.next_change() == end
+    assert next_change(device) == end
 
 
 def test_stop_without_motion_is_fine() -> None:
@@ -237,11 +238,11 @@ def test_stop_without_motion_is_fine() -> None:
 def test_jog_runs_until_it_goes_off(name: str, sign: int) -> None:
     device = Stepper()
     assert command(device, name, 0) == 0
-    assert device.next_change() is None
+    assert next_change(device) is None
     assert command(device, name, S) == 0  # on again: nothing new
     released = 10 * S
     assert command(device, name, released, on=False) == 0
-    end = device.next_change()
+    end = next_change(device)
     assert end - released == Fraction(TOP - LOW, SLOPE) * S
     run_to_end(device)
     ramp = Fraction(TOP**2 - LOW**2, 2 * SLOPE)

@@ -13,7 +13,18 @@ from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput, StepperProfile
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.devices.ask import coil
-from tests.devices.steppers import LOW, PER_UNIT, SLOPE, TOP, command, events, position, run_to_end, set_
+from tests.devices.steppers import (
+    LOW,
+    PER_UNIT,
+    SLOPE,
+    TOP,
+    command,
+    events,
+    next_change,
+    position,
+    run_to_end,
+    set_,
+)
 
 S = TICKS_PER_SECOND
 
@@ -43,7 +54,7 @@ def test_acceleration_in_another_unit() -> None:
     set_(device, distance=20000, acceleration=SLOPE // 10)
     command(device, "run_once", 0)
     end = 2 * Fraction(TOP - LOW, SLOPE) + (64_000 - Fraction(TOP**2 - LOW**2, SLOPE)) / TOP
-    assert device.next_change() == round(end * S)
+    assert next_change(device) == round(end * S)
 
 
 def test_homing_zeroes() -> None:
@@ -59,9 +70,9 @@ def test_refused_commands_are_echoed() -> None:
     device = stepper(refused_command=0)
     set_(device, distance=20000)
     command(device, "run_once", 0)
-    end = device.next_change()
+    end = next_change(device)
     assert command(device, "to_zero", S) == 0
-    assert device.next_change() == end
+    assert next_change(device) == end
     assert any(isinstance(event, CommandRefused) for event in events(device))
 
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from bussim.devices.stepper.events import MotorStopped, OutputChanged, ProjectEnded, StepEntered, Stop
 from bussim.devices.stepper.map import Stepper
-from bussim.devices.stepper.program import Cursor, Plan, following
+from bussim.devices.stepper.project import Cursor, Plan, following
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-from tests.devices.steppers import command, events, position, run_to_end, set_
+from tests.devices.steppers import command, events, next_change, position, run_to_end, set_, set_input
 
 S, MS = TICKS_PER_SECOND, TICKS_PER_MS
 
@@ -124,7 +124,7 @@ def test_steps_wait_for_their_start_signal() -> None:
     command(device, "start_project", 0)
     run_to_end(device)
     assert (device.value("running_step", 10 * S), device.value("running", 10 * S)) == (2, 0)
-    device.set_input(3, 20 * S, on=True)
+    set_input(device, 3, 20 * S, on=True)
     assert device.value("running", 20 * S) == 1
     end = run_to_end(device)
     assert position(device, end) == 200
@@ -139,7 +139,7 @@ def test_the_stop_signal_of_a_step_ends_its_motion_and_the_project_goes_on() -> 
     step(device, 1, distance=20000, stop_input=1)
     step(device, 2, distance=100)
     command(device, "start_project", 0)
-    device.set_input(1, 5 * S, on=True)
+    set_input(device, 1, 5 * S, on=True)
     stopped = position(device, 5 * S)
     end = run_to_end(device)
     assert position(device, end) == stopped + 100
@@ -171,7 +171,7 @@ def test_stop_during_a_delay_switches_its_output_off() -> None:
     assert device.value("output_1", S) == 1
     command(device, "stop", S)
     assert device.value("output_1", S) == 0
-    assert device.next_change() is None
+    assert next_change(device) is None
 
 
 def test_outputs_that_do_not_exist_do_nothing() -> None:
@@ -186,13 +186,13 @@ def test_project_start_and_stop_signals() -> None:
     device = Stepper()
     set_(device, project_start_input=1, project_stop_input=2, stop_mode=1)
     step(device, 1, distance=20000)
-    device.set_input(1, S, on=True)
+    set_input(device, 1, S, on=True)
     assert device.value("running_step", S) == 1
-    device.set_input(1, 2 * S, on=False)
+    set_input(device, 1, 2 * S, on=False)
     assert device.value("running_step", 2 * S) == 1
-    device.set_input(2, 3 * S, on=True)
+    set_input(device, 2, 3 * S, on=True)
     assert (device.value("running_step", 3 * S), device.value("running", 3 * S)) == (0, 0)
-    device.set_input(1, 4 * S, on=True)
+    set_input(device, 1, 4 * S, on=True)
     assert device.value("running_step", 4 * S) == 1  # the stop signal is an edge, too
 
 
@@ -211,7 +211,7 @@ def test_a_limit_ends_the_project() -> None:
     step(device, 1, distance=20000)
     step(device, 2, distance=100)
     command(device, "start_project", 0)
-    device.set_input(1, 2 * S, on=True)
+    set_input(device, 1, 2 * S, on=True)
     assert (device.value("running_step", 2 * S), device.value("running", 2 * S)) == (0, 0)
     assert events(device)[-1].reason is Stop.LIMIT
 

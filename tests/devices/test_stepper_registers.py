@@ -8,6 +8,7 @@ from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.registers import COILS, REGISTERS, Group
 from bussim.engines.modbus.pdu import Request, write_coil, write_coils, write_register, write_registers
 from tests.devices.ask import ask, code, coil, put, registers
+from tests.devices.steppers import next_change
 
 # The manual's table 5: (first number, words, read-only).
 READ_ONLY = {40013: 1, 40023: 2, 40042: 1, 40043: 1, 40044: 1, 40045: 1, 40046: 1, 40047: 1, 40048: 1}
@@ -319,17 +320,9 @@ def test_impossible_settings(kwargs: dict[str, int], said: str) -> None:
         Stepper(**kwargs)
 
 
-def test_inputs_and_outputs_that_it_lacks() -> None:
-    device = Stepper()
-    with pytest.raises(ValueError, match=r"input \(=6\) must be in \[1...5\]"):
-        device.set_input(6, 0, on=True)
-    with pytest.raises(ValueError, match=r"output \(=4\) must be in \[1...3\]"):
-        device.output(4, 0)
-
-
 def test_a_coil_that_is_off_does_nothing() -> None:
     device = Stepper()
     for c in COILS:
         assert code(device, write_coil(c.address, on=False)) == 0
-    assert device.next_change() is None
+    assert next_change(device) is None
     assert device.poll() is None

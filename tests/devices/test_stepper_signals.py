@@ -24,9 +24,12 @@ from tests.devices.steppers import (
     TOP,
     command,
     events,
+    next_change,
+    output,
     position,
     run_to_end,
     set_,
+    set_input,
 )
 
 S = TICKS_PER_SECOND
@@ -55,7 +58,7 @@ def test_homing_runs_back_to_the_mechanical_zero() -> None:
 def test_homing_without_a_signal_goes_on_until_stopped() -> None:
     device = Stepper()
     command(device, "home", 0)
-    assert device.next_change() is None
+    assert next_change(device) is None
     command(device, "stop", 100 * S)
     assert position(device, 200 * S) < -40_000
 
@@ -84,7 +87,7 @@ def test_a_switch_is_on_within_its_range_only(*, reverse: bool) -> None:
     set_(device, distance=1000, direction=int(reverse))
     command(device, "run_once", 0)
     changes: list[int] = []
-    while (at := device.next_change()) is not None:
+    while (at := next_change(device)) is not None:
         axis = device.controller.axis
         if device.value("running", at):
             changes.append(axis.pulses(at))
@@ -107,28 +110,28 @@ def test_without_units_no_switch_is_on() -> None:
 def test_start_signals(mode: int) -> None:
     device = Stepper()
     set_(device, distance=1000, signal_mode=mode, forward_input=4, reverse_input=5)
-    device.set_input(5, S, on=True)
+    set_input(device, 5, S, on=True)
     assert device.value("running", S) == 1
-    device.set_input(5, 2 * S, on=False)
+    set_input(device, 5, 2 * S, on=False)
     if mode == 0:
         assert position(device, run_to_end(device)) == -1000
         assert device.value("arrived", 100 * S) == 0  # that flag is for the command alone
     elif mode == 1:
-        assert device.next_change() is None
+        assert next_change(device) is None
         command(device, "stop", 3 * S)
         run_to_end(device)
     else:
-        assert device.next_change() == 2 * S + Fraction(TOP - LOW, SLOPE) * S
+        assert next_change(device) == 2 * S + Fraction(TOP - LOW, SLOPE) * S
         run_to_end(device)
     now = 100 * S
     before = position(device, now)
-    device.set_input(4, now, on=True)
+    set_input(device, 4, now, on=True)
     assert position(device, now + S) > before
 
 
 def test_a_signal_that_was_on_before_starts_nothing() -> None:
     device = Stepper()
-    device.set_input(4, 0, on=True)
+    set_input(device, 4, 0, on=True)
     set_(device, distance=1000, forward_input=4)
     assert device.value("running", S) == 0
 
@@ -138,7 +141,7 @@ def test_outputs_by_coil() -> None:
     for number, register in [(1, "output_1"), (2, "output_2"), (3, "output_3")]:
         assert command(device, f"output_{number}_on", number) == 0
         assert device.value(register, number) == 1
-        assert device.output(number, number)
+        assert output(device, number, number)
     for number, register in [(1, "output_1"), (2, "output_2"), (3, "output_3")]:
         assert command(device, f"output_{number}_off", 10 + number) == 0
         assert device.value(register, 10 + number) == 0
@@ -154,8 +157,8 @@ def test_power_off_stands_at_once_and_forgets() -> None:
     command(device, "run_once", 0)
     command(device, "output_2_on", S)
     device.power_off(5 * S)
-    assert device.next_change() is None
-    device.set_input(1, 6 * S, on=True)
+    assert next_change(device) is None
+    set_input(device, 1, 6 * S, on=True)
     device.power_on(8 * S)
     assert (position(device, 8 * S), device.value("output_2", 8 * S)) == (0, 0)
     assert device.value("distance", 8 * S) == 0  # it was not saved

@@ -17,7 +17,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "other line": (
         spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, baud: 19200}")),
-        ["13:13: press1.COM3 runs at 19200 8N1, line at 9600 8N1: nobody there understands it"],
+        ["13:13: press1.COM3 runs at 19200 8N1, line at 9600 8N1: no station there understands it"],
     ),
     "raw bad station": (
         spoilt(
@@ -147,7 +147,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "other": (
         spoilt((DRIVE, "{name: drive, model: stepper, bus: line, baud: 4800}")),
-        ["24:5: drive runs at 4800 8N1, line at 9600 8N1: nobody there understands it"],
+        ["24:5: drive runs at 4800 8N1, line at 9600 8N1: no station there understands it"],
     ),
     "hmi none": (
         spoilt((DRIVE, "{name: drive, model: hmi, bus: line}")),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,7 +13,6 @@ from bussim.devices.free.scripted import Message, ScriptedDevice
 from bussim.devices.port import DevicePort
 from bussim.forms.fields import Hex, Positive, Text, Time, Times, fail
 from bussim.forms.form import Model, only_one
-from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.spec import PollSpec
 
@@ -35,26 +33,10 @@ class FreeSettings(FreeProtocolSettings):
         """Whether it has messages."""
         return bool(self.messages)
 
-    def behaviour(self, device: BusDevice, streams: Streams) -> FreeBehaviour:
-        """The device in a run; every message has a stream for its jitter."""
+    def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
+        """The messages begin anew at power-on; the streams of their jitter, one each, go on."""
         draws = [streams.uniforms("saying", device.name, number) for number in range(len(self.messages))]
-        return FreeBehaviour(self.messages, device.timing, draws)
-
-
-class FreeBehaviour(Behaviour):
-    """A scripted device that begins anew at power-on; its random streams go on."""
-
-    def __init__(
-        self, messages: tuple[Message, ...], timing: LineTiming, draws: list[Iterator[float]]
-    ) -> None:
-        self._messages = messages
-        self._timing = timing
-        self._draws = draws
-
-    def power_on(self, now: int) -> tuple[ScriptedDevice, LineTiming]:
-        """The engine with its messages."""
-        del now
-        return ScriptedDevice(self._messages, self._timing, self._draws), self._timing
+        return Behaviour(lambda _: (ScriptedDevice(self.messages, device.timing, draws), device.timing))
 
 
 class BytesIn(Model):
@@ -106,15 +88,8 @@ class MessageIn(BytesIn):
 
     def message(self) -> Message:
         """The frozen message."""
-        return Message(
-            data=_data(self),
-            at=self.at or 0,
-            every=self.every,
-            times=self.times,
-            jitter=self.jitter or 0,
-            reply_to=_data(self.reply_to) if self.reply_to is not None else b"",
-            delay=self.delay or 0,
-        )
+        reply_to = _data(self.reply_to) if self.reply_to is not None else b""
+        return Message(_data(self), reply_to=reply_to, **self.given("text", "bytes", "reply_to"))
 
 
 class FreeIn(DeviceIn):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from bussim.devices.areas import WRITABLE, Area, AreaMap, Part
 from bussim.devices.map.values import Fixed, Value
 from bussim.engines.modbus.codes import ExceptionCode
-from bussim.engines.modbus.pdu import FUNCTIONS, STANDARD_LIMITS, Limits
+from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
 
 _ZERO = Fixed(0)
@@ -55,35 +55,20 @@ class EntryArea(Area):
 class UserMap(AreaMap):
     """The map. Raises ValueError for entries that overlap, leave 0…65535 or cannot be.
 
-    ``functions`` are the function codes that it serves, ``limits`` at most the standard's.
+    ``functions`` are the function codes that it serves.
     """
 
-    def __init__(
-        self,
-        entries: Iterable[Entry],
-        functions: frozenset[int] = FUNCTIONS,
-        limits: Limits = STANDARD_LIMITS,
-    ) -> None:
+    def __init__(self, entries: Iterable[Entry], functions: frozenset[int] = FUNCTIONS) -> None:
         unknown = sorted(functions - FUNCTIONS)
         if unknown:
             raise ValueError(f"functions {', '.join(map(str, unknown))} are not known")
-        for name, limit, most in zip(Limits._fields, limits, STANDARD_LIMITS, strict=True):
-            if not 1 <= limit <= most:
-                raise ValueError(f"{name} (={limit}) must be in [1...{most}]")
-        super().__init__([_area(entry) for entry in entries], functions, limits)
+        super().__init__([_area(entry) for entry in entries], functions)
         self._written: dict[tuple[Space, int], int] = {}
         self._failures: deque[ValueFailed] = deque()
 
     def poll(self) -> ValueFailed | None:
         """The next failure of a function, None when there is none."""
         return self._failures.popleft() if self._failures else None
-
-    def value(self, space: Space, address: int, now: int) -> int:
-        """An item by its first address. Raises KeyError if there is none, and what its function raises."""
-        for area in self.areas:
-            if area.space is space and area.start <= address < area.end:
-                return self._item(area, address, now)
-        raise KeyError(f"{space.value} address {address}")
 
     def _item(self, area: Area, address: int, now: int) -> int:
         assert isinstance(area, EntryArea)  # noqa: S101 - narrows the type; all areas here are

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.devices.areas import ADDRESSES, SECTIONS, WRITABLE
-from bussim.devices.contract import BusDevice, DeviceEvent, SlaveBehaviour, SlaveSettings
+from bussim.devices.contract import Behaviour, BusDevice, DeviceEvent, SlaveSettings
 from bussim.devices.forms import LONG, Find, Long, SlaveIn
 from bussim.devices.map.map import Entry, UserMap
 from bussim.devices.map.values import Computed, Fixed, Noise, Sweep, Value, noise_key
@@ -59,24 +59,24 @@ def _seeded(entry: Entry, seed: int, device: str) -> Entry:
     return replace(entry, value=replace(entry.value, key=key))
 
 
-class MapBehaviour(SlaveBehaviour):
+class MapBehaviour(Behaviour):
     """The map in a run, which reports the failures of the user's functions."""
 
     def __init__(self, device: BusDevice, settings: MapSettings) -> None:
-        super().__init__(device, settings)
-        self._new_map = settings.register_map
+        super().__init__(self._power_on)
+        self._device = device
+        self._settings = settings
         self._map = settings.register_map()
 
-    def power_on(self, now: int) -> tuple[Slave, LineTiming]:
-        """The engine over a new map."""
+    def _power_on(self, now: int) -> tuple[Slave, LineTiming]:
         del now
-        self._map, device = self._new_map(), self.device
-        return self.engine(self._map, device.station or 0, device.timing), device.timing
+        self._map = self._settings.register_map()
+        return self._settings.engine(self._device, self._map), self._device.timing
 
     def events(self) -> Iterator[DeviceEvent]:
         """Functions that failed."""
         while (failure := self._map.poll()) is not None:
-            warning = f"{self.device.name}: the function of {failure.name} failed: {failure.error}"
+            warning = f"{self._device.name}: the function of {failure.name} failed: {failure.error}"
             yield DeviceEvent(failure.tick, "value_failed", f"{failure.name}: {failure.error}", warning)
 
 
@@ -143,8 +143,7 @@ class ItemIn(Model):
         if self.ramp is not None:
             return Sweep(self.ramp.from_, self.ramp.to, self.ramp.over, self.ramp.repeat)
         if self.noise is not None:
-            # The scenario gives it its key, which follows the seed.
-            return Noise(self.noise.center, self.noise.spread, self.noise.every, b"", self.noise.normal)
+            return Noise(key=b"", **self.noise.given())  # the scenario gives it its key, from the seed
         if self.call is not None:
             return Computed(find(self.call))
         return Fixed(self.value or 0)
@@ -191,18 +190,7 @@ class MapIn(SlaveIn):
         """Its entries. Raises ValueError for a function of the user that cannot be had."""
         del polls
         entries = tuple(
-            Entry(
-                space=space,
-                address=item.address,
-                value=item.values(find),
-                count=item.count,
-                name=item.name or "",
-                writable=item.writable,
-                words=item.words,
-                high_first=item.high_first,
-                low=item.low,
-                high=item.high,
-            )
+            Entry(space=space, value=item.values(find), **item.given(*VALUE_KEYS))
             for section, space in SECTIONS.items()
             for item in getattr(self, section)
         )

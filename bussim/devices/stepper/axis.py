@@ -1,4 +1,4 @@
-"""The stepper controller's axis: where it is, what it is doing, and the switches along its way."""
+"""The stepper controller's axis: where it is, what it is doing, and its inputs, the switches along it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import ceil, floor
 
 from bussim.devices.stepper.motion import Drive, Motion
 from bussim.devices.stepper.parameters import Parameters
-from bussim.devices.stepper.registers import signed
+from bussim.devices.stepper.registers import INPUTS, signed
 from bussim.units import round_half_up
 
 
@@ -166,3 +166,26 @@ class Axis:
                 if (low is None or at >= low) and (high is None or at <= high):
                     return True
         return False
+
+
+class Inputs:
+    """Levels by input number, 1–5; number 0 (a register that names no input) is always off."""
+
+    def __init__(self, parameters: Parameters, axis: Axis) -> None:
+        self._parameters = parameters
+        self._axis = axis
+        self._levels = [False] * (INPUTS + 1)
+
+    def refresh(self, now: int) -> frozenset[int]:
+        """Read all inputs; returns the numbers of those that have come on."""
+        before = self._levels
+        self._levels = [False, *(self._axis.switched_on(number, now) for number in range(1, INPUTS + 1))]
+        return frozenset(number for number, on in enumerate(self._levels) if on and not before[number])
+
+    def level(self, number: int) -> bool:
+        """Whether an input was on when they were last read."""
+        return self._levels[number]
+
+    def on(self, register: str) -> bool:
+        """Whether the input is on that a register names."""
+        return self._levels[self._parameters[register]]

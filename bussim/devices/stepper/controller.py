@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
-from bussim.devices.stepper.axis import Axis, Switch, drive_for, pulses_per_unit, way_of
+from bussim.devices.stepper.axis import Axis, Inputs, Switch, drive_for, pulses_per_unit, way_of
 from bussim.devices.stepper.events import (
     CommandRefused,
     Job,
@@ -21,7 +21,6 @@ from bussim.devices.stepper.events import (
     StepperEvent,
     Stop,
 )
-from bussim.devices.stepper.inputs import Inputs
 from bussim.devices.stepper.motion import Drive, run, travel
 from bussim.devices.stepper.parameters import Parameters
 from bussim.devices.stepper.profile import StepOutput, StepperProfile

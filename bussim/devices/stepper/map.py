@@ -11,7 +11,7 @@ from bussim.devices.stepper.controller import FORWARD, REVERSE, Controller
 from bussim.devices.stepper.events import PoweredOn, StepperEvent
 from bussim.devices.stepper.parameters import Parameters, with_words
 from bussim.devices.stepper.profile import STEPPER_PORT, STEPPER_PROFILE, StepperProfile
-from bussim.devices.stepper.registers import BY_NAME, COILS, INPUTS, OUTPUTS, REGISTERS, Group, Register
+from bussim.devices.stepper.registers import BY_NAME, COILS, OUTPUTS, REGISTERS, Group, Register
 from bussim.engines.modbus.codes import ExceptionCode
 from bussim.engines.modbus.pdu import Function
 from bussim.engines.modbus.server import Space
@@ -52,8 +52,6 @@ class Stepper(AreaMap):
         profile: StepperProfile = STEPPER_PROFILE,
     ) -> None:
         """Power is on, at tick 0, with a saved station and rate. Raises ValueError for impossible ones."""
-        for switch in switches:
-            _check_number("input", switch.input, INPUTS)
         if not BY_NAME["station"].low <= station <= BY_NAME["station"].high:
             raise ValueError(f"station (={station}) must be in [1...247]")
         if baud not in STEPPER_PORT.bauds:
@@ -119,10 +117,6 @@ class Stepper(AreaMap):
         if self.powered:
             self.controller.advance(now)
 
-    def next_change(self) -> int | None:
-        """The next tick at which something happens on its own, None for never."""
-        return self.controller.next_change() if self.powered else None
-
     def poll(self) -> StepperEvent | None:
         """The next event, None when there is none."""
         events = self.controller.events
@@ -150,20 +144,6 @@ class Stepper(AreaMap):
         if self.parameters["baud"] in STEPPER_PORT.bauds:
             self.baud = self.parameters["baud"]
         self.controller.events.append(PoweredOn(now, self.station, self.baud))
-
-    def set_input(self, number: int, now: int, *, on: bool) -> None:
-        """Switch an input's wire. Raises ValueError for one that it lacks."""
-        _check_number("input", number, INPUTS)
-        self.advance(now)
-        self.controller.inputs.set_wire(number, on=on)
-        if self.powered:
-            self.controller.inputs_changed(now)
-
-    def output(self, number: int, now: int) -> bool:
-        """Whether an output is on. Raises ValueError for one that it lacks."""
-        _check_number("output", number, OUTPUTS)
-        self.advance(now)
-        return self.controller.outputs[number]
 
     # -- registers ---------------------------------------------------------------------------------
 
@@ -238,8 +218,3 @@ class Stepper(AreaMap):
 
 def _switch(control: Controller, number: int, *, on: bool) -> Callable[[int], bool]:
     return lambda now: control.set_output(number, now, on=on)
-
-
-def _check_number(kind: str, number: int, most: int) -> None:
-    if not 1 <= number <= most:
-        raise ValueError(f"{kind} (={number}) must be in [1...{most}]")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from bussim.devices.contract import BusDevice, DeviceEvent, SlaveBehaviour, SlaveSettings
+from bussim.devices.contract import Behaviour, BusDevice, DeviceEvent, SlaveSettings
 from bussim.devices.forms import Find, Long, SlaveIn
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.events import in_words
@@ -65,21 +65,23 @@ class StepperSettings(SlaveSettings):
         return StepperBehaviour(device, self)
 
 
-class StepperBehaviour(SlaveBehaviour):
+class StepperBehaviour(Behaviour):
     """The controller exists on without supply: what was saved stays, and the axis stands where it was."""
 
     def __init__(self, device: BusDevice, settings: StepperSettings) -> None:
-        super().__init__(device, settings)
+        super().__init__(self._power_on)
+        self._device = device
+        self._settings = settings
         self._stepper = settings.register_map(device.station or 1, device.timing.baud)
         if device.power_on > 0:
             self._stepper.power_off(0)
 
-    def power_on(self, now: int) -> tuple[Slave, LineTiming]:
+    def _power_on(self, now: int) -> tuple[Slave, LineTiming]:
         """The engine at the station and rate that were saved."""
-        stepper, own = self._stepper, self.device.timing
+        stepper, device = self._stepper, self._device
         stepper.power_on(now)
-        timing = LineTiming(stepper.baud, own.format, own.ppm)
-        return self.engine(stepper, stepper.station, timing), timing
+        timing = LineTiming(stepper.baud, device.timing.format, device.timing.ppm)
+        return self._settings.engine_at(device, stepper, stepper.station, timing), timing
 
     def power_off(self, now: int) -> None:
         """What was not saved is lost."""
@@ -169,7 +171,7 @@ class StepperIn(SlaveIn):
         """The controller's profile with the given fields changed."""
         if self.profile is None:
             return STEPPER_PROFILE
-        changes = self.profile.model_dump(exclude_none=True)
+        changes = self.profile.given()
         if "acceleration_unit" in changes:
             changes["acceleration_unit"] = exact(changes["acceleration_unit"])
         if "step_output" in changes:
@@ -179,7 +181,7 @@ class StepperIn(SlaveIn):
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> StepperSettings:
         """Its profile, switches, parameters and steps."""
         del polls, find
-        switches = tuple(Switch(switch.input, switch.low, switch.high) for switch in self.switches)
+        switches = tuple(Switch(**switch.given()) for switch in self.switches)
         registers = _parameters(self.registers)
         if self.steps:
             registers.setdefault("total_steps", len(self.steps))

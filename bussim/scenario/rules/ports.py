@@ -263,7 +263,7 @@ def _check_line(config: PortConfiguration, member: Member, bus: BusIn, buses: Bu
         report.warn(
             config.path,
             f"{config.node} runs at {timing.baud} {timing.format}, {bus.name} at {line.baud} {line.format}: "
-            "nobody there understands it",
+            "no station there understands it",
         )
 
 
