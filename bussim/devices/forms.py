@@ -32,6 +32,7 @@ ModbusMode = Annotated[str, choice(*(mode.value for mode in Mode))]
 class DeviceIn(Model):
     """What every device has. Its fields are the keys of its entry; a model adds its own."""
 
+    #: Of a model: an entry with all of its keys, none at its default; a slave is station 9.
     example = "{name: feeder1, model: stepper, bus: feeder, station: 1}"
     #: Whether it is of a model that is known.
     known: ClassVar[bool] = True

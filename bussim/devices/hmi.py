@@ -34,6 +34,10 @@ class HmiSettings(MasterSettings):
 class HmiIn(MasterIn):
     """An entry of this model."""
 
+    example = """
+{name: panel, model: hmi, bus: feeder, mode: ascii, timeout: 500 ms, interval: 2 ms, turnaround: 50 ms,
+  polls: [{station: 9, function: 3, address: 0, count: 2, every: 200 ms}]}
+"""
     port = HMI_PORT
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> HmiSettings:

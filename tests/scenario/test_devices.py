@@ -316,8 +316,18 @@ def test_code_that_cannot_be_had(tmp_path: Path, name: str, code: str, message: 
 def test_a_scenario_without_devices_does_not_pay_for_their_forms() -> None:
     code = (
         "import sys\nfrom bussim.scenario.loader import load\nload('press_line')\n"
-        "print([name for name in sys.modules if name.startswith('bussim.scenario.') and not "
-        "name.startswith('bussim.scenario.model.') and ('device' in name or 'poll' in name)])"
+        "print([name for name in sys.modules if name.startswith('bussim.devices.') or "
+        "name.startswith('bussim.scenario.') and 'poll' in name])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_a_device_loads_its_own_model_only() -> None:
+    code = (
+        "import sys\nfrom bussim.scenario.loader import load\nload('barcode_reader')\n"
+        "print(sorted({name.split('.')[2] for name in sys.modules if name.startswith('bussim.devices.')}))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "free" in run.stdout
+    assert "stepper" not in run.stdout

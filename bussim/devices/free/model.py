@@ -95,6 +95,10 @@ class MessageIn(BytesIn):
 class FreeIn(DeviceIn):
     """An entry of this model."""
 
+    example = """
+{name: reader, model: free, bus: feeder,
+  says: [{text: "4006381333931", every: 1 s, jitter: 100 ms}, {bytes: "02 41", reply_to: "?", delay: 5 ms}]}
+"""
     port = FREE_PORT
 
     says: Annotated[list[MessageIn], Field(min_length=1, max_length=MAX_MESSAGES)]

@@ -41,6 +41,10 @@ class LxSettings(SlaveSettings):
 class LxIn(SlaveIn):
     """An entry of this model."""
 
+    example = """
+{name: press9, model: lx, bus: feeder, station: 9, delay: 3 ms, jitter: 2 ms, mode: ascii,
+  scan: {mean: 20 ms, jitter: 2 ms}, registers: {D0: -1, M3: 1}}
+"""
     port = LX_PORT
 
     scan: ScanIn = ScanIn(mean="10 ms")  # type: ignore[arg-type] # read as from a file

@@ -156,6 +156,12 @@ _Functions = Annotated[list[Annotated[int, function_code()]], Field(min_length=1
 class MapIn(SlaveIn):
     """An entry of this model."""
 
+    example = """
+{name: sensors, model: map, bus: feeder, station: 9, mode: ascii, delay: 3 ms, jitter: 2 ms,
+  functions: [3, 4, 6], coils: [{address: 5}], inputs: [{address: 0, count: 4, value: 1}],
+  input_registers: [{address: 0, noise: {center: 500, spread: 20, every: 1 s}}],
+  registers: [{address: 0, ramp: {from: 0, to: 99, over: 10 s}}, {address: 9, writable: true, high: 9}]}
+"""
     port = MAP_PORT
 
     functions: _Functions | None = None

@@ -133,6 +133,11 @@ class StepperProfileIn(Model):
 class StepperIn(SlaveIn):
     """An entry of this model; its saved parameters by name, those of its program step by step."""
 
+    example = """
+{name: feeder1, model: stepper, bus: feeder, station: 9, delay: 40 ms, jitter: 2 ms,
+  registers: {pitch: 1000}, steps: [{step_speed: 300, step_distance: -500}],
+  switches: [{input: 1, low: -5}], profile: {save_coil: 30, acceleration_unit: 2.5, step_output: step}}
+"""
     port = STEPPER_PORT
 
     registers: dict[str, Long] = Field({})

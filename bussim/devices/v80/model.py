@@ -40,6 +40,10 @@ class V80Settings(SlaveSettings):
 class V80In(SlaveIn):
     """An entry of this model."""
 
+    example = """
+{name: oven, model: v80, bus: feeder, station: 9, mode: ascii, delay: 3 ms, jitter: 2 ms,
+  coils: {"00127": 1}, inputs: {"10002": 1}, input_registers: {"30001": 7}, registers: {"40108": 99}}
+"""
     port = V80_PORT
 
     coils: _Bits = Field({})
