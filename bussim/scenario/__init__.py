@@ -1,1 +1,1 @@
-"""Layer 4: scenario files: their values, schema, loader and the built-in ones."""
+"""Scenario files: their values, schema, loader and the built-in ones."""

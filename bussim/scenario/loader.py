@@ -128,12 +128,14 @@ def _check(
         return Examined(None, tuple(sorted(problems)) or (empty,), ())
     # Here, because pydantic costs a tenth of a second that only a readable file should pay.
     from bussim.scenario.build.scenario import build
+    from bussim.scenario.resolve.scenario import resolve
     from bussim.scenario.rules.check import check_rules
     from bussim.scenario.schema.draft import read_draft
 
     data = apply_overrides(data, source_map, overrides)
     draft = read_draft(data, report)
-    checked = check_rules(draft, report, code or Code(), files or Files(None))
+    resolved = resolve(draft, code or Code(), files or Files(None), report)
+    check_rules(resolved, report)
     labels = set(source_map.labels.values())
     for problem in report.unknown:
         if problem.file in labels:  # the request is wrong, not the file
@@ -141,7 +143,7 @@ def _check(
     if report.errors:
         # A warning beside a mistake may be no more than its consequence.
         return Examined(None, tuple(sorted(report.errors)), ())
-    scenario = build(draft, checked)
+    scenario = build(resolved)
     if scenario.latency:
         from bussim.scenario.signals.paths import signal_paths  # what only a scenario with latencies pays
 

@@ -138,7 +138,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
                 "{name: a, port: COM3, station: 1, function: 3, address: 0, to: D400}\n      - {name: A, port: COM3, station: 1, function: 3, address: 0, to: D400}",
             )
         ),
-        ["x.yaml:17:16: polls.1.name is 'A', which is used already (in line 16)"],
+        ["x.yaml:17:16: polls.1.name is 'A', which differs only in case from 'a' (in line 16)"],
     ),
     "times": (
         spoilt(

@@ -97,7 +97,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "sources without a link": (
         added("  - {name: press4, sources: {D0: {constant: 1}}}\n"),
-        ["12:29: press4 takes no part in N:N: what its sources drive is sent to nobody"],
+        ["12:29: press4 takes no part in N:N: what its sources drive is sent to no station"],
     ),
     "a port without use": (
         added("  - {name: press4, ports: {COM3: {bus: link}}}\n"),

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.forms.form import as_written, in_order
 from bussim.plc.inputs import Times
 from bussim.plc.link_registers import D_TIMEOUT, TIMEOUT_UNIT
-from bussim.scenario.resolve.members import NN_KEYS, Member, device_name, line_of, raw_registers
+from bussim.scenario.resolve.buses import Line
+from bussim.scenario.resolve.members import NN_KEYS, Member, device_name
 from bussim.scenario.resolve.port_configuration import written_keys
+from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.disturbances import FAULT_KINDS, FaultIn, NoiseIn
-from bussim.scenario.schema.document import BusIn, DocumentIn, PlcIn
+from bussim.scenario.schema.document import DocumentIn, PlcIn
+from bussim.scenario.schema.draft import values_of
 from bussim.scenario.schema.programs import LatencyIn
-from bussim.scenario.yaml.source_map import Path
 from bussim.units import format_time
 
 if TYPE_CHECKING:
@@ -21,32 +23,26 @@ if TYPE_CHECKING:
     from bussim.scenario.schema.polls import TransactionIn
 
 
-def canonical(
-    document: DocumentIn,
-    buses: list[BusIn],
-    members: list[Member],
-    devices: Sequence[tuple[DeviceIn, Sequence[TransactionIn]]],
-    polls: Mapping[Path, Sequence[TransactionIn]],
-    noise: list[NoiseIn],
-    faults: list[FaultIn],
-    latency: list[LatencyIn],
-) -> dict[str, object]:
-    """Plain data that load as the same scenario: what the file says, and the defaults it relies on.
-
-    ``polls`` are those of each PLC by its path; a device stands beside its own.
-    """
+def canonical(resolved: Resolved, document: DocumentIn) -> dict[str, object]:
+    """Plain data that load as the same scenario: what the file says, and the defaults it relies on."""
+    draft = resolved.draft
+    polls = {path: values_of(entries) for path, entries in draft.polls.items()}
     written = {
         "schema": 1,
         "name": document.name,
         "duration": format_time(document.duration),
         "seed": document.seed,
-        "buses": [_bus(bus) for bus in buses],
-        "plcs": [_plc(member, polls.get(member.path, ())) for member in members],
-        "devices": [_device(device, own) for device, own in devices],
-        "noise": [_noise(entry) for entry in noise],
-        "faults": [_fault(fault) for fault in faults],
+        "buses": [_bus(line) for line in resolved.lines.values()],
+        "plcs": [_plc(member, polls.get(member.path, [])) for member in resolved.members],
+        "devices": [
+            _device(entry.value, polls.get(entry.path, []))
+            for entry in draft.devices
+            if entry.value is not None
+        ],
+        "noise": [_noise(entry) for entry in values_of(draft.noise)],
+        "faults": [_fault(fault) for fault in values_of(draft.faults)],
         "observe": [str(point) for point in document.observe],
-        "latency": [_latency(entry) for entry in latency],
+        "latency": [_latency(entry) for entry in values_of(draft.latency)],
     }
     for key in ("buses", "devices", "observe", "latency"):
         if not written[key]:
@@ -62,11 +58,11 @@ def _latency(latency: LatencyIn) -> dict[str, object]:
     return in_order(latency, written)
 
 
-def _bus(bus: BusIn) -> dict[str, object]:
-    if bus.nn:
-        return {"name": bus.name, "nn": True}
-    line = line_of(bus)
-    return {"name": bus.name, "nn": False, "baud": line.baud, "format": str(line.format)}
+def _bus(line: Line) -> dict[str, object]:
+    if line.is_link:
+        return {"name": line.name, "nn": True}
+    timing = line.timing
+    return {"name": line.name, "nn": False, "baud": timing.baud, "format": str(timing.format)}
 
 
 def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
@@ -77,7 +73,7 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
     written["profile"] = profile["base"] if set(profile) == {"base"} else profile
     if "turnaround" in profile and "mean" in profile["turnaround"]:
         profile["turnaround"].setdefault("jitter", format_time(0))
-    raw = raw_registers(plc)
+    raw = member.raw
     for config in member.ports:
         port = written["ports"][config.name]
         for key, value in written_keys(config, member.registers, raw).items():
@@ -124,14 +120,13 @@ def _nn(member: Member, plc: PlcIn) -> dict[str, object]:
     if plc.nn is None:
         return {}
     written: dict[str, object] = {"bus": plc.nn.bus, "port": plc.nn.port or member.port}
-    raw = raw_registers(plc)
     for key, address in NN_KEYS.items():
         name = f"D{address}"
         given = getattr(plc.nn, key)
         if given is not None:
             written[key] = format_time(given) if address == D_TIMEOUT else given
             continue
-        if name in raw or name in member.logic.first.link or name not in member.registers:
+        if name in member.raw or name in member.logic.first.link or name not in member.registers:
             continue
         value = member.registers[name]
         written[key] = format_time(value * TIMEOUT_UNIT) if address == D_TIMEOUT else value

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.forms.fields import PlcPoint
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
-from bussim.plc.sources import Constant, Counter, Ramp, Source, Toggle
 from bussim.scenario.build.canonical import canonical
 from bussim.scenario.build.disturbances import faults_of, noise_of
 from bussim.scenario.build.names import unique_names
@@ -20,70 +19,35 @@ from bussim.scenario.model import (
     Scan,
     Scenario,
 )
-from bussim.scenario.resolve.members import Member, device_name, line_of
-from bussim.scenario.resolve.nodes import lines_of
-from bussim.scenario.rules.check import Checked
-from bussim.scenario.schema.document import SourceIn
-from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.resolve.members import Member, device_name
+from bussim.scenario.resolve.scenario import Resolved
+from bussim.scenario.schema.draft import values_of
 from bussim.scenario.schema.programs import LatencyIn
-from bussim.scenario.yaml.source_map import Path
 
 if TYPE_CHECKING:
     from bussim.devices.contract import BusDevice
-    from bussim.devices.forms import DeviceIn
     from bussim.scenario.schema.polls import TransactionIn
 
-#: Polls of PLCs and HMIs by the path of their owner.
-Polls = Mapping[Path, Sequence["TransactionIn"]]
 
-
-def build(draft: Draft, checked: Checked) -> Scenario:
+def build(resolved: Resolved) -> Scenario:
     """The scenario of a draft in which no mistake was found."""
-    members, nodes = checked.members, checked.nodes
+    draft, nodes = resolved.draft, resolved.nodes
     document = draft.document
     if document is None:
         raise AssertionError("a draft without mistakes has a document")
-    buses = [entry.value for entry in draft.buses if entry.value is not None]
-    devices = [entry for entry in draft.devices if entry.value is not None]
-    polls = {
-        path: [poll.value for poll in found if poll.value is not None] for path, found in draft.polls.items()
-    }
-    noise = [entry.value for entry in draft.noise if entry.value is not None]
-    faults = [entry.value for entry in draft.faults if entry.value is not None]
-    latency = [entry.value for entry in draft.latency if entry.value is not None]
+    latency = values_of(draft.latency)
     observed = _observed(document.observe, latency)
-    power_on: dict[str, int] = {}
-    for fault in faults:
-        power_on.update(fault.power_on or {})
-    acting = [fault for fault in faults if fault.power_on is None]
     return Scenario(
         name=document.name,
         duration=document.duration,
         seed=document.seed,
-        buses=tuple(Bus(bus.name, bus.protocol, line_of(bus)) for bus in buses),
-        plcs=tuple(
-            _plc(
-                member,
-                polls.get(member.path, ()),
-                power_on.get(member.name, 0),
-                observed.get(member.name, ()),
-            )
-            for member in members
-        ),
-        devices=_devices(devices, draft, polls, power_on, checked),
-        noise=noise_of(noise, nodes),
-        faults=faults_of(acting, nodes),
+        buses=tuple(Bus(line.name, line.bus.protocol, line.timing) for line in resolved.lines.values()),
+        plcs=tuple(_plc(member, resolved, observed.get(member.name, ())) for member in resolved.members),
+        devices=_devices(resolved) if draft.devices else (),
+        noise=noise_of(values_of(draft.noise), nodes),
+        faults=faults_of([fault for fault in values_of(draft.faults) if fault.power_on is None], nodes),
         latency=_latency(latency),
-        source=canonical(
-            document,
-            buses,
-            members,
-            [(entry.value, polls.get(entry.path, ())) for entry in devices if entry.value is not None],
-            polls,
-            noise,
-            faults,
-            latency,
-        ),
+        source=canonical(resolved, document),
     )
 
 
@@ -112,39 +76,30 @@ def _latency(given: Sequence[LatencyIn]) -> tuple[Latency, ...]:
     )
 
 
-def _devices(
-    devices: Sequence[Entry[DeviceIn]],
-    draft: Draft,
-    polls: Polls,
-    power_on: Mapping[str, int],
-    checked: Checked,
-) -> tuple[BusDevice, ...]:
-    if not devices:
-        return ()
+def _devices(resolved: Resolved) -> tuple[BusDevice, ...]:
     from bussim.scenario.build.polls import master_polls  # what only a scenario with devices pays
 
-    lines = lines_of(draft)
     return tuple(
-        entry.value.device(
-            lines[entry.value.bus],
-            power_on.get(entry.value.name, 0),
-            master_polls(polls.get(entry.path, ())),
-            checked.code.find,
+        device.device(
+            resolved.lines[device.bus].timing,
+            resolved.power_on.get(device.name, 0),
+            master_polls(values_of(resolved.draft.polls.get(entry.path, ()))),
+            resolved.code.find,
         )
-        for entry in devices
-        if entry.value is not None
+        for entry in resolved.draft.devices
+        if (device := entry.value) is not None
     )
 
 
 def _polls(member: Member, polls: Sequence[TransactionIn]) -> tuple[PollSpec | FreeSpec, ...]:
     if not polls:
         return ()
-    from bussim.scenario.build.polls import polls_of
+    from bussim.scenario.build.polls import polls_of  # what only a scenario with polls pays
 
     return polls_of(member, polls)
 
 
-def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int, observed: tuple[str, ...]) -> Plc:
+def _plc(member: Member, resolved: Resolved, observed: tuple[str, ...]) -> Plc:
     plc = member.plc
     return Plc(
         name=plc.name,
@@ -152,22 +107,12 @@ def _plc(member: Member, polls: Sequence[TransactionIn], power_on: int, observed
         scan=Scan(plc.scan.mean, plc.scan.jitter),
         link=LinkAttachment(member.bus, member.port) if member.bus is not None else None,
         registers=member.registers,
-        sources={device_name(name) or name: _source(source) for name, source in plc.sources.items()},
+        sources={device_name(name) or name: source.value for name, source in plc.sources.items()},
         phase=plc.phase,
-        power_on=power_on,
-        ports=tuple(PortSpec(link.name, link.bus, link.words, link.bits) for link in member.ports),
-        polls=_polls(member, polls),
+        power_on=resolved.power_on.get(plc.name, 0),
+        ports=tuple(PortSpec(port.name, port.bus, port.words, port.bits) for port in member.ports),
+        polls=_polls(member, values_of(resolved.draft.polls.get(member.path, ()))),
         program=member.logic.program,
         inputs=dict(member.logic.inputs),
         observed=observed,
     )
-
-
-def _source(given: SourceIn) -> Source:
-    if given.toggle is not None:
-        return Toggle(given.toggle)
-    if given.counter is not None:
-        return Counter(given.counter)
-    if given.ramp is not None:
-        return Ramp(given.ramp.from_, given.ramp.to, given.ramp.over)
-    return Constant(given.constant or 0)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.plc.link_registers import (
     D_MODE,
     D_RETRIES,
@@ -23,11 +22,13 @@ from bussim.plc.link_registers import (
 )
 from bussim.plc.memory import parse_device
 from bussim.plc.profiles import Profile
-from bussim.scenario.resolve.plc_logic import PlcLogic
+from bussim.scenario.resolve.buses import PLAIN_LINE, Line
+from bussim.scenario.resolve.plc_logic import PlcLogic, read_logic
 from bussim.scenario.resolve.port_configuration import PortConfiguration, configure_port, is_set_up
 from bussim.scenario.resolve.profiles import profile_of
-from bussim.scenario.schema.document import BusIn, NNIn, PlcIn
-from bussim.scenario.yaml.source_map import Path
+from bussim.scenario.schema.document import NNIn, PlcIn
+from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import round_half_up
 
 #: The keys of ``nn`` beside bus and port, and the registers that they stand for.
@@ -38,19 +39,10 @@ NN_KEYS = {
     "retries": D_RETRIES,
     "timeout": D_TIMEOUT,
 }
-#: The ports' own rate and format (PW10, section 5), for a bus that gives none.
-PLAIN_LINE = LineTiming(9600, CharFormat(8, "N", 1))
 PORT_DEVICE = f"M{M_PORT}"
 
 
-def line_of(bus: BusIn) -> LineTiming:
-    """Rate and format of a bus."""
-    if bus.nn:
-        return NN_LINE
-    return LineTiming(bus.baud or PLAIN_LINE.baud, bus.format or PLAIN_LINE.format)
-
-
-def friendly_registers(nn: NNIn) -> dict[str, int]:
+def _friendly_registers(nn: NNIn) -> dict[str, int]:
     """The registers that the given keys of ``nn`` stand for."""
     registers = {
         f"D{address}": value for key, address in NN_KEYS.items() if (value := getattr(nn, key)) is not None
@@ -70,7 +62,7 @@ def device_name(name: str) -> str | None:
         return None
 
 
-def raw_registers(plc: PlcIn) -> dict[str, int]:
+def _raw_registers(plc: PlcIn) -> dict[str, int]:
     """``registers`` by the devices' proper names, without names that are not devices."""
     return {
         proper: value for name, value in plc.registers.items() if (proper := device_name(name)) is not None
@@ -82,12 +74,15 @@ class Member:
     """One PLC as its buses see it.
 
     ``port`` and ``bus`` are those of the N:N link; ``bus`` is None if it takes no part, or none is
-    given for its port. ``ports`` are the others.
+    given for its port. ``ports`` are the others. ``raw`` and ``friendly`` are the registers that its keys
+    ``registers`` and ``nn`` give, ``registers`` all that it has at power-on, by the devices' proper names.
     """
 
     path: Path
     plc: PlcIn
     profile: Profile
+    raw: dict[str, int]
+    friendly: dict[str, int]
     registers: dict[str, int]
     takes_part: bool
     port: str
@@ -145,57 +140,48 @@ class Member:
         return (*self.path, "program") if f"D{address}" in self.logic.first.link else self.path
 
 
-def own_registers(plc: PlcIn) -> dict[str, int]:
-    """The registers that a PLC's entry sets by itself: raw ones, and those that ``nn`` stands for."""
-    registers = raw_registers(plc)
-    return registers if plc.nn is None else {**friendly_registers(plc.nn), **registers}
-
-
 def member_of(
-    path: Path, plc: PlcIn, lines: Mapping[str, LineTiming], logic: PlcLogic | None = None
+    path: Path, plc: PlcIn, lines: Mapping[str, Line], power_on: int, files: Files, report: Report
 ) -> Member:
-    """The meaning of a PLC's entry; ``lines`` are rate and format of the buses by name.
+    """The meaning of a PLC's entry, which is switched on at the tick ``power_on``.
 
     ``nn`` of a master also stands for the defaults of what it leaves open, so that a scenario says
     with which settings it runs. What its program sets in the first scan wins, as it does in the PLC.
+    Mistakes in programs and tables of times are reported.
     """
-    logic = PlcLogic() if logic is None else logic
-    profile = profile_of(plc.profile)
-    registers = raw_registers(plc)
-    takes_part = plc.nn is not None or any(
-        name in registers or name in logic.first.link for name in TAKE_PART
-    )
+    profile, raw = profile_of(plc.profile), _raw_registers(plc)
+    friendly = _friendly_registers(plc.nn) if plc.nn is not None else {}
+    logic = read_logic(path, plc, profile, {**friendly, **raw}, power_on, files, report)
+    takes_part = plc.nn is not None or any(name in raw or name in logic.first.link for name in TAKE_PART)
+    registers = {**friendly, **raw}
     if plc.nn is not None:
-        given = friendly_registers(plc.nn)
-        registers = {**given, **registers}
         registers.setdefault(PORT_DEVICE, 0)
         if plc.nn.station == 0:
             for address, default in setting_defaults(profile).items():
                 registers.setdefault(f"D{address}", default)
-    registers = {**registers, **logic.first.link}
+    registers |= logic.first.link
     port = "COM4" if registers.get(PORT_DEVICE) else "COM3"
     bus = plc.nn.bus if plc.nn is not None else None
     if bus is None and takes_part and port in plc.ports:
         bus = plc.ports[port].bus
-    configs = []
     for found in logic.first.ports.values():
         registers.update(found.registers)
-    raw = registers
-    for name, given_port in sorted(plc.ports.items()):
+    configs: list[PortConfiguration] = []
+    added: dict[str, int] = {}
+    for name, given in sorted(plc.ports.items()):
         programmed = logic.first.ports.get(name)
-        if (programmed or is_set_up(name, given_port)) and not (takes_part and name == port):
-            line = lines.get(given_port.bus, PLAIN_LINE)
-            config, added = configure_port(
+        if (programmed or is_set_up(name, given)) and not (takes_part and name == port):
+            config, more = configure_port(
                 (*path, "ports", name),
                 plc.name,
                 name,
-                given_port,
-                line,
-                raw,
+                given,
+                lines[given.bus].timing if given.bus in lines else PLAIN_LINE,
+                registers,
                 (programmed.words, programmed.bits) if programmed is not None else None,
                 com2_station=profile.com2_station,
             )
-            registers = {**registers, **added}
             configs.append(config)
-    ordered = dict(sorted(registers.items()))
-    return Member(path, plc, profile, ordered, takes_part, port, bus, tuple(configs), logic)
+            added |= more
+    ordered = dict(sorted({**registers, **added}.items()))
+    return Member(path, plc, profile, raw, friendly, ordered, takes_part, port, bus, tuple(configs), logic)

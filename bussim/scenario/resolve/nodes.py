@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import NN_LINE, LineTiming
-from bussim.scenario.resolve.members import PLAIN_LINE, Member, line_of
+from bussim.scenario.resolve.buses import PLAIN_LINE, Line
+from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
 from bussim.scenario.schema.draft import Draft, Entry
 from bussim.scenario.yaml.source_map import Path
@@ -66,12 +67,12 @@ def link_node(member: Member) -> Node | None:
     )
 
 
-def port_node(member: Member, config: PortConfiguration, line: LineTiming) -> Node:
+def port_node(member: Member, config: PortConfiguration) -> Node:
     """A PLC's node on another bus."""
     role = Role.MASTER if config.is_master else Role.SLAVE if config.is_slave else Role.SILENT
     if config.protocol == FREE:
         role = Role.FREE
-    timing, station = line, None
+    timing, station = config.line, None
     if config.valid is not None:
         timing = config.valid.timing
         station = config.valid.station if config.is_slave else None
@@ -97,15 +98,13 @@ class Directory:
     ``whole`` tells whether everything could be read, so that something may be said of what is absent.
     """
 
-    def __init__(self, draft: Draft, members: Sequence[Member], lines: Mapping[str, LineTiming]) -> None:
+    def __init__(self, draft: Draft, members: Sequence[Member], lines: Mapping[str, Line]) -> None:
         self.nodes: list[Node] = []
         #: The link's port of those PLCs that take part in N:N: their node has the PLC's bare name.
         self._links: dict[str, str] = {}
         owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]
         for member in members:
-            own = [
-                (config.name, port_node(member, config, _line(lines, config.bus))) for config in member.ports
-            ]
+            own = [(config.name, port_node(member, config)) for config in member.ports]
             link = link_node(member)
             if link is not None:
                 own.append((member.port, link))
@@ -113,7 +112,9 @@ class Directory:
             self.nodes += [node for _, node in sorted(own, key=lambda pair: pair[0])]
         for entry in draft.devices:
             if entry.value is not None and entry.value.known:
-                self.nodes.append(device_node(entry.path, entry.value, _line(lines, entry.value.bus)))
+                line = lines.get(entry.value.bus)
+                timing = line.timing if line is not None else PLAIN_LINE
+                self.nodes.append(device_node(entry.path, entry.value, timing))
         self.plcs = [entry.name for entry in draft.plcs if entry.name is not None]
         self.devices = [entry.name for entry in draft.devices if entry.name is not None]
         #: PLCs and devices that could not be read, so that nothing may be said against them.
@@ -181,12 +182,3 @@ class Directory:
             there = [node.name for node in self.on(bus)]
             raise Missing(f"is {name}, which is not on {bus}; {suggest(name, there)}")
         return found
-
-
-def lines_of(draft: Draft) -> dict[str, LineTiming]:
-    """Rate and format of the buses by name, as far as they could be read."""
-    return {entry.value.name: line_of(entry.value) for entry in draft.buses if entry.value is not None}
-
-
-def _line(lines: Mapping[str, LineTiming], bus: str) -> LineTiming:
-    return lines.get(bus, PLAIN_LINE)

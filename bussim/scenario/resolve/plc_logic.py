@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bussim.errors import Problem, ProgramError
 from bussim.forms.registers import named_device
@@ -18,7 +18,6 @@ from bussim.scenario.schema.programs import InputIn, ProgramIn
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.input_table import read_times
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.units import format_time
 
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
@@ -84,7 +83,6 @@ def read_logic(
     ``registers`` are what the PLC has at power-on without its program.
     """
     inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
-    _warn_of_short_levels(path, plc, report)
     if plc.program is None:
         return PlcLogic(inputs=inputs)
     program, origin = _program((*path, "program"), plc, plc.program, files, report)
@@ -161,46 +159,25 @@ def _inputs(path: Path, given: Mapping[str, InputIn], files: Files, report: Repo
     return found
 
 
-#: A level that is so many times shorter than a scan is seen by hardly any.
-_FAR_SHORTER = 10
-
-
-def _warn_of_short_levels(path: Path, plc: PlcIn, report: Report) -> None:
-    """Inputs of which the PLC sees next to nothing, since it looks once a scan."""
-    for name, given in plc.inputs.items():
-        if given.pulse is not None:
-            level, what = given.pulse.width, "stays on for"
-        elif given.square is not None:
-            level, what = given.square.period // 2, "stays on and off for"
-        elif given.random is not None:
-            level, what = min(given.random.on, given.random.off), "stays on or off for a mean of"
-        else:
-            continue
-        if level * _FAR_SHORTER < plc.scan.mean:
-            report.warn(
-                (*path, "inputs", name),
-                f"{name} of {plc.name} {what} {format_time(level)}, but is looked at once a scan, every "
-                f"{format_time(plc.scan.mean)}: almost none of its changes are seen",
-                key=True,
-            )
+#: What becomes of each kind of input that needs no file.
+_INPUTS: dict[str, Callable[[Any], InputSpec]] = {
+    "pulse": lambda given: Pulse(given.width, given.at, given.every, given.times),
+    "square": lambda given: Square(given.period, given.at),
+    "random": lambda given: RandomInput(given.on, given.off, given.seed),
+    "times": lambda given: Times(tuple(given)),
+}
 
 
 def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpec | None:
-    if given.pulse is not None:
-        pulse = given.pulse
-        return Pulse(pulse.width, pulse.at, pulse.every, pulse.times)
-    if given.square is not None:
-        return Square(given.square.period, given.square.at)
-    if given.random is not None:
-        return RandomInput(given.random.on, given.random.off, given.random.seed)
-    if given.times is not None:
-        return Times(tuple(given.times))
-    if given.csv is not None:
-        try:
-            text = files.read(given.csv, MAX_CSV)
-        except ValueError as error:
-            report.error((*path, "csv"), str(error))
-            return None
-        times = read_times(text, given.csv, report)
-        return Times(times) if times is not None else None
-    return None  # what it was to be is reported
+    """What drives an input; None where a mistake is reported."""
+    if not given.kind:
+        return None
+    if given.csv is None:
+        return _INPUTS[given.kind](getattr(given, given.kind))
+    try:
+        text = files.read(given.csv, MAX_CSV)
+    except ValueError as error:
+        report.error((*path, "csv"), str(error))
+        return None
+    times = read_times(text, given.csv, report)
+    return Times(times) if times is not None else None

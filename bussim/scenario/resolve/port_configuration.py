@@ -59,14 +59,15 @@ def keys_of(protocol: str | None) -> tuple[str, ...]:
 class PortConfiguration:
     """One port of a PLC beside its link port, as its words describe it.
 
-    ``settings`` are what the PLC reads in them at STOP→RUN, or why it refuses them. ``explicit`` are
-    the registers that friendly keys stand for, by key.
+    ``line`` are rate and format of its bus. ``settings`` are what the PLC reads in the words at STOP→RUN,
+    or why it refuses them. ``explicit`` are the registers that friendly keys stand for, by key.
     """
 
     path: Path
     plc: str
     name: str
     given: PortIn
+    line: LineTiming
     words: Device
     bits: Device
     settings: cpavl.PortSettings | cpavl.BadSettings
@@ -167,7 +168,7 @@ def configure_port(
         added.setdefault(register_of(name, words, "format"), cpavl.format_word(line, eight_bit=False))
     added = {register: value for register, value in added.items() if register not in raw}
     settings = _read(name, words, {str(cpavl.COM2_STATION): com2_station, **added, **raw})
-    return PortConfiguration(path, plc, name, given, words, bits, settings, explicit), added
+    return PortConfiguration(path, plc, name, given, line, words, bits, settings, explicit), added
 
 
 def _read(name: str, words: Device, registers: Mapping[str, int]) -> cpavl.PortSettings | cpavl.BadSettings:

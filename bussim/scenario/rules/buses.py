@@ -1,21 +1,25 @@
-"""What is odd about a bus beside the link as a whole. It is simulated all the same."""
+"""What is wrong with a link's rate and format, and what is odd about another bus as a whole."""
 
 from __future__ import annotations
 
 from bussim.engines.modbus.adu import Mode
-from bussim.scenario.resolve.nodes import Directory, Node, Role
-from bussim.scenario.schema.draft import Draft
+from bussim.line.characters import NN_LINE
+from bussim.scenario.resolve.buses import Line
+from bussim.scenario.resolve.nodes import Node, Role
+from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.yaml.source_map import Path, Report
 
 
-def check_buses(draft: Draft, nodes: Directory, report: Report) -> None:
-    """Who is on each bus, and whether they can get along."""
-    if not nodes.whole:
-        return
-    for entry in draft.buses:
-        bus = entry.value
-        if bus is None or bus.nn or entry.lost("nn"):
+def check_buses(resolved: Resolved, report: Report) -> None:
+    """Judge rate and format of links, and what sits on the other buses."""
+    nodes = resolved.nodes
+    for line in resolved.lines.values():
+        if line.is_link:
+            _check_fixed(line, report)
+    for line in resolved.lines.values() if nodes.whole else ():
+        if line.is_link or line.entry.lost("nn"):
             continue
+        entry, bus = line.entry, line.bus
         there = nodes.on(bus.name)
         masters = [node for node in there if node.role is Role.MASTER]
         slaves = [node for node in there if node.role is Role.SLAVE]
@@ -32,6 +36,15 @@ def check_buses(draft: Draft, nodes: Directory, report: Report) -> None:
                 "can collide",
             )
         _check_stations(bus.name, slaves, report)
+
+
+def _check_fixed(line: Line, report: Report) -> None:
+    bus, path = line.bus, line.entry.path
+    fixed = "an N:N link is always 38400 7E1 (leave it out)"
+    if bus.baud not in (None, NN_LINE.baud):
+        report.error((*path, "baud"), f"is {bus.baud}, but {fixed}")
+    if bus.format not in (None, NN_LINE.format):
+        report.error((*path, "format"), f"is {bus.format}, but {fixed}")
 
 
 def _names(nodes: list[Node]) -> list[str]:

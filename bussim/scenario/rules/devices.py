@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from bussim.devices.forms import DeviceIn
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
-from bussim.scenario.resolve.members import line_of
-from bussim.scenario.rules.links import check_bus_name
-from bussim.scenario.schema.document import BusIn
+from bussim.scenario.resolve.buses import Line
+from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Report
-from bussim.scenario.yaml.user_code import Code
 
 
-def check_device(
-    entry: Entry[DeviceIn], device: DeviceIn, buses: Sequence[Entry[BusIn]], code: Code, report: Report
-) -> None:
-    """Judge one entry of ``devices``."""
-    bus = check_bus_name((*entry.path, "bus"), device.bus, buses, report)
-    if not device.known:
-        return
-    if bus is not None and bus.nn:
-        report.error((*entry.path, "bus"), f"is {bus.name}, an N:N link, on which there are PLCs only (nn:)")
-    elif bus is not None and not any(e.value is bus and e.lost("nn", "baud", "format") for e in buses):
-        _check_line(entry, device, bus, report)
-    device.check(entry, code.find, report)
+def check_devices(resolved: Resolved, report: Report) -> None:
+    """Judge every entry of ``devices``."""
+    for entry in resolved.draft.devices:
+        device = entry.value
+        if device is None or not device.known:
+            continue
+        line = resolved.lines.get(device.bus)
+        if line is not None and line.is_link:
+            nothing_else = "an N:N link, on which there are PLCs only (nn:)"
+            report.error((*entry.path, "bus"), f"is {line.name}, {nothing_else}")
+        elif line is not None and not line.entry.lost("nn", "baud", "format"):
+            _check_line(entry, device, line, report)
+        device.check(entry, resolved.code.find, report)
 
 
-def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: BusIn, report: Report) -> None:
-    line = line_of(bus)
+def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Report) -> None:
+    line = bus.timing
     timing = device.timing(line)
     mode, _ = device.address()
     if mode is Mode.RTU and timing.format.data_bits != 8 and not entry.lost("mode", "format"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bussim.scenario.resolve.nodes import Directory, Missing, Node, Role
-from bussim.scenario.rules.links import check_bus_name
+from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.disturbances import (
     LINK_BITS,
     LINK_FRAME,
@@ -18,7 +18,7 @@ from bussim.scenario.schema.disturbances import (
     NoiseIn,
     StationIn,
 )
-from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
 from bussim.wording import show, suggest
@@ -36,17 +36,16 @@ def _find(path: Path, name: str, nodes: Directory, report: Report, bus: str | No
         return None
 
 
-def check_noise(draft: Draft, nodes: Directory, duration: int | None, report: Report) -> None:
+def check_noise(resolved: Resolved, report: Report) -> None:
     """Judge every entry of ``noise``."""
-    for entry in draft.noise:
+    for entry in resolved.draft.noise:
         noise = entry.value
         if noise is None:
             continue
-        _check_start(entry, noise.at, duration, report)
-        bus = check_bus_name((*entry.path, "bus"), noise.bus, draft.buses, report)
-        if noise.station is None or bus is None:
+        _check_start(entry, noise.at, resolved.duration, report)
+        if noise.station is None or noise.bus not in resolved.lines:
             continue
-        node = _find((*entry.path, "station"), noise.station, nodes, report, noise.bus)
+        node = _find((*entry.path, "station"), noise.station, resolved.nodes, report, noise.bus)
         if noise.reply_loss is not None and node is not None and not node.answers:
             report.warn((*entry.path, "station"), f"{_silence(node)} replies that could be lost")
 
@@ -69,10 +68,11 @@ def _check_start(
         )
 
 
-def check_faults(draft: Draft, nodes: Directory, duration: int | None, report: Report) -> None:
+def check_faults(resolved: Resolved, report: Report) -> None:
     """Judge every entry of ``faults``."""
+    nodes, duration = resolved.nodes, resolved.duration
     switched_on: dict[str, Path] = {}
-    for entry in draft.faults:
+    for entry in resolved.draft.faults:
         fault = entry.value
         if fault is None:
             continue
@@ -85,7 +85,7 @@ def check_faults(draft: Draft, nodes: Directory, duration: int | None, report: R
         if not kind:
             continue
         if fault.cable_cut is not None:
-            _check_cut(path, fault.cable_cut, draft, nodes, report)
+            _check_cut(path, fault.cable_cut, resolved, report)
         elif fault.board_error is not None:
             _check_owner((*path, "plc"), fault.board_error.plc, nodes, report, plc_only=True)
         elif kind in OF_THE_OWNER:
@@ -135,11 +135,11 @@ def _check_power_on(
             report.warn(path, f"{name} is switched on at {format_time(tick)}, after the end of the run")
 
 
-def _check_cut(path: Path, cut: CableCutIn, draft: Draft, nodes: Directory, report: Report) -> None:
-    if check_bus_name((*path, "bus"), cut.bus, draft.buses, report) is None:
+def _check_cut(path: Path, cut: CableCutIn, resolved: Resolved, report: Report) -> None:
+    if cut.bus not in resolved.lines:
         return
-    node = _find((*path, "after"), cut.after, nodes, report, cut.bus)
-    if node is not None and nodes.on(cut.bus)[-1] is node:
+    node = _find((*path, "after"), cut.after, resolved.nodes, report, cut.bus)
+    if node is not None and resolved.nodes.on(cut.bus)[-1] is node:
         what = "station" if node.role in (Role.LINK_MASTER, Role.LINK_SLAVE) else "node"
         report.warn(
             (*path, "after"), f"{node.name} is the last {what} on {cut.bus}: a cut behind it changes nothing"

@@ -18,53 +18,40 @@ from bussim.plc.link_registers import (
 from bussim.plc.memory import BlockPlace, block_place, parse_device
 from bussim.plc.profiles import MAX_SLAVES
 from bussim.scenario.resolve.members import NN_KEYS, Member
-from bussim.scenario.schema.document import BusIn
-from bussim.scenario.schema.draft import Draft, Entry
-from bussim.scenario.yaml.source_map import Path, Report
+from bussim.scenario.resolve.scenario import Resolved
+from bussim.scenario.yaml.source_map import Report
 from bussim.units import format_time
-from bussim.wording import show, suggest
 
 MAX_STATIONS = MAX_SLAVES + 1
 
 
-def check_bus_name(path: Path, name: str, buses: Sequence[Entry[BusIn]], report: Report) -> BusIn | None:
-    """The bus of that name, None if it cannot be read; an unknown name is reported."""
-    for entry in buses:
-        if entry.name == name:
-            return entry.value
-    known = [entry.name for entry in buses if entry.name is not None]
-    if known:  # else that is the mistake, reported already
-        report.error(path, f"is {show(name)}, which is no bus; {suggest(name, known)}")
-    return None
-
-
-def check_links(draft: Draft, members: list[Member], report: Report) -> None:
+def check_links(resolved: Resolved, report: Report) -> None:
     """Judge every N:N link of a scenario."""
-    for entry in draft.buses:
-        bus = entry.value
-        if bus is None or entry.lost("nn") or not bus.nn:
+    members, plcs = resolved.members, resolved.draft.plcs
+    whole = len(members) == len(plcs) and not any(
+        plc.lost("nn", "registers", "ports", "profile") for plc in plcs
+    )
+    for line in resolved.lines.values():
+        if line.entry.lost("nn") or not line.is_link:
             continue
-        on_link = [member for member in members if member.takes_part and member.bus == bus.name]
+        on_link = [member for member in members if member.takes_part and member.bus == line.name]
         for member in on_link[MAX_STATIONS:]:
             report.mistake(
                 member.path,
-                f"{member.name} is one too many: {bus.name}, an N:N link, takes {MAX_STATIONS} stations",
+                f"{member.name} is one too many: {line.name}, an N:N link, takes {MAX_STATIONS} stations",
             )
-        whole = len(members) == len(draft.plcs) and not any(
-            plc.lost("nn", "registers", "ports", "profile") for plc in draft.plcs
-        )
         if not on_link and whole:
             alone = any(member.plc.program is not None or member.plc.inputs for member in members)
             besides = "; programs run all the same" if alone else ""
-            report.warn(entry.path, f"no PLC is on {bus.name}: nothing is sent there{besides}")
+            report.warn(line.entry.path, f"no PLC is on {line.name}: nothing is sent there{besides}")
         elif len(on_link) <= MAX_STATIONS and whole:
-            _check_link(bus.name, on_link, report)
+            _check_link(line.name, on_link, report)
             _check_sources(on_link, report)
     for member in members:
         if not member.takes_part and not member.ports and member.plc.sources:
             report.warn(
                 (*member.path, "sources"),
-                f"{member.name} takes no part in N:N: what its sources drive is sent to nobody",
+                f"{member.name} takes no part in N:N: what its sources drive is sent to no station",
             )
 
 

@@ -2,69 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+from bussim.devices.forms import MasterIn
 from bussim.engines.modbus.adu import BROADCAST
 from bussim.engines.modbus.pdu import FUNCTIONS, READS, STANDARD_LIMITS
 from bussim.engines.modbus.server import SPACES
 from bussim.scenario.resolve.members import Member
-from bussim.scenario.resolve.nodes import Directory, Role
+from bussim.scenario.resolve.nodes import Directory
 from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
+from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.answers import Answers
 from bussim.scenario.rules.poll_data import Placed, check_coils, check_free_data, check_registers
-from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.draft import Entry
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Report
-from bussim.scenario.yaml.user_code import Code
 from bussim.wording import suggest
 
 #: Keys of a Modbus poll only, and of a free-protocol one only.
 _MODBUS_KEYS = ("station", "function", "address", "from_", "values", "retries")
 _FREE_KEYS = ("send", "send_count", "data", "text")
 
-Polls = list[Entry[TransactionIn]]
 
-
-def check_polls(
-    draft: Draft, members: Sequence[Member], nodes: Directory, code: Code, report: Report
-) -> set[str]:
-    """Judge the polls of every PLC and HMI; returns the names of the ports that have some."""
-    answers = Answers(nodes, code, report)
-    polled: set[str] = set()
-    for member in members:
-        polls = draft.polls.get(member.path, [])
-        _check_names(polls, report)
-        for entry in polls:
+def check_polls(resolved: Resolved, report: Report) -> None:
+    """Judge the polls of every PLC and of every device that is a master."""
+    answers = Answers(resolved.nodes, resolved.code, report)
+    for member in resolved.members:
+        for entry in resolved.draft.polls.get(member.path, []):
             poll = entry.value
             if isinstance(poll, PollIn):
-                polled.add(f"{member.name}.{poll.port}")
-                config = _config(entry, poll, member, nodes, report)
+                config = _config(entry, poll, member, resolved.nodes, report)
                 if config is not None:
-                    _check_poll(entry, poll, Placed(member, config, members), nodes, answers, report)
-            else:
-                polled |= {config.node for config in member.ports}  # who knows for which
-    for node in nodes.nodes:
-        if node.device is not None and node.role is Role.MASTER:
-            polls = draft.polls.get(node.path, [])
-            _check_names(polls, report)
-            for entry in polls:
-                if entry.value is None:
-                    continue
+                    place = Placed(member, config, resolved.members)
+                    _check_poll(entry, poll, place, resolved.nodes, answers, report)
+    for node in resolved.nodes.nodes:
+        if not isinstance(node.device, MasterIn):
+            continue
+        for entry in resolved.draft.polls.get(node.path, []):
+            if entry.value is not None:
                 _check_values(entry, entry.value, report)
                 if _check_request(entry, entry.value, report):
-                    answers.check(entry, entry.value, node, getattr(node.device, "timeout", 0))
-    return polled
-
-
-def _check_names(polls: Polls, report: Report) -> None:
-    seen: dict[str, Entry[TransactionIn]] = {}
-    for entry in polls:
-        if entry.name is None:
-            continue
-        first = seen.setdefault(entry.name.casefold(), entry)
-        if first is not entry:
-            where = report.where((*first.path, "name"))
-            report.error((*entry.path, "name"), f"is {entry.name!r}, which is used already ({where})")
+                    answers.check(entry, entry.value, node, node.device.timeout)
 
 
 def _config(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from bussim.engines.modbus.adu import Mode
 from bussim.plc.errors import serial_error
@@ -17,8 +17,8 @@ from bussim.plc.ports.cpavl import (
     BadSettings,
     format_word,
 )
-from bussim.scenario.resolve.members import Member, device_name, line_of
-from bussim.scenario.resolve.nodes import Directory
+from bussim.scenario.resolve.buses import Line
+from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.port_configuration import (
     CPAVL_PORTS,
     FIRST_SPECIAL,
@@ -31,15 +31,14 @@ from bussim.scenario.resolve.port_configuration import (
     keys_of,
     own_line,
 )
-from bussim.scenario.rules.links import check_bus_name
-from bussim.scenario.schema.document import BusIn, PlcIn, PortIn
+from bussim.scenario.resolve.scenario import Resolved
+from bussim.scenario.schema.document import PlcIn, PortIn
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
 from bussim.wording import suggest
 
 ALL_PORTS = ("COM1", *CPAVL_PORTS)
-Buses = Sequence[Entry[BusIn]]
 
 
 def protocols_of(port: str) -> list[str]:
@@ -47,11 +46,19 @@ def protocols_of(port: str) -> list[str]:
     return [name for name in PROTOCOL_CODES if name in PORT_PROTOCOLS[port]]
 
 
-def check_ports(entry: Entry[PlcIn], member: Member, buses: Buses, report: Report) -> None:
-    """Judge every entry of a PLC's ``ports``."""
+def check_ports(resolved: Resolved, report: Report) -> None:
+    """Judge every entry of the PLCs' ``ports``, and the bus of their link."""
+    entries = {entry.path: entry for entry in resolved.draft.plcs}
+    for member in resolved.members:
+        _check_member(entries[member.path], member, resolved.lines, report)
+        if member.plc.nn is not None:
+            _check_link_bus((*member.path, "nn", "bus"), resolved.lines.get(member.plc.nn.bus), report)
+
+
+def _check_member(entry: Entry[PlcIn], member: Member, lines: Mapping[str, Line], report: Report) -> None:
     configs = {config.name: config for config in member.ports}
     for name, port in member.plc.ports.items():
-        path = (*entry.path, "ports", name)
+        path = (*member.path, "ports", name)
         if name not in ALL_PORTS:
             report.error(path, f"is not a port; {suggest(name, CPAVL_PORTS)}", key=True)
             continue
@@ -59,45 +66,41 @@ def check_ports(entry: Entry[PlcIn], member: Member, buses: Buses, report: Repor
             text = "serves programming and an HMI only: nothing can be set up on it"
             report.error(path, f"{text}; allowed are {', '.join(CPAVL_PORTS)}", key=True)
             continue
-        bus = check_bus_name((*path, "bus"), port.bus, buses, report)
+        line = lines.get(port.bus)
         if member.takes_part and name == member.port:
-            _check_link_port(path, member, port, bus, buses, report)
-        elif bus is not None and bus.nn:
-            _check_beside_link(path, member, port, bus, report)
+            _check_link_port(path, member, port, line, report)
+        elif line is not None and line.is_link:
+            _check_beside_link(path, member, port, line, report)
         if name in configs:
-            _check_config(entry, configs[name], member, bus, buses, report)
+            _check_config(entry, configs[name], member, line, report)
         elif not is_set_up(name, port):
-            _check_bare(entry, path, member, port, bus, report)
+            _check_bare(entry, path, member, port, line, report)
     _check_places(member, report)
 
 
-def check_link_bus(path: Path, name: str, buses: Buses, report: Report) -> None:
+def _check_link_bus(path: Path, line: Line | None, report: Report) -> None:
     """The bus of an N:N port must be one for N:N."""
-    bus = check_bus_name(path, name, buses, report)
-    lost = any(entry.name == name and entry.lost("nn") for entry in buses)
-    if bus is not None and not bus.nn and not lost:
-        report.error(path, f"is {name}, which is not an N:N link; give that bus nn: true")
+    if line is not None and not line.is_link and not line.entry.lost("nn"):
+        report.error(path, f"is {line.name}, which is not an N:N link; give that bus nn: true")
 
 
 def _given(port: PortIn) -> list[str]:
     return [key for key in PortIn.model_fields if key != "bus" and getattr(port, key) is not None]
 
 
-def _check_link_port(
-    path: Path, member: Member, port: PortIn, bus: BusIn | None, buses: Buses, report: Report
-) -> None:
+def _check_link_port(path: Path, member: Member, port: PortIn, line: Line | None, report: Report) -> None:
     """The port that M8179 selects is the link's: it has a bus, and nothing else."""
     if member.plc.nn is not None and port.bus != member.plc.nn.bus:
         report.error((*path, "bus"), f"is {port.bus}, but nn.bus is {member.plc.nn.bus}")
-    elif member.plc.nn is None and bus is not None:
-        check_link_bus((*path, "bus"), port.bus, buses, report)
+    elif member.plc.nn is None:
+        _check_link_bus((*path, "bus"), line, report)
     for key in _given(port):
         where = f"{member.name} runs N:N on {member.port} (M8179 is {int(member.port == 'COM4')})"
         value = f"is {port.protocol}, but" if key == "protocol" else "has no meaning:"
         report.error((*path, key), f"{value} {where}, and a port does one thing")
 
 
-def _check_beside_link(path: Path, member: Member, port: PortIn, bus: BusIn, report: Report) -> None:
+def _check_beside_link(path: Path, member: Member, port: PortIn, bus: Line, report: Report) -> None:
     """A port on an N:N bus that is not the one which takes part."""
     name = str(path[-1])
     if port.protocol is not None:
@@ -119,7 +122,7 @@ def _check_beside_link(path: Path, member: Member, port: PortIn, bus: BusIn, rep
 
 
 def _check_bare(
-    entry: Entry[PlcIn], path: Path, member: Member, port: PortIn, bus: BusIn | None, report: Report
+    entry: Entry[PlcIn], path: Path, member: Member, port: PortIn, line: Line | None, report: Report
 ) -> None:
     """A port with nothing but a bus."""
     name = str(path[-1])
@@ -135,7 +138,7 @@ def _check_bare(
             f"{member.name} takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set) and {name} "
             f"has no protocol: its port {name} does nothing",
         )
-    elif bus is None or not bus.nn:
+    elif line is None or not line.is_link:
         report.warn(path, f"port {name} of {member.name} has no protocol: it does nothing")
 
 
@@ -143,8 +146,7 @@ def _check_config(
     entry: Entry[PlcIn],
     config: PortConfiguration,
     member: Member,
-    bus: BusIn | None,
-    buses: Buses,
+    line: Line | None,
     report: Report,
 ) -> None:
     path, given = config.path, config.given
@@ -159,8 +161,8 @@ def _check_config(
     _check_contradictions(entry, config, report)
     if given.protocol in SLAVES and config.register("station") not in member.registers and sure:
         report.error((*path, "station"), "is missing")
-    if bus is not None and not bus.nn and sure:
-        _check_line(config, member, bus, buses, report)
+    if line is not None and not line.is_link and sure and not line.entry.lost("baud", "format"):
+        _check_line(config, member, line.name, report)
     if sure and len(report.errors) == before:
         _check_settings(config, report)
 
@@ -240,11 +242,9 @@ def _check_contradictions(entry: Entry[PlcIn], config: PortConfiguration, report
             )
 
 
-def _check_line(config: PortConfiguration, member: Member, bus: BusIn, buses: Buses, report: Report) -> None:
+def _check_line(config: PortConfiguration, member: Member, bus: str, report: Report) -> None:
     """Rate and format against the protocol and the bus."""
-    if any(entry.value is bus and entry.lost("baud", "format") for entry in buses):
-        return
-    line, given = line_of(bus), config.given
+    line, given = config.line, config.given
     own = own_line(given, line)
     if MODES.get(given.protocol or "") is Mode.RTU and own.format.data_bits != 8:
         word = config.register("format")
@@ -255,14 +255,14 @@ def _check_line(config: PortConfiguration, member: Member, bus: BusIn, buses: Bu
         if member.registers.get(word) == format_word(own, eight_bit=False):
             report.error(
                 (*config.path, "protocol"),
-                f"is {given.protocol}, but the format of {bus.name} is {own.format}: {needs}",
+                f"is {given.protocol}, but the format of {bus} is {own.format}: {needs}",
             )
             return
     timing = config.valid.timing if config.valid is not None and config.protocol is not None else line
     if (timing.baud, timing.format) != (line.baud, line.format):
         report.warn(
             config.path,
-            f"{config.node} runs at {timing.baud} {timing.format}, {bus.name} at {line.baud} {line.format}: "
+            f"{config.node} runs at {timing.baud} {timing.format}, {bus} at {line.baud} {line.format}: "
             "no station there understands it",
         )
 
@@ -287,8 +287,25 @@ def _check_places(member: Member, report: Report) -> None:
             taken.append((first, config))
 
 
-def check_port_use(nodes: Directory, polled: set[str], report: Report) -> None:
-    """Masters and free ports that nothing drives; ``polled`` are the nodes with polls."""
+def _polled(resolved: Resolved) -> set[str]:
+    """The nodes of PLCs' ports with polls; all of a PLC's where a poll cannot be read."""
+    found: set[str] = set()
+    if not resolved.draft.polls:
+        return found
+    from bussim.scenario.schema.polls import PollIn  # what only a scenario with polls pays
+
+    for member in resolved.members:
+        for entry in resolved.draft.polls.get(member.path, []):
+            ports = [config.name for config in member.ports]
+            if isinstance(entry.value, PollIn):
+                ports = [entry.value.port]
+            found |= {f"{member.name}.{port}" for port in ports}
+    return found
+
+
+def check_port_use(resolved: Resolved, report: Report) -> None:
+    """Warn of masters and free ports that nothing drives."""
+    nodes, polled = resolved.nodes, _polled(resolved)
     for node in nodes.nodes:
         config = node.config
         if config is None or node.name in polled or not nodes.sure(node.owner):

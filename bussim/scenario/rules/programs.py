@@ -1,26 +1,20 @@
-"""What is odd about programs beside the rest of a scenario, and what is wrong with latency entries."""
+"""What is odd about programs beside the rest of a scenario."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
-from bussim.forms.fields import PlcPoint
 from bussim.plc.memory import BlockPlace, Device
 from bussim.scenario.resolve.members import (
     NN_KEYS,
     PORT_DEVICE,
     Member,
     device_name,
-    friendly_registers,
-    raw_registers,
 )
+from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import foreign_blocks, station_of
-from bussim.scenario.schema.draft import Draft, Entry
-from bussim.scenario.schema.programs import LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import show, suggest
 
 if TYPE_CHECKING:
     from bussim.plc.program.text.catalog import Instruction
@@ -32,9 +26,9 @@ MAX_PROGRAMS = 256 * 1024
 MAX_FOREIGN = 20
 
 
-def check_programs(members: Sequence[Member], report: Report) -> None:
+def check_programs(resolved: Resolved, report: Report) -> None:
     """Judge every program against registers, ports and the link."""
-    total = 0
+    members, total = resolved.members, 0
     for member in members:
         program = member.logic.program
         if program is None:
@@ -63,10 +57,8 @@ def _warn_at(member: Member, at: Instruction, message: str, report: Report) -> N
 
 def _check_settings(member: Member, report: Report) -> None:
     """What the scenario says of the link and the program says otherwise."""
-    name, nn = member.name, member.plc.nn
+    name, friendly, raw = member.name, member.friendly, member.raw
     keys = {f"D{address}": key for key, address in NN_KEYS.items()} | {PORT_DEVICE: "port"}
-    friendly = friendly_registers(nn) if nn is not None else {}
-    raw = raw_registers(member.plc)
     for device, value in member.logic.first.link.items():
         if device in friendly and friendly[device] != value:
             path: Path = (*member.path, "nn", keys[device])
@@ -159,79 +151,3 @@ def _shared(extent: Extent, place: BlockPlace) -> tuple[str, int, int] | None:
     begin, count = (place.word, place.words) if extent.word else (place.bit, place.bits)
     first, last = max(extent.first, begin), min(extent.last, begin + count - 1)
     return (extent.letter, first, last) if first <= last else None
-
-
-# -- observed devices and latencies --------------------------------------------------------------------
-
-
-def check_observed(draft: Draft, report: Report) -> None:
-    """Observed devices are of PLCs that there are."""
-    if draft.document is None:
-        return
-    seen: set[PlcPoint] = set()
-    for index, point in enumerate(draft.document.observe):
-        path = ("observe", index)
-        if _is_plc(path, point, draft, report) and point in seen:
-            report.warn(path, f"{point} is observed twice")
-        seen.add(point)
-
-
-def _is_plc(path: Path, point: PlcPoint, draft: Draft, report: Report) -> bool:
-    known = [entry.name for entry in draft.plcs if entry.name is not None]
-    if point.plc in known:
-        return True
-    if known:
-        report.error(path, f"is {show(str(point))}, but {point.plc} is no PLC; {suggest(point.plc, known)}")
-    return False
-
-
-def check_latencies(draft: Draft, members: Sequence[Member], report: Report) -> None:
-    """Judge every entry of ``latency``."""
-    by_name = {member.name: member for member in members}
-    for entry in draft.latency:
-        given = entry.value
-        if given is None:
-            continue
-        ends = [("from", given.from_), ("to", given.to)]
-        known = [_is_plc((*entry.path, key), point, draft, report) for key, point in ends]
-        if not all(known):
-            continue
-        source, target = (by_name.get(point.plc) for _, point in ends)
-        if source is not None and target is not None:
-            _check_latency(entry, given, source, target, report)
-
-
-def _check_latency(
-    entry: Entry[LatencyIn],
-    given: LatencyIn,
-    source: Member,
-    target: Member,
-    report: Report,
-) -> None:
-    start, end, path = given.from_, given.to, entry.path
-    if start.device.is_word != end.device.is_word:
-        kinds = [f"{point} is a {'word' if point.device.is_word else 'bit'}" for point in (start, end)]
-        report.error((*path, "to"), f"is {end}: {' and '.join(kinds)}, but a latency has two of a kind")
-        return
-    if start == end:
-        report.error((*path, "to"), f"is {end}, the device that it comes from")
-        return
-    if end.device.letter == "X":
-        report.error((*path, "to"), f"is {end}, an input: no program can set it")
-        return
-    if source.unread or target.unread:
-        return
-    if source is not target and (source.bus is None or source.bus != target.bus):
-        report.error((*path, "to"), f"is {end}, but {start.plc} and {end.plc} share no N:N link")
-        return
-    if start.device.is_word:
-        for key in ("edge", "inverted"):
-            if getattr(given, key) is not None:
-                report.error((*path, key), f"has no meaning for words, and {start} is one", key=True)
-        if source is target:
-            report.error((*path, "to"), f"is {end}, of the same PLC: there is no age to measure")
-            return
-    if start.device.letter == "X" and str(start.device) not in source.logic.inputs:
-        report.warn(
-            (*path, "from"), f"nothing drives {start}: it has no entry in the inputs of the PLC {source.name}"
-        )

@@ -5,6 +5,7 @@ Fields are named as in the file; where that is a word of Python, the alias is th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, model_validator
@@ -27,10 +28,11 @@ from bussim.forms.fields import (
     title,
     whole,
 )
-from bussim.forms.form import Model, ScanIn, only_one
+from bussim.forms.form import Model, ScanIn, given_of, only_one
 from bussim.line.protocols import BusProtocol
 from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
+from bussim.plc.sources import Constant, Counter, Ramp, Source, Toggle
 from bussim.scenario.schema.profiles import ProfileIn
 from bussim.scenario.schema.programs import MAX_OBSERVED, InputIn, ProgramIn
 from bussim.units import TICKS_PER_SECOND
@@ -78,7 +80,7 @@ class BusIn(Model):
 
 
 class NNIn(Model):
-    """A PLC's seat on an N:N link: the friendly form of D8176 to D8180 and M8179."""
+    """How a PLC takes part in an N:N link: the friendly form of D8176 to D8180 and M8179."""
 
     example = "{bus: link, port: COM4, station: 1}"
 
@@ -140,8 +142,24 @@ class SourceIn(Model):
 
     @model_validator(mode="after")
     def _one_kind(self, info: ValidationInfo) -> SourceIn:
-        only_one(self, ("toggle", "counter", "constant", "ramp"), info)
+        only_one(self, SOURCE_KINDS, info)
         return self
+
+    @property
+    def value(self) -> Source:
+        """What drives the device, as a value of the scenario."""
+        kind = given_of(self, SOURCE_KINDS)
+        return _SOURCES[kind](getattr(self, kind))
+
+
+SOURCE_KINDS = tuple(SourceIn.model_fields)
+#: What becomes of each kind.
+_SOURCES: dict[str, Callable[[Any], Source]] = {
+    "toggle": Toggle,
+    "counter": Counter,
+    "constant": Constant,
+    "ramp": lambda given: Ramp(given.from_, given.to, given.over),
+}
 
 
 class PlcIn(Model):

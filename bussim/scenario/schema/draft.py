@@ -7,7 +7,7 @@ leave that alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
 
@@ -62,6 +62,11 @@ class Entry(Generic[T]):
     def lost(self, *keys: str) -> bool:
         """Whether something below one of these keys was wrong, so that nothing follows from its absence."""
         return self.value is None or any(cut[:1] == (key,) for cut in self.cut for key in keys)
+
+
+def values_of(entries: Iterable[Entry[T]]) -> list[T]:
+    """What could be read of some entries."""
+    return [entry.value for entry in entries if entry.value is not None]
 
 
 @dataclass(slots=True)

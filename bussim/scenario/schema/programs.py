@@ -19,11 +19,10 @@ from bussim.forms.fields import (
     time,
     whole,
 )
-from bussim.forms.form import Model, only_one
+from bussim.forms.form import Model, given_of, only_one
+from bussim.scenario.yaml.input_table import MAX_TIMES
 from bussim.wording import show
 
-#: Changes that ``times`` or a CSV file may have.
-MAX_TIMES = 10_000
 #: How many devices a scenario may observe, and how many latencies it may measure.
 MAX_OBSERVED, MAX_LATENCIES = 1000, 100
 PROGRAM_ENDING = ".il"
@@ -116,12 +115,20 @@ class InputIn(Model):
 
     @model_validator(mode="after")
     def _one_kind(self, info: ValidationInfo) -> InputIn:
-        only_one(self, ("pulse", "square", "random", "times", "csv"), info)
+        only_one(self, INPUT_KINDS, info)
         times = self.times or []
         for earlier, later in pairwise(times):
             if later <= earlier:
                 raise fail("must rise: each change is later than the one before", "times")
         return self
+
+    @property
+    def kind(self) -> str:
+        """The key that says what drives it, "" where that was wrong."""
+        return given_of(self, INPUT_KINDS)
+
+
+INPUT_KINDS = tuple(InputIn.model_fields)
 
 
 class LatencyIn(Model):

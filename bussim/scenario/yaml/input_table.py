@@ -11,13 +11,14 @@ import re
 from fractions import Fraction
 
 from bussim.errors import Problem
-from bussim.scenario.schema.programs import MAX_TIMES
 from bussim.scenario.yaml.source_map import Report
 from bussim.units import TICKS_PER_SECOND, round_half_up
 from bussim.wording import show
 
 _SECONDS = re.compile(r"[+]?([0-9]{1,9}(\.[0-9]{0,12})?|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?", re.ASCII)
-#: Mistakes of one table that are told.
+#: Changes that a table may have, or ``times`` in a scenario.
+MAX_TIMES = 10_000
+#: Mistakes of one table that are reported.
 _MOST_PROBLEMS = 20
 
 

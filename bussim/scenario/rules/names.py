@@ -1,0 +1,86 @@
+"""Names: those of entries differ, and those of buses and PLCs exist."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from bussim.forms.fields import PlcPoint
+from bussim.scenario.resolve.port_configuration import CPAVL_PORTS
+from bussim.scenario.resolve.scenario import Resolved
+from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.yaml.source_map import Path, Report
+from bussim.wording import show, suggest
+
+
+def check_names(resolved: Resolved, report: Report) -> None:
+    """Judge the names of entries, and every mention of a bus or of a PLC's device."""
+    draft = resolved.draft
+    owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]  # both name nodes of buses
+    sections: list[Iterable[Entry[Any]]] = [draft.buses, owners, draft.noise, draft.faults, draft.latency]
+    for section in (*sections, *draft.polls.values()):
+        _check_different(section, report)
+    buses = [entry.name for entry in draft.buses if entry.name is not None]
+    for entry in owners:
+        if entry.name is not None and entry.name in buses:
+            report.warn(
+                (*entry.path, "name"),
+                f"{entry.name} is the name of a bus as well: events in the trace and in pictures do not tell "
+                "which of the two they are of",
+            )
+    for path, name in _buses_named(draft) if buses else ():  # else that is the mistake, reported already
+        if name not in buses:
+            report.error(path, f"is {show(name)}, which is no bus; {suggest(name, buses)}")
+    plcs = [entry.name for entry in draft.plcs if entry.name is not None]
+    for path, point in _points_named(draft) if plcs else ():
+        if point.plc not in plcs:
+            unknown = f"{point.plc} is no PLC; {suggest(point.plc, plcs)}"
+            report.error(path, f"is {show(str(point))}, but {unknown}")
+
+
+def _check_different(section: Iterable[Entry[Any]], report: Report) -> None:
+    seen: dict[str, Entry[Any]] = {}
+    for entry in section:
+        name = entry.name
+        if name is None:
+            continue
+        first = seen.setdefault(name.casefold(), entry)
+        if first is entry:
+            continue
+        path = (*entry.path, "name")
+        where = report.source_map.where((*first.path, "name"))
+        if first.name == name:
+            report.error(path, f"is {show(name)}, which is used already ({where})")
+        else:
+            report.error(
+                path, f"is {show(name)}, which differs only in case from {show(first.name)} ({where})"
+            )
+
+
+def _buses_named(draft: Draft) -> Iterator[tuple[Path, str]]:
+    """Every mention of a bus, and where it stands."""
+    for plc in draft.plcs:
+        if plc.value is None:
+            continue
+        for port, given in plc.value.ports.items():
+            if port in CPAVL_PORTS:
+                yield (*plc.path, "ports", port, "bus"), given.bus
+        if plc.value.nn is not None:
+            yield (*plc.path, "nn", "bus"), plc.value.nn.bus
+    wired: list[Entry[Any]] = [*draft.devices, *draft.noise]
+    for entry in wired:
+        if entry.value is not None:
+            yield (*entry.path, "bus"), entry.value.bus
+    for fault in draft.faults:
+        if fault.value is not None and fault.value.cable_cut is not None:
+            yield (*fault.path, "cable_cut", "bus"), fault.value.cable_cut.bus
+
+
+def _points_named(draft: Draft) -> Iterator[tuple[Path, PlcPoint]]:
+    """Every mention of a PLC's device, and where it stands."""
+    for index, point in enumerate(draft.document.observe if draft.document is not None else ()):
+        yield ("observe", index), point
+    for entry in draft.latency:
+        if entry.value is not None:
+            yield (*entry.path, "from"), entry.value.from_
+            yield (*entry.path, "to"), entry.value.to

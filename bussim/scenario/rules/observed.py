@@ -1,0 +1,68 @@
+"""What is wrong or odd about observed devices and latencies."""
+
+from __future__ import annotations
+
+from bussim.forms.fields import PlcPoint
+from bussim.scenario.resolve.members import Member
+from bussim.scenario.resolve.scenario import Resolved
+from bussim.scenario.schema.draft import Entry
+from bussim.scenario.schema.programs import LatencyIn
+from bussim.scenario.yaml.source_map import Report
+
+
+def check_observed(resolved: Resolved, report: Report) -> None:
+    """Warn of a device that is observed twice."""
+    document = resolved.draft.document
+    seen: set[PlcPoint] = set()
+    for index, point in enumerate(document.observe if document is not None else ()):
+        if point in seen:
+            report.warn(("observe", index), f"{point} is observed twice")
+        seen.add(point)
+
+
+def check_latencies(resolved: Resolved, report: Report) -> None:
+    """Judge every entry of ``latency``."""
+    by_name = {member.name: member for member in resolved.members}
+    for entry in resolved.draft.latency:
+        given = entry.value
+        if given is None:
+            continue
+        source, target = (by_name.get(point.plc) for point in (given.from_, given.to))
+        if source is not None and target is not None:
+            _check_latency(entry, given, source, target, report)
+
+
+def _check_latency(
+    entry: Entry[LatencyIn],
+    given: LatencyIn,
+    source: Member,
+    target: Member,
+    report: Report,
+) -> None:
+    start, end, path = given.from_, given.to, entry.path
+    if start.device.is_word != end.device.is_word:
+        kinds = [f"{point} is a {'word' if point.device.is_word else 'bit'}" for point in (start, end)]
+        report.error((*path, "to"), f"is {end}: {' and '.join(kinds)}, but a latency has two of a kind")
+        return
+    if start == end:
+        report.error((*path, "to"), f"is {end}, the device that it comes from")
+        return
+    if end.device.letter == "X":
+        report.error((*path, "to"), f"is {end}, an input: no program can set it")
+        return
+    if source.unread or target.unread:
+        return
+    if source is not target and (source.bus is None or source.bus != target.bus):
+        report.error((*path, "to"), f"is {end}, but {start.plc} and {end.plc} share no N:N link")
+        return
+    if start.device.is_word:
+        for key in ("edge", "inverted"):
+            if getattr(given, key) is not None:
+                report.error((*path, key), f"has no meaning for words, and {start} is one", key=True)
+        if source is target:
+            report.error((*path, "to"), f"is {end}, of the same PLC: there is no age to measure")
+            return
+    if start.device.letter == "X" and str(start.device) not in source.logic.inputs:
+        report.warn(
+            (*path, "from"), f"nothing drives {start}: it has no entry in the inputs of the PLC {source.name}"
+        )
