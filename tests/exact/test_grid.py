@@ -8,13 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bussim.exact.link import LinkModel
-from bussim.exact.metrics import Request, figures_of
+from bussim.exact.metrics import YEAR, Request, figures_of
 from bussim.exact.scan.memoryless import fails_of, probabilities_of
-from bussim.exact.sizing.grid import all_timeouts, evaluate
+from bussim.exact.sizing.grid import evaluate
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import MS, PROBE, change, link, with_burst, with_noise
 
-REQUEST = Request(levels={"a": 1e-3, "b": 1e-6}, deadlines=(150 * MS,), refresh=False)
+EVERY = range(50 * MS, 2_251 * MS, 10 * MS)
+ATTEMPTS = range(1, 12)
+REQUEST = Request(levels={}, deadlines=(150 * MS,), refresh=False)
 
 LINKS = {
     "plain": link(7, ber=1e-5),
@@ -34,7 +36,7 @@ LINKS = {
 @pytest.mark.parametrize("name", LINKS)
 def test_a_grid_is_its_settings(name: str) -> None:
     model = LINKS[name]
-    grid = evaluate(model, deadlines=(150 * MS,))
+    grid = evaluate(model, ATTEMPTS, EVERY, (150 * MS,))
     for attempts, timeout in ((1, 50), (2, 60), (4, 100), (7, 330), (11, 2250)):
         figures = figures_of(model.with_setting(attempts, timeout * MS), REQUEST)
         i, j = grid.at(attempts, timeout * MS)
@@ -42,18 +44,10 @@ def test_a_grid_is_its_settings(name: str) -> None:
         assert figures.mean is not None
         assert grid.mean[i, j] == pytest.approx(figures.mean, rel=1e-9)
         assert grid.errors_per_year[i, j] == pytest.approx(figures.errors_per_year, rel=1e-9)
-        assert grid.error_per_scan[i, j] == pytest.approx(max(figures.error_per_scan.values()), rel=1e-9)
         assert grid.one_dead[i, j] == pytest.approx(figures.one_dead, rel=1e-9)
         assert grid.detect_mean[i, j] == pytest.approx(figures.detect_mean, rel=1e-7)
         assert grid.detect_longest[i, j] == pytest.approx(figures.detect_longest, rel=1e-9)
         assert grid.silence[i, j] == figures.silence
-        assert grid.corruption[i, j] == figures.corruption
-        # A grid's quantiles are good to some microseconds, and by a tail's part of 1e-4 besides.
-        for level, key in ((1e-3, "a"), (1e-6, "b")):
-            x = grid.quantiles[level][i, j]
-            assert figures.distribution is not None
-            if abs(x - figures.quantiles[key]) > 720:
-                assert figures.distribution.tail(x) == pytest.approx(level, rel=3e-3)
         over = figures.over[150 * MS]
         assert grid.over[150 * MS][i, j] == pytest.approx(over, rel=1e-2, abs=1e-9)
 
@@ -61,7 +55,7 @@ def test_a_grid_is_its_settings(name: str) -> None:
 def test_burst_grids() -> None:
     model = with_burst(link(3, ber=1e-6), 5_000, 30, 0, 8e-3)
     columns = [50 * MS, 100 * MS, 700 * MS]
-    grid = evaluate(model, (1, 3, 6), columns, levels=(1e-3,), deadlines=(150 * MS,))
+    grid = evaluate(model, (1, 3, 6), columns, (150 * MS,))
     for i, attempts in enumerate((1, 3, 6)):
         for j, timeout in enumerate(columns):
             figures = figures_of(model.with_setting(attempts, timeout), REQUEST)
@@ -70,13 +64,12 @@ def test_burst_grids() -> None:
             assert grid.one_dead[i, j] == pytest.approx(figures.one_dead, rel=1e-9)
             assert grid.detect_mean[i, j] == pytest.approx(figures.detect_mean, rel=1e-6)
             assert grid.silence[i, j] == figures.silence
-            assert grid.quantiles[1e-3][i, j] == pytest.approx(figures.quantiles["a"])
             assert grid.over[150 * MS][i, j] == pytest.approx(figures.over[150 * MS])
 
 
 def test_burst_grids_with_probed_stations_are_nearly_exact() -> None:
     model = with_burst(link(3, ber=1e-6, absent=PROBE), 5_000, 30, 0, 8e-3)
-    grid = evaluate(model, (3,), [60 * MS], levels=())
+    grid = evaluate(model, (3,), [60 * MS])
     figures = figures_of(model.with_setting(3, 60 * MS), REQUEST)
     # The other stations' flags are taken as off: an error of the order of errors together.
     assert grid.errors_per_year[0, 0] == pytest.approx(figures.errors_per_year, rel=1e-2)
@@ -85,30 +78,22 @@ def test_burst_grids_with_probed_stations_are_nearly_exact() -> None:
 
 def test_settings_without_a_law_have_no_number() -> None:
     model = change(link(2, ber=1e-5), 1, extra=70 * MS)
-    grid = evaluate(model, timeouts=[50 * MS, 80 * MS, 90 * MS])
+    grid = evaluate(model, ATTEMPTS, [50 * MS, 80 * MS, 90 * MS], (150 * MS,))
     assert grid.valid.tolist() == [False, False, True]
-    for figures in (grid.mean, grid.errors_per_year, grid.one_dead, grid.silence, *grid.quantiles.values()):
+    for figures in (grid.mean, grid.errors_per_year, grid.one_dead, grid.silence, *grid.over.values()):
         assert np.isnan(figures[:, :2]).all()
         assert not np.isnan(figures[:, 2]).any()
-
-
-def test_every_setting_of_the_registers() -> None:
-    grid = evaluate(link(2), levels=())
-    assert grid.attempts == tuple(range(1, 12))
-    assert grid.timeouts == tuple(range(50 * MS, 2_251 * MS, 10 * MS)) == all_timeouts(link(2))
-    assert grid.mean.shape == (11, 221)
 
 
 @settings(deadline=None, max_examples=20)
 @given(st.integers(1, 7), st.integers(0, 4), st.floats(-7, -3.3), st.booleans())
 def test_more_attempts_and_longer_timeouts(slaves: int, mode: int, exponent: float, probe: bool) -> None:
     model: LinkModel = link(slaves, mode=mode, ber=10**exponent, absent=PROBE if probe else link().absent)
-    grid = evaluate(model, timeouts=[50 * MS, 90 * MS, 400 * MS])
-    assert np.all(np.diff(grid.error_per_scan, axis=0) < 0)
+    grid = evaluate(model, ATTEMPTS, [50 * MS, 90 * MS, 400 * MS])
+    assert np.all(np.diff(grid.errors_per_year, axis=0) < 0)
     assert np.all(np.diff(grid.silence, axis=0) >= 0)
     assert np.all(np.diff(grid.detect_mean, axis=0) > 0)
     for increasing in (grid.mean, grid.one_dead, grid.detect_mean, grid.detect_longest):
         assert np.all(np.diff(increasing, axis=1) > 0)
-    assert np.all(grid.quantiles[1e-6] >= grid.quantiles[1e-3])
     expected = fails_of(probabilities_of(model)[0], 3, model.absent).error
-    assert grid.error_per_scan[2] == pytest.approx(expected)
+    assert grid.errors_per_year[2] == pytest.approx(slaves * expected * YEAR / grid.mean[2])

@@ -494,7 +494,7 @@ def test_other_ports_and_the_link_lengthen_scans() -> None:
         port("COM3", MASTER),
         port("COM5", MASTER, "other"),
         polls=polls,
-        seat=seat,
+        link=seat,
         registers={"D8176": 0, "D8177": 1, "D8180": 5, "M8179": 1},
     )
     scenario = serial_bus([station(), station("oven", bus="other")], [press], seconds=20)

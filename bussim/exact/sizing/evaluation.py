@@ -123,9 +123,7 @@ def evaluate_goals(model: LinkModel, goals: Goals, absent: AbsentStation | None 
     low = max(timeout_floor(model), model.timeout_range[0] * TIMEOUT_UNIT)
     timeouts = tuple(range(low, top + 1, TIMEOUT_UNIT))
     deadlines = () if goals.scan is None else (goals.scan[0],)
-    return Checked(
-        evaluate(model, range(1, MAX_RETRIES + 2), timeouts, levels=(), deadlines=deadlines), goals
-    )
+    return Checked(evaluate(model, range(1, MAX_RETRIES + 2), timeouts, deadlines), goals)
 
 
 def missed_per_year(solved: Solved, preset: int) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bussim.exact.link import TIMEOUT_UNIT, LinkModel, Station
+from bussim.exact.link import LinkModel, Station
 from bussim.exact.metrics import YEAR
 from bussim.exact.scan.memoryless import (
     ScanTerms,
@@ -29,25 +29,20 @@ from bussim.exact.scan.outages import clean_scan, detection_means, ride_throughs
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.grid_bursts import BurstStacks
 from bussim.exact.solve import Solved
-from bussim.plc.profiles import MAX_RETRIES
 from bussim.units import TICKS_PER_US
 
 #: Step of a row's grid in ticks, and the most cells that all rows have together.
 _STEP, _CELLS = 10.0 * TICKS_PER_US, 4_000_000
-#: Components and ends of rows lighter than these parts of a level do not move its quantile.
-_LIGHT = 1e-5
-#: A quantile is searched until it is known to so many ticks (0.5 µs).
-_NEAR = TICKS_PER_US / 2
+#: Components lighter than this are left out.
+_LIGHT = 1e-11
 
 
 class Grid:
     """Figures of a link by attempts (first axis) and timeout (second axis). Times in ticks.
 
     ``errors_per_year`` counts scans in which a living station is in error, of all of them together;
-    ``error_per_scan`` is that of the worst station; ``silence`` and ``corruption`` are ride-throughs.
-    ``quantiles`` has the scan time exceeded with each level's probability, ``over`` the probability
-    to exceed each deadline. Where ``valid`` is false (a reply would not fit the timeout), and where
-    something was not asked for, figures are NaN.
+    ``silence`` is the ride-through. ``over`` has the probability that a scan exceeds each deadline. Where
+    ``valid`` is false (a reply would not fit the timeout), and where a figure was not asked for, it is NaN.
     """
 
     def __init__(
@@ -55,19 +50,16 @@ class Grid:
         model: LinkModel,
         attempts: tuple[int, ...],
         timeouts: tuple[int, ...],
-        levels: Sequence[float],
         deadlines: Sequence[int],
     ) -> None:
         self.model = model
         self.attempts = attempts
         self.timeouts = timeouts
         self.valid = np.array(timeouts, dtype=np.float64) >= model.least_timeout()
-        shape = (len(attempts), len(timeouts))
-        every = np.full((8 + len(levels) + len(deadlines), *shape), np.nan)
-        self.mean, self.error_per_scan, self.errors_per_year, self.one_dead = every[:4]
-        self.detect_mean, self.detect_longest, self.silence, self.corruption = every[4:8]
-        self.quantiles = dict(zip(levels, every[8:], strict=False))
-        self.over = dict(zip(deadlines, every[8 + len(levels) :], strict=True))
+        every = np.full((6 + len(deadlines), len(attempts), len(timeouts)), np.nan)
+        self.mean, self.errors_per_year, self.one_dead = every[:3]
+        self.detect_mean, self.detect_longest, self.silence = every[3:6]
+        self.over = dict(zip(deadlines, every[6:], strict=True))
         self._every = every
 
     def blank_invalid(self) -> None:
@@ -79,36 +71,26 @@ class Grid:
         return self.attempts.index(attempts), self.timeouts.index(timeout)
 
 
-def all_timeouts(model: LinkModel) -> tuple[int, ...]:
-    """Every timeout that D8180 of the master's profile can say, in ticks."""
-    low, high = model.timeout_range
-    return tuple(TIMEOUT_UNIT * unit for unit in range(low, high + 1))
-
-
 def evaluate(
     model: LinkModel,
-    attempts: Iterable[int] = range(1, MAX_RETRIES + 2),
-    timeouts: Sequence[int] | None = None,
-    levels: Sequence[float] = (1e-3, 1e-6),
+    attempts: Iterable[int],
+    timeouts: Iterable[int],
     deadlines: Sequence[int] = (),
     *,
     details: bool = True,
 ) -> Grid:
     """All settings of a link, whose own setting does not matter.
 
-    ``levels`` are probabilities of exceeding, ``deadlines`` ticks. Without ``details`` only mean,
-    errors and quantiles are worked out. With bursts, quantiles and deadlines take a distribution per setting
-    (milliseconds each); pass no levels where they are not needed. Raises ValueError where the closed
-    form holds for no setting (:attr:`LinkModel.obstacles`).
+    ``timeouts`` and ``deadlines`` in ticks. Without ``details`` only mean and errors are worked out. With
+    bursts, deadlines take a distribution per setting (milliseconds each). Raises ValueError where the
+    closed form holds for no setting (:attr:`LinkModel.obstacles`).
     """
     if model.obstacles:
         raise ValueError("; ".join(model.obstacles))
-    many = tuple(attempts)
-    ticks = tuple(all_timeouts(model) if timeouts is None else timeouts)
-    tau = np.array(ticks, dtype=np.float64)
+    grid = Grid(model, tuple(attempts), tuple(timeouts), deadlines)
+    tau = np.array(grid.timeouts, dtype=np.float64)
     worker = _Memoryless(model, tau) if model.noise.memoryless else _Bursts(model, tau)
-    grid = Grid(model, many, ticks, levels, deadlines)
-    for row, count in enumerate(many):
+    for row, count in enumerate(grid.attempts):
         worker.fill(grid, row, count, details=details)
     grid.blank_invalid()
     return grid
@@ -124,7 +106,7 @@ def _fill_outages(grid: Grid, row: int, count: int, mean: Floats, square: Floats
     grid.detect_mean[row] = np.max(np.stack(means), axis=0)
     longest = [_others_clean(model, station, wait) + count * wait for station in model.alive]
     grid.detect_longest[row] = np.max(np.stack(longest), axis=0)
-    grid.silence[row], grid.corruption[row] = ride_throughs(model, count, tau)
+    grid.silence[row], _ = ride_throughs(model, count, tau)
 
 
 def _others_clean(model: LinkModel, station: Station, wait: Floats) -> Floats:
@@ -154,7 +136,6 @@ class _Memoryless:
         errors = [f.error for f, s in zip(all_fails, model.stations, strict=True) if s.alive]
         parameters = model.parameters_cost
         grid.mean[row] = model.base + fixed + waits * tau + parameters * any_flag(all_fails)
-        grid.error_per_scan[row] = max(errors, default=np.nan)
         grid.errors_per_year[row] = YEAR / grid.mean[row] * sum(errors)
         if details:
             dead = model.attempts_at(flagged=True) * (model.gap + model.poll + tau)
@@ -166,16 +147,13 @@ class _Memoryless:
             if gains:
                 gain = np.max(np.stack(gains), axis=0)
                 grid.one_dead[row] = model.base + fixed + waits * tau + gain + parameters
-        wanted = [*grid.quantiles, *([1e-6] if details or grid.over else [])]
-        if not wanted:
+        if not details and not grid.over:
             return
-        terms = scan_terms(model, _LIGHT * min(wanted), self.probabilities)
+        terms = scan_terms(model, _LIGHT, self.probabilities)
         if details:
             _fill_outages(grid, row, count, grid.mean[row], _mean_square(terms, tau))
-        if grid.quantiles or grid.over:
+        if grid.over:
             rows = _Rows.of(terms)
-            for level, values in grid.quantiles.items():
-                values[row] = rows.quantile(level, tau)
             for deadline, values in grid.over.items():
                 values[row] = rows.tail(np.full(tau.size, float(deadline)), tau)
 
@@ -234,51 +212,6 @@ class _Rows:
         beyond = (low + (place - index) * (flat[at + 1] - low)).sum(axis=1)
         return np.asarray(np.minimum(beyond, 1.0), dtype=np.float64)
 
-    def quantile(self, level: float, tau: Floats) -> Floats:
-        """The least x with P(scan > x) <= level, for each timeout."""
-        weight = self.tails[:, 0]
-        # Where a row's tail begins to fall, and where it is as good as over.
-        begin = self.first + self.step * ((self.tails >= weight[:, None]).sum(axis=1) - 1)
-        over = self.first + self.step * (self.tails > _LIGHT * level).sum(axis=1)
-        moved = np.arange(weight.size)[:, None] * tau
-        low = _edges(begin[:, None] + moved, weight, level)
-        high = np.maximum(low, _edges(over[:, None] + moved, weight, level))
-        whole = np.where(begin[:, None] + moved >= high, weight[:, None], 0.0).sum(axis=0)
-        partial = (begin[:, None] + moved < high) & (over[:, None] + moved > low)
-        single = partial.sum(axis=0) == 1
-        result = high.copy()
-        # Most often one row alone decides: its tail is inverted. Else the sum of tails is halved down to it.
-        row = np.argmax(partial, axis=0)
-        for number in np.unique(row[single]).tolist():
-            chosen = np.nonzero(single & (row == number))[0]
-            inside = self._inverse(self.tails[number], level - whole[chosen])
-            result[chosen] = np.clip(inside + number * tau[chosen], low[chosen], high[chosen])
-        rest = np.nonzero(~single & (high > low))[0]
-        if rest.size:
-            left, right, timeouts = low[rest], high[rest], tau[rest]
-            while float((right - left).max()) > _NEAR:
-                middle = (left + right) / 2
-                above = self.tail(middle, timeouts) > level
-                left, right = np.where(above, middle, left), np.where(above, right, middle)
-            result[rest] = right
-        return result
-
-    def _inverse(self, tail: Floats, level: Floats) -> Floats:
-        """The least y at which a row's tail is at most so much."""
-        place = np.clip(np.searchsorted(-tail, -level, side="left"), 1, tail.size - 1)
-        above, below = tail[place - 1], tail[place]
-        part = np.divide(above - level, above - below, out=np.ones_like(level), where=above > below)
-        return np.asarray(self.first + self.step * (place - 1 + np.clip(part, 0.0, 1.0)), dtype=np.float64)
-
-
-def _edges(edges: Floats, weight: Floats, level: float) -> Floats:
-    """For each column the edge at and above which more than ``level`` lies, but not above it."""
-    order = np.argsort(-edges, axis=0, kind="stable")
-    beyond = np.cumsum(weight[order], axis=0)
-    place = np.minimum((beyond <= level).sum(axis=0), weight.size - 1)
-    found = np.take_along_axis(edges, np.take_along_axis(order, place[None], axis=0), axis=0)
-    return np.asarray(found[0], dtype=np.float64)
-
 
 class _Bursts:
     """Fills rows of a grid on a line with bursts."""
@@ -292,19 +225,13 @@ class _Bursts:
         alive = self.model.alive
         moments = self.stacks.moments(count)
         grid.mean[row] = moments.mean
-        grid.error_per_scan[row] = np.max(moments.errors, axis=0) if alive else np.nan
         grid.errors_per_year[row] = YEAR / moments.mean * np.sum(moments.errors, axis=0)
         if details and alive:
             _fill_outages(grid, row, count, moments.mean, moments.square)
             means = [self.stacks.moments(count, dead=station.number).mean for station in alive]
             grid.one_dead[row] = np.max(np.stack(means), axis=0)
-        if not grid.quantiles and not grid.over:
-            return
-        for column, timeout in enumerate(grid.timeouts):
-            if not grid.valid[column]:
-                continue
-            distribution = Solved(self.model.with_setting(count, timeout)).distribution
-            for level, values in grid.quantiles.items():
-                values[row, column] = distribution.quantile(level)
-            for deadline, values in grid.over.items():
-                values[row, column] = float(distribution.tail(float(deadline)))
+        for column, timeout in enumerate(grid.timeouts) if grid.over else ():
+            if grid.valid[column]:
+                distribution = Solved(self.model.with_setting(count, timeout)).distribution
+                for deadline, values in grid.over.items():
+                    values[row, column] = float(distribution.tail(float(deadline)))

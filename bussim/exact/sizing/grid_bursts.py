@@ -33,7 +33,10 @@ class Moments(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Timed:
-    """Matrices of something that takes time: its probability, times the time, times the time's square."""
+    """Matrices of something that takes time: its probability, times the time, times the time's square.
+
+    With one row they are weights over the states.
+    """
 
     zero: Stack
     one: Stack
@@ -88,8 +91,8 @@ class BurstStacks:
             before.append(clean + marked)
             clean, marked = clean @ answered.zero, marked @ answered.zero + before[-1] @ error.zero
         start = _stationary(clean @ short.zero + marked @ long.zero)
-        good = _Row.begin(start).then(data)
-        bad = good.scaled(0.0)
+        zero = np.zeros((self.tau.size, 1, self.line.states))
+        good, bad = _Timed(start[:, None, :], zero, zero).then(data), _Timed(zero, zero, zero)
         for answered, error in ends:
             good, bad = good.then(answered), bad.then(answered) + (good + bad).then(error)
         scan = good.then(short) + bad.then(long)
@@ -102,7 +105,7 @@ class BurstStacks:
             else:
                 errors.append(self._probed(model, place, before[place], ends))
         each = np.minimum(np.array(errors), 1.0).reshape(len(errors), self.tau.size)
-        return Moments(scan.one.sum(axis=1), scan.two.sum(axis=1), each)
+        return Moments(scan.one.sum(axis=(1, 2)), scan.two.sum(axis=(1, 2)), each)
 
     # -- one exchange ------------------------------------------------------------------------------
 
@@ -164,39 +167,6 @@ class BurstStacks:
                 columns = slice(outcome * states, (outcome + 1) * states)
                 chain[:, rows, columns] = before @ matrix @ rest
         return np.asarray(_stationary(chain)[:, states:].sum(axis=1), dtype=np.float64)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Row:
-    """Weights over (timeout, state), times the time that passed, times its square."""
-
-    zero: Floats
-    one: Floats
-    two: Floats
-
-    @classmethod
-    def begin(cls, weight: Floats) -> _Row:
-        """At time 0."""
-        return cls(weight, np.zeros_like(weight), np.zeros_like(weight))
-
-    def then(self, other: _Timed) -> _Row:
-        """Followed by something that takes time."""
-
-        def by(row: Floats, matrix: Stack) -> Floats:
-            return np.asarray(np.einsum("ts,tsu->tu", row, matrix), dtype=np.float64)
-
-        return _Row(
-            by(self.zero, other.zero),
-            by(self.one, other.zero) + by(self.zero, other.one),
-            by(self.two, other.zero) + 2 * by(self.one, other.one) + by(self.zero, other.two),
-        )
-
-    def scaled(self, factor: float) -> _Row:
-        """With a probability."""
-        return _Row(factor * self.zero, factor * self.one, factor * self.two)
-
-    def __add__(self, other: _Row) -> _Row:
-        return _Row(self.zero + other.zero, self.one + other.one, self.two + other.two)
 
 
 def _stationary(step: Stack) -> Floats:

@@ -78,9 +78,10 @@ def under_bad_noise(model: LinkModel) -> LinkModel:
 
 def noise_levels_of(model: LinkModel, timeout: int) -> NoiseLevels:
     """The noise levels of a link for one timeout in ticks, for D8179 0…10."""
-    clean = evaluate(model.without_noise(), timeouts=(timeout,), levels=())
+    every = range(1, MAX_RETRIES + 2)
+    clean = evaluate(model.without_noise(), every, (timeout,))
     grids = {
-        name: evaluate(with_failing(model, chance), timeouts=(timeout,), levels=(), details=False)
+        name: evaluate(with_failing(model, chance), every, (timeout,), details=False)
         for name, chance in LEVELS.items()
     }
     rungs = []

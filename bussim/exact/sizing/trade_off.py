@@ -44,7 +44,7 @@ def trade_off(sizing: Sizing) -> TradeOff:
     assumed = sizing.noise_levels is not None
     series = {}
     for name, noisy in _noises(model, assumed=assumed).items():
-        grid = evaluate(noisy, lowest, timeouts=(timeout,), levels=())
+        grid = evaluate(noisy, lowest, (timeout,))
         series[name] = tuple(
             zip(grid.one_dead[:, 0].tolist(), grid.errors_per_year[:, 0].tolist(), strict=True)
         )
