@@ -1,26 +1,30 @@
-"""What the README shows is what the program does."""
+"""What the guide says of the program is what the program does."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import bussim
-from bussim.cli import COMMANDS
 from bussim.engines.nn.frames import MODES
 from bussim.engines.nn.states import MASTER
 from bussim.engines.states import mermaid
-from bussim.plc.link_registers import LinkBoard
+from bussim.plc.link_registers import LinkRegisters
 from bussim.plc.memory import Memory
 from bussim.plc.profiles import PROFILES
 from bussim.plc.program.text.catalog import SPECS
 from bussim.plc.program.text.specials import SPECIAL_BITS
+from bussim.results.store.rows import FORMS
 from bussim.scenario.loader import load, loads
+from bussim.scenario.schema.devices import MODELS
+from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS
+from bussim.scenario.schema.document import NNIn
+from bussim.scenario.schema.profiles import ProfileIn
 from bussim.scenario.schema.programs import InputIn, LatencyIn
-
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+from tests.guide.pages import blocks, page, quoted, table
 
 #: Link times of the FX communication manual (JY992D69901, N:N network), ms, by number of stations.
 PUBLISHED = {
@@ -64,21 +68,20 @@ def test_published_link_times(stations: int, profile: str) -> None:
 
 @pytest.mark.parametrize("stations", PUBLISHED)
 def test_link_time_table(stations: int) -> None:
-    assert table_row(stations) in README
+    assert table_row(stations) in page("model")
 
 
 def test_master_diagram() -> None:
-    assert mermaid(MASTER) in README
+    assert mermaid(MASTER) in page("model")
 
 
 def test_the_blocks_of_the_stations() -> None:
-    section = README.split("| D8178 |")[1].split("\n\n")[0]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines()[2:]]
+    rows = table(page("model"), "D8178 |")
     assert [row[0] for row in rows] == ["0", "1", "2", "3 (PW10)", "4 (PW10)"]
     assert [(int(row[1].replace("none", "0")), int(row[2])) for row in rows] == [
         (block.bits, block.words) for block in MODES
     ]
-    places = {name: LinkBoard(profile, Memory()).place_of(1, 2) for name, profile in PROFILES.items()}
+    places = {name: LinkRegisters(profile, Memory()).place_of(1, 2) for name, profile in PROFILES.items()}
     assert (places["pw10"].bit, places["pw10"].bits, places["pw10"].word, places["pw10"].words) == (
         1064,
         64,
@@ -89,21 +92,18 @@ def test_the_blocks_of_the_stations() -> None:
     assert {name for name, profile in PROFILES.items() if 3 in profile.modes} == {"pw10"}
 
 
-def test_every_command_is_listed() -> None:
-    for command in COMMANDS:
-        assert f"`bussim {command}" in README
-
-
 def test_example_scenario_is_sound() -> None:
-    example = re.search(r"```yaml\n(.*?)```", README, re.DOTALL)
-    assert example is not None
-    assert loads(example.group(1)).warnings == ()
+    assert loads(blocks(page("scenario"), "yaml")[0]).warnings == ()
+
+
+def test_every_other_example_of_the_scenario_reference_is_tried_below() -> None:
+    assert len(blocks(page("scenario"), "yaml")) == 3
+    assert len(blocks(page("programs"), "yaml")) == 1
 
 
 def test_the_examples_of_ports_and_devices_load() -> None:
-    blocks: list[str] = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
-    ports = next(block for block in blocks if "model: stepper" in block)
-    devices = next(block for block in blocks if "model: map" in block).removeprefix("devices:\n")
+    _, ports, devices = blocks(page("scenario"), "yaml")
+    devices = devices.removeprefix("devices:\n")
     more = ports.replace("buses:\n", "buses:\n  - {name: ovens}\n  - {name: belt}\n")
     found = loads(f"schema: 1\nname: readme\nduration: 5 s\n{more}{devices}")
     assert [device.model for device in found.devices] == ["stepper", "map", "stepper", "hmi", "free"]
@@ -113,14 +113,20 @@ def test_the_examples_of_ports_and_devices_load() -> None:
     assert summary["devices"]["reader"]["sent"] == 5
 
 
-def programs_section() -> str:
-    return README.split("## Programs, and how long a signal takes")[1].split("\n## ")[0]
+def test_the_example_of_a_program_loads_and_its_signal_arrives() -> None:
+    (example,) = blocks(page("programs"), "yaml")
+    link = '  - {name: feeder, nn: {bus: link, port: COM4, station: 0, slaves: 1, mode: 1}, program: "LD M1064\\nOUT Y4\\nEND"}\n'
+    text = "schema: 1\nname: page\nduration: 20 s\nbuses: [{name: link, nn: true}]\n" + example.replace(
+        "plcs:\n", f"plcs:\n{link}"
+    )
+    (found,) = bussim.run(loads(text), rows=False).summary["latency"].values()
+    assert found["delivered"] > 5
 
 
 def test_the_instructions_are_those_of_the_catalog() -> None:
     """Contacts that compare are told by three examples."""
     rows = re.findall(
-        r"^\| (contacts|coils|words|bits|order|ports) \| (.*) \|$", programs_section(), re.MULTILINE
+        r"^\| (contacts|coils|words|bits|order|ports) \| (.*) \|$", page("programs"), re.MULTILINE
     )
     told = {name for _, row in rows for part in re.findall(r"`([^`]*)`", row) for name in part.split()}
     compared = {name for name, spec in SPECS.items() if spec.group == "comparison"}
@@ -129,7 +135,7 @@ def test_the_instructions_are_those_of_the_catalog() -> None:
 
 
 def test_every_input_of_the_table_can_be_read(tmp_path: Path) -> None:
-    shown = re.findall(r"`(\{(?:pulse|square|random|times|csv): .*?\})`", programs_section())
+    shown = re.findall(r"`(\{(?:pulse|square|random|times|csv): .*?\})`", page("programs"))
     kinds = set(InputIn.model_fields)
     assert {text[1:].split(":")[0] for text in shown} == kinds
     (tmp_path / "edges.csv").write_text("time_s,level\n1,1\n", encoding="utf-8")
@@ -140,7 +146,7 @@ def test_every_input_of_the_table_can_be_read(tmp_path: Path) -> None:
 
 
 def test_the_special_bits_that_are_left_out_are_told() -> None:
-    row = next(line for line in programs_section().split("\n") if line.startswith("| left out"))
+    row = next(line for line in page("programs").split("\n") if line.startswith("| left out"))
     told: set[int] = set()
     for first, last in re.findall(r"M(8\d{3})(?:–M(8\d{3}))?", row):
         told |= set(range(int(first), int(last or first) + 1))
@@ -149,5 +155,28 @@ def test_the_special_bits_that_are_left_out_are_told() -> None:
 
 def test_the_keys_of_a_latency_are_told() -> None:
     keys = {info.alias or name for name, info in LatencyIn.model_fields.items()}
-    table = programs_section().split("| `latency:` | meaning |\n|---|---|\n")[1].split("\n\n")[0]
-    assert keys == {key for row in table.split("\n") for key in re.findall(r"`(\w+)", row.split("|")[1])}
+    assert keys == {
+        key for row in table(page("programs"), "`latency:`") for key in re.findall(r"`(\w+)", row[0])
+    }
+
+
+@pytest.mark.parametrize(
+    ("heading", "known"),
+    [
+        ("noise |", set(NOISE_KINDS)),
+        ("fault |", set(FAULT_KINDS)),
+        ("device | what it is", set(MODELS)),
+        ("key of `nn`", set(NNIn.model_fields)),
+        ("field |", set(ProfileIn.model_fields) - {"base"}),
+    ],
+)
+def test_the_scenario_reference_is_complete(heading: str, known: set[str]) -> None:
+    told = [key for row in table(page("scenario"), heading) for key in quoted(row[0])]
+    assert sorted(told) == sorted(known)
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=lambda form: form.stem)
+def test_every_column_of_a_table_is_described(form: Any) -> None:
+    rows = page("results").split(f"`{form.stem}.csv`:\n\n")[1].split("\n\n")[0].split("\n")[2:]
+    told = [name for row in rows for name in quoted(row.split("|")[1])]
+    assert sorted(told) == sorted(form.columns.kinds)

@@ -1,0 +1,67 @@
+"""The outputs that README and guide show are those of the commands that they name.
+
+A comment ``<!-- output: COMMAND | head -N -->`` stands above each. After a change of what a command prints,
+``python -m tests.guide.test_outputs`` writes them anew; read the difference before committing it.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shlex
+import tempfile
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from bussim.cli import main
+from bussim.scenario import builtin
+from tests.guide.pages import EVERY, name, read
+from tests.undrawn import undrawn
+
+SHOWN = re.compile(r"<!-- output: bussim (.+?)(?: \| head -(\d+))? -->\n```text\n(.*?)```\n", re.DOTALL)
+
+
+@cache
+def printed(command: str) -> str:
+    """What a command prints, in a folder that holds the copy of the tutorial with one bad value."""
+    out = io.StringIO()
+    with tempfile.TemporaryDirectory() as folder, chdir(folder), undrawn():
+        bad = builtin.read("press_line").replace("retries: 5", "retries: 12")
+        Path("my_line.yaml").write_text(bad, encoding="utf-8")
+        with redirect_stdout(out), redirect_stderr(out):
+            main(shlex.split(command))
+    return out.getvalue()
+
+
+def shown(command: str, lines: str | None) -> str:
+    """The first lines of what a command prints, or all of them, without blanks at their ends."""
+    kept = printed(command).splitlines()[: int(lines) if lines else None]
+    return "".join(f"{line.rstrip()}\n" for line in kept)
+
+
+@pytest.mark.parametrize("path", [path for path in EVERY if SHOWN.search(read(path))], ids=name)
+def test_outputs_are_what_the_commands_print(path: Path) -> None:
+    for command, lines, text in SHOWN.findall(read(path)):
+        assert text == shown(command, lines or None), command
+
+
+def test_no_output_is_left_unchecked() -> None:
+    for path in EVERY:
+        text = read(path)
+        assert text.count("<!-- output:") == text.count("```text") == len(SHOWN.findall(text)), path
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("COLUMNS", "100")
+    for each in EVERY:
+        before = read(each)
+        after = SHOWN.sub(
+            lambda found: found[0].replace(f"```text\n{found[3]}", f"```text\n{shown(found[1], found[2])}"),
+            before,
+        )
+        if after != before:
+            each.write_text(after, encoding="utf-8")
