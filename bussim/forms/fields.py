@@ -66,6 +66,35 @@ def _found(value: object) -> str:
     return "is empty" if value is EMPTY else f"is {show(value)}"
 
 
+def _unread(value: object) -> object:
+    """A value as the file has it: YAML may have read a text as a number."""
+    return value.raw if isinstance(value, RawInt | RawFloat) else value
+
+
+def _matching(pattern: re.Pattern[str], expected: str) -> Kind:
+    def check(value: object) -> str:
+        if isinstance(value, str) and len(value) <= 200 and pattern.fullmatch(value):
+            return value
+        raise fail(f"{_found(value)}, expected {expected}")
+
+    return Kind(check)
+
+
+def _parsed(parse: Callable[[str], object], expected: str) -> Kind:
+    """What ``parse`` makes of a text; it raises ValueError with a message for the user."""
+
+    def check(value: object) -> object:
+        value = _unread(value)
+        if not isinstance(value, str):
+            raise fail(f"{_found(value)}, expected {expected}")
+        try:
+            return parse(value[:100])
+        except ValueError as error:
+            raise fail(str(error)) from None
+
+    return Kind(check, str)
+
+
 def name() -> Kind:
     """A name: letters, digits, _ and - (not as the first), at least one letter, at most 64 characters."""
 
@@ -82,22 +111,15 @@ def name() -> Kind:
 
 
 def node() -> Kind:
-    """The name of what sits on a bus: a PLC, one of its ports (press1.COM3), a device."""
-
-    def check(value: object) -> str:
-        if isinstance(value, str) and _NODE.fullmatch(value):
-            return value
-        raise fail(f"{_found(value)}, expected the name of a PLC, a port such as press1.COM3, or a device")
-
-    return Kind(check)
+    """The name of a node of a bus: a PLC, one of its ports (press1.COM3), a device."""
+    return _matching(_NODE, "the name of a PLC, a port such as press1.COM3, or a device")
 
 
 def title() -> Kind:
     """A line of free text, 1 to 200 characters."""
 
     def check(value: object) -> str:
-        if isinstance(value, RawInt | RawFloat):
-            value = value.raw
+        value = _unread(value)
         if not isinstance(value, str) or not value.strip():
             raise fail(f"{_found(value)}, expected a line of text")
         if len(value) > 200 or not value.isprintable():
@@ -240,32 +262,12 @@ def link_port() -> Kind:
 
 def character_format() -> Kind:
     """A character format such as 7E1, which YAML may have read as a number."""
-
-    def check(value: object) -> CharFormat:
-        if isinstance(value, RawInt | RawFloat):
-            value = value.raw
-        if not isinstance(value, str):
-            raise fail(f"{_found(value)}, expected a character format such as 8N1")
-        try:
-            return CharFormat.parse(value[:100])
-        except ValueError as error:
-            raise fail(str(error)) from None
-
-    return Kind(check, str)
+    return _parsed(CharFormat.parse, "a character format such as 8N1")
 
 
 def device() -> Kind:
     """A device of a PLC's memory, such as D400."""
-
-    def check(value: object) -> Device:
-        if not isinstance(value, str):
-            raise fail(f"{_found(value)}, expected a device such as D400")
-        try:
-            return parse_device(value[:100])
-        except ValueError as error:
-            raise fail(str(error)) from None
-
-    return Kind(check, str)
+    return _parsed(parse_device, "a device such as D400")
 
 
 class PlcPoint(NamedTuple):
@@ -320,8 +322,7 @@ def characters(most: int) -> Kind:
     """A text as the bytes that go over the line, 1 to ``most``; Latin-1, escapes by YAML's quotes."""
 
     def check(value: object) -> bytes:
-        if isinstance(value, RawInt | RawFloat):
-            value = value.raw
+        value = _unread(value)
         if not isinstance(value, str) or not value:
             raise fail(f'{_found(value)}, expected a text such as "abc\\r"')
         try:
@@ -338,8 +339,7 @@ def hexadecimal(most: int) -> Kind:
     """Bytes as pairs of hexadecimal digits with spaces between, 1 to ``most``."""
 
     def check(value: object) -> bytes:
-        if isinstance(value, RawInt | RawFloat):
-            value = value.raw
+        value = _unread(value)
         pairs = value.split() if isinstance(value, str) else []
         found = [_HEX.fullmatch(pair) for pair in pairs]
         if not pairs or None in found:
@@ -357,13 +357,7 @@ def _sized(data: bytes, most: int) -> bytes:
 
 def callable_name() -> Kind:
     """A Python function as ``module:function``."""
-
-    def check(value: object) -> str:
-        if isinstance(value, str) and len(value) <= 200 and _CALLABLE.fullmatch(value):
-            return value
-        raise fail(f"{_found(value)}, expected module:function, such as sensors:level")
-
-    return Kind(check)
+    return _matching(_CALLABLE, "module:function, such as sensors:level")
 
 
 def character() -> Kind:

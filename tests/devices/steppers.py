@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from fractions import Fraction
 
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.map import Stepper
+from bussim.devices.stepper.motion import Job, Stop
 from bussim.devices.stepper.registers import BY_NAME, COILS
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import coil, put, registers
@@ -15,6 +18,69 @@ ADDRESS = {c.name: c.address for c in COILS}
 
 # 1.8°, 8 microsteps: 1600 pulses a turn; pitch 5.00: 3.2 pulses a hundredth; 60 rpm: 1600 Hz.
 TOP, LOW, SLOPE, PER_UNIT = 1600, 500, 2000, Fraction(16, 5)
+
+
+@dataclass(frozen=True, slots=True)
+class MotorStarted:
+    """The motor starts."""
+
+    tick: int
+    job: Job
+    direction: int  # +1 forward, -1 reverse
+    target: int | None  # the position it will stop at, in hundredths of a unit; None: open
+
+
+@dataclass(frozen=True, slots=True)
+class MotorStopped:
+    """The motor stands."""
+
+    tick: int
+    job: Job
+    reason: Stop
+    position: int  # hundredths of a unit
+
+
+@dataclass(frozen=True, slots=True)
+class OutputChanged:
+    """An output was switched."""
+
+    tick: int
+    output: int  # 1–3
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StepEntered:
+    """A project goes to a step."""
+
+    tick: int
+    step: int
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectEnded:
+    """A project is over; ``complete``: every step was done, as often as it should."""
+
+    tick: int
+    complete: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRefused:
+    """A command could not be carried out."""
+
+    tick: int
+    command: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class PoweredOn:
+    """The controller came up with this station number and rate."""
+
+    tick: int
+    station: int
+    baud: int
 
 
 def set_(device: Stepper, now: int = 0, **values: int) -> None:
@@ -35,10 +101,30 @@ def position(device: Stepper, now: int) -> int:
 
 
 def events(device: Stepper) -> list[object]:
+    """What the controller reports, read from its phrases."""
     found = []
     while (event := device.poll()) is not None:
-        found.append(event)
+        found.append(_event(*event))
     return found
+
+
+def _event(tick: int, text: str) -> object:
+    if match := re.fullmatch(r"starts (forward|reverse)(?: to (-?[\d.]+))? \((.*)\)", text):
+        target = None if match[2] is None else round(100 * float(match[2]))
+        return MotorStarted(tick, Job(match[3]), 1 if match[1] == "forward" else -1, target)
+    if match := re.fullmatch(r"stands at (-?[\d.]+) \((.*): (.*)\)", text):
+        return MotorStopped(tick, Job(match[2]), Stop(match[3]), round(100 * float(match[1])))
+    if match := re.fullmatch(r"output ([123]) (on|off)", text):
+        return OutputChanged(tick, int(match[1]), match[2] == "on")
+    if match := re.fullmatch(r"is on as station (\d+) at (\d+) bps", text):
+        return PoweredOn(tick, int(match[1]), int(match[2]))
+    if match := re.fullmatch(r"step (\d+)", text):
+        return StepEntered(tick, int(match[1]))
+    if match := re.fullmatch(r"project (done|broken off)", text):
+        return ProjectEnded(tick, match[1] == "done")
+    match = re.fullmatch(r"(.*) refused: (.*)", text)
+    assert match, text
+    return CommandRefused(tick, match[1], match[2])
 
 
 def seconds_for(pulses: int) -> Fraction:

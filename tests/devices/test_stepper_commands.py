@@ -6,13 +6,6 @@ from fractions import Fraction
 
 import pytest
 
-from bussim.devices.stepper.events import (
-    CommandRefused,
-    Job,
-    MotorStarted,
-    MotorStopped,
-    Stop,
-)
 from bussim.devices.stepper.map import Stepper
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import registers
@@ -21,6 +14,11 @@ from tests.devices.steppers import (
     PER_UNIT,
     SLOPE,
     TOP,
+    CommandRefused,
+    Job,
+    MotorStarted,
+    MotorStopped,
+    Stop,
     command,
     events,
     next_change,

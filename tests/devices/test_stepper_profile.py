@@ -8,7 +8,6 @@ from fractions import Fraction
 import pytest
 
 from bussim.devices.stepper.axis import Switch
-from bussim.devices.stepper.events import CommandRefused, OutputChanged
 from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.profile import STEPPER_PROFILE, StepOutput, StepperProfile
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
@@ -18,6 +17,8 @@ from tests.devices.steppers import (
     PER_UNIT,
     SLOPE,
     TOP,
+    CommandRefused,
+    OutputChanged,
     command,
     events,
     next_change,

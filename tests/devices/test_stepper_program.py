@@ -8,11 +8,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.stepper.events import MotorStopped, OutputChanged, ProjectEnded, StepEntered, Stop
 from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.project import Cursor, Plan, following
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-from tests.devices.steppers import command, events, next_change, position, run_to_end, set_, set_input
+from tests.devices.steppers import (
+    MotorStopped,
+    OutputChanged,
+    ProjectEnded,
+    StepEntered,
+    Stop,
+    command,
+    events,
+    next_change,
+    position,
+    run_to_end,
+    set_,
+    set_input,
+)
 
 S, MS = TICKS_PER_SECOND, TICKS_PER_MS
 

@@ -8,13 +8,6 @@ from math import ceil
 import pytest
 
 from bussim.devices.stepper.axis import Switch
-from bussim.devices.stepper.events import (
-    Job,
-    MotorStopped,
-    OutputChanged,
-    PoweredOn,
-    Stop,
-)
 from bussim.devices.stepper.map import Stepper
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.steppers import (
@@ -22,6 +15,11 @@ from tests.devices.steppers import (
     PER_UNIT,
     SLOPE,
     TOP,
+    Job,
+    MotorStopped,
+    OutputChanged,
+    PoweredOn,
+    Stop,
     command,
     events,
     next_change,

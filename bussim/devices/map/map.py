@@ -45,13 +45,6 @@ class ValueFailed:
     error: str
 
 
-@dataclass(frozen=True, slots=True)
-class EntryArea(Area):
-    """The addresses of an entry."""
-
-    entry: Entry = Entry(Space.HOLDING, 0)
-
-
 class UserMap(AreaMap):
     """The map. Raises ValueError for entries that overlap, leave 0…65535 or cannot be.
 
@@ -62,7 +55,8 @@ class UserMap(AreaMap):
         unknown = sorted(functions - FUNCTIONS)
         if unknown:
             raise ValueError(f"functions {', '.join(map(str, unknown))} are not known")
-        super().__init__([_area(entry) for entry in entries], functions)
+        self._entries = {_area(entry): entry for entry in entries}
+        super().__init__(self._entries, functions)
         self._written: dict[tuple[Space, int], int] = {}
         self._failures: deque[ValueFailed] = deque()
 
@@ -71,19 +65,17 @@ class UserMap(AreaMap):
         return self._failures.popleft() if self._failures else None
 
     def _item(self, area: Area, address: int, now: int) -> int:
-        assert isinstance(area, EntryArea)  # noqa: S101 - narrows the type; all areas here are
         written = self._written.get((area.space, address))
-        value = area.entry.value.value(now) if written is None else written
+        value = self._entries[area].value.value(now) if written is None else written
         return (1 if value else 0) if area.space.is_bit else value & ((1 << 16 * area.width) - 1)
 
     def _fetch(self, part: Part, now: int) -> Sequence[int] | ExceptionCode:
         area, width = part.area, part.area.width
-        assert isinstance(area, EntryArea)  # noqa: S101 - narrows the type; all areas here are
         first = area.start + part.offset
         values: list[int] = []
         try:
             for address in range(first, first + part.size, width):
-                values += _words(area.entry, self._item(area, address, now))
+                values += _words(self._entries[area], self._item(area, address, now))
         except Exception as error:
             # A user's function may raise anything; for the master its device has failed.
             self._failures.append(ValueFailed(now, area.name, f"{type(error).__name__}: {error}"))
@@ -92,7 +84,7 @@ class UserMap(AreaMap):
 
     def _refuse(self, part: Part, values: Sequence[int], now: int) -> ExceptionCode | None:
         del now
-        entry = _entry(part.area)
+        entry = self._entries[part.area]
         low = 0 if entry.low is None else entry.low
         high = (1 << 16 * entry.words) - 1 if entry.high is None else entry.high
         if all(low <= item <= high for item in _items(entry, values)):
@@ -103,23 +95,18 @@ class UserMap(AreaMap):
         del now
         area = part.area
         first = area.start + part.offset
-        for number, item in enumerate(_items(_entry(area), values)):
+        for number, item in enumerate(_items(self._entries[area], values)):
             self._written[area.space, first + number * area.width] = item
 
 
-def _entry(area: Area) -> Entry:
-    assert isinstance(area, EntryArea)  # noqa: S101 - narrows the type; all areas of this map are
-    return area.entry
-
-
-def _area(entry: Entry) -> EntryArea:
+def _area(entry: Entry) -> Area:
     space, name = entry.space, entry.name or f"{entry.space.value} address {entry.address}"
     if entry.words not in (1, 2) or (space.is_bit and entry.words == 2):
         raise ValueError(f"{name}: items of {entry.words} words; bits have 1, registers 1 or 2")
     if entry.writable and space not in WRITABLE:
         raise ValueError(f"{name}: Modbus cannot write {space.value}, only coils and holding registers")
     size = entry.count * entry.words
-    return EntryArea(space, entry.address, size, name, entry.writable, entry.words, entry)
+    return Area(space, entry.address, size, name, entry.writable, entry.words)
 
 
 def _words(entry: Entry, value: int) -> tuple[int, ...]:

@@ -10,18 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from bussim.devices.stepper.axis import Axis, Inputs, Switch, drive_for, pulses_per_unit, way_of
-from bussim.devices.stepper.events import (
-    CommandRefused,
-    Job,
-    MotorStarted,
-    MotorStopped,
-    OutputChanged,
-    ProjectEnded,
-    StepEntered,
-    StepperEvent,
-    Stop,
-)
-from bussim.devices.stepper.motion import Drive, run, travel
+from bussim.devices.stepper.motion import Drive, Job, Stop, run, travel
 from bussim.devices.stepper.parameters import Parameters
 from bussim.devices.stepper.profile import StepOutput, StepperProfile
 from bussim.devices.stepper.project import Project, Waiting
@@ -41,7 +30,8 @@ class Controller:
         self.parameters = parameters
         self.profile = profile
         self.axis = Axis(parameters, switches)
-        self.events: deque[StepperEvent] = deque()
+        #: What it did, as phrases with their ticks; positions in units.
+        self.events: deque[tuple[int, str]] = deque()
         #: 40013: the latest single run has arrived.
         self.arrived = False
         self.outputs = [False] * (OUTPUTS + 1)  # by number, 0 unused
@@ -88,7 +78,7 @@ class Controller:
     # -- commands: each returns whether it was carried out ---------------------------------------
 
     def _refuse(self, now: int, command: str, why: str) -> bool:
-        self.events.append(CommandRefused(now, command, why))
+        self.events.append((now, f"{command} refused: {why}"))
         return False
 
     def _blocked(self, direction: int | None) -> str | None:
@@ -160,7 +150,7 @@ class Controller:
         """Coils 00012–00017."""
         if self.outputs[number] != on:
             self.outputs[number] = on
-            self.events.append(OutputChanged(now, number, on))
+            self.events.append((now, f"output {number} {'on' if on else 'off'}"))
         return True
 
     def move_step_number(self, by: int) -> bool:
@@ -283,7 +273,10 @@ class Controller:
         motion = run(drive, now, direction) if pulses is None else travel(drive, pulses, now, direction)
         self._job, self._stop = job, None
         self.axis.move(motion, now)
-        self.events.append(MotorStarted(now, job, direction, self.axis.target()))
+        target = self.axis.target()
+        aim = "" if target is None else f" to {target / 100:.2f}"
+        way = "forward" if direction == FORWARD else "reverse"
+        self.events.append((now, f"starts {way}{aim} ({job.value})"))
 
     def _halt(self, now: int, reason: Stop) -> None:
         """Stop the motion under way: signals of the machine at once, the rest as 40008 says."""
@@ -305,7 +298,8 @@ class Controller:
         job, reason = self._job, self._stop or Stop.ARRIVED
         if reason is Stop.HOME and self.profile.homing_zeroes:
             self.axis.set_origin(now)
-        self.events.append(MotorStopped(now, job, reason, self.axis.position(now)))
+        at = self.axis.position(now) / 100
+        self.events.append((now, f"stands at {at:.2f} ({job.value}: {reason.value})"))
         if job is Job.RUN_ONCE and reason is Stop.ARRIVED:
             if self._legs and motion is not None:
                 way = self._legs.pop()  # with the speed of the first one
@@ -322,7 +316,7 @@ class Controller:
         project = self._project
         assert project is not None  # noqa: S101 - narrows the type; a project has just been set
         project.enter(now)
-        self.events.append(StepEntered(now, project.step))
+        self.events.append((now, f"step {project.step}"))
         self._try_step(now)
 
     def _try_step(self, now: int) -> None:
@@ -385,4 +379,4 @@ class Controller:
         if self._project is not None:
             self._project = None
             self._release_output(now)
-            self.events.append(ProjectEnded(now, complete))
+            self.events.append((now, "project done" if complete else "project broken off"))

@@ -3,35 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from bussim.devices.areas import Area, AreaMap, Part
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.controller import FORWARD, REVERSE, Controller
-from bussim.devices.stepper.events import PoweredOn, StepperEvent
 from bussim.devices.stepper.parameters import Parameters, with_words
 from bussim.devices.stepper.profile import STEPPER_PORT, STEPPER_PROFILE, StepperProfile
-from bussim.devices.stepper.registers import BY_NAME, COILS, OUTPUTS, REGISTERS, Group, Register
+from bussim.devices.stepper.registers import BY_NAME, COILS, OUTPUTS, REGISTERS, Group
 from bussim.engines.modbus.codes import ExceptionCode
-from bussim.engines.modbus.pdu import Function
 from bussim.engines.modbus.server import Space
 
 #: 03 05 06 10 (manual, section 4: 01, 02 and 0F are not supported).
-STEPPER_FUNCTIONS = frozenset(
-    (
-        int(Function.READ_HOLDING),
-        int(Function.WRITE_COIL),
-        int(Function.WRITE_REGISTER),
-        int(Function.WRITE_REGISTERS),
-    )
-)
-
-
-@dataclass(frozen=True, slots=True)
-class RegisterArea(Area):
-    """The addresses of one register of the table."""
-
-    register: Register = REGISTERS[0]
+STEPPER_FUNCTIONS = frozenset((0x03, 0x05, 0x06, 0x10))
 
 
 class Stepper(AreaMap):
@@ -56,9 +39,7 @@ class Stepper(AreaMap):
             raise ValueError(f"station (={station}) must be in [1...247]")
         if baud not in STEPPER_PORT.bauds:
             raise ValueError(f"baud (={baud}) must be one of {', '.join(map(str, STEPPER_PORT.bauds))}")
-        areas: list[Area] = [
-            RegisterArea(Space.HOLDING, r.address, r.words, r.name, r.writable, 1, r) for r in REGISTERS
-        ]
+        areas: list[Area] = [Area(Space.HOLDING, r.address, r.words, r.name, r.writable) for r in REGISTERS]
         coils = {coil.address: coil.name for coil in COILS if coil.name != "save"}
         if coils.setdefault(profile.save_coil - 1, "save") != "save":
             raise ValueError(f"save_coil (={profile.save_coil}) is {coils[profile.save_coil - 1]}")
@@ -117,8 +98,8 @@ class Stepper(AreaMap):
         if self.powered:
             self.controller.advance(now)
 
-    def poll(self) -> StepperEvent | None:
-        """The next event, None when there is none."""
+    def poll(self) -> tuple[int, str] | None:
+        """What it did next, as a phrase with its tick; None when there is no more."""
         events = self.controller.events
         return events.popleft() if events else None
 
@@ -143,7 +124,7 @@ class Stepper(AreaMap):
         self.station = self.parameters["station"]
         if self.parameters["baud"] in STEPPER_PORT.bauds:
             self.baud = self.parameters["baud"]
-        self.controller.events.append(PoweredOn(now, self.station, self.baud))
+        self.controller.events.append((now, f"is on as station {self.station} at {self.baud} bps"))
 
     # -- registers ---------------------------------------------------------------------------------
 
@@ -195,9 +176,8 @@ class Stepper(AreaMap):
         return [value >> 16 * place & 0xFFFF for place in range(part.offset, part.offset + part.size)]
 
     def _written(self, part: Part, values: Sequence[int]) -> int:
-        area = part.area
-        assert isinstance(area, RegisterArea)  # noqa: S101 - narrows the type; all holding areas are
-        return with_words(area.register, self.parameters[area.name], part.offset, tuple(values))
+        name = part.area.name
+        return with_words(BY_NAME[name], self.parameters[name], part.offset, tuple(values))
 
     def _refuse(self, part: Part, values: Sequence[int], now: int) -> ExceptionCode | None:
         del now

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any
 
@@ -11,7 +11,6 @@ from pydantic import Field, model_validator
 from bussim.devices.contract import Behaviour, BusDevice, DeviceEvent, SlaveSettings
 from bussim.devices.forms import Find, Long, SlaveIn
 from bussim.devices.stepper.axis import Switch
-from bussim.devices.stepper.events import in_words
 from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.profile import STEPPER_PORT, STEPPER_PROFILE, StepOutput, StepperProfile
 from bussim.devices.stepper.registers import BY_NAME, COILS, INPUTS, MAX_STEPS, Group, signed
@@ -98,7 +97,7 @@ class StepperBehaviour(Behaviour):
     def events(self) -> Iterator[DeviceEvent]:
         """What the controller does."""
         while (event := self._stepper.poll()) is not None:
-            yield DeviceEvent(event.tick, "device", in_words(event))
+            yield DeviceEvent(event[0], "device", event[1])
 
 
 class SwitchIn(Model):
@@ -148,25 +147,19 @@ class StepperIn(SlaveIn):
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
         """Judge the names and values of its parameters, and its profile's coil."""
         super().check(entry, find, report)
+        path = (*entry.path, "registers")
         for name, value in self.registers.items():
-            path = (*entry.path, "registers", name)
             if name in _ELSEWHERE:
-                report.error(path, f"is given with the device itself ({name}:)", key=True)
-            elif name not in _SAVED:
-                known = "is not saved by the controller" if name in BY_NAME else "is no register"
-                report.error(path, f"{known}; {suggest(name, _SAVED)}", key=True)
+                report.error((*path, name), f"is given with the device itself ({name}:)", key=True)
             elif self.steps and name in _OF_STEPS:
-                report.error(path, "excludes steps, which are all steps of the program", key=True)
+                text = "excludes steps, which are all steps of the program"
+                report.error((*path, name), text, key=True)
             else:
-                _check_parameter(path, name, value, report)
+                _check_parameter(path, name, value, _SAVED, "is not saved by the controller", report)
         for index, step in enumerate(self.steps):
             for name, value in step.items():
-                path = (*entry.path, "steps", index, name)
-                if name in _OF_STEPS:
-                    _check_parameter(path, name, value, report)
-                else:
-                    known = "belongs to no step" if name in BY_NAME else "is no register"
-                    report.error(path, f"{known}; {suggest(name, _OF_STEPS)}", key=True)
+                path = (*entry.path, "steps", index)
+                _check_parameter(path, name, value, _OF_STEPS, "belongs to no step", report)
         coil = self.profile.save_coil if self.profile is not None else None
         taken = next((known.name for known in COILS if known.number == coil and known.name != "save"), None)
         if taken is not None:
@@ -205,8 +198,15 @@ def _parameters(given: Mapping[str, int]) -> dict[str, int]:
     return {name: value & ((1 << 16 * BY_NAME[name].words) - 1) for name, value in given.items()}
 
 
-def _check_parameter(path: Path, name: str, value: int, report: Reporter) -> None:
+def _check_parameter(
+    path: Path, name: str, value: int, allowed: Sequence[str], other: str, report: Reporter
+) -> None:
+    """Judge one parameter by name; ``other`` is what to say of a register that is not ``allowed`` here."""
+    if name not in allowed:
+        known = other if name in BY_NAME else "is no register"
+        report.error((*path, name), f"{known}; {suggest(name, allowed)}", key=True)
+        return
     register = BY_NAME[name]
     low = -(1 << 31) if name in _SIGNED else register.low
     if not low <= value <= register.high:
-        report.error(path, f"is {value}, allowed {low}..{register.high} ({register.number})")
+        report.error((*path, name), f"is {value}, allowed {low}..{register.high} ({register.number})")

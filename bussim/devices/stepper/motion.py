@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
+from enum import StrEnum
 from fractions import Fraction
 from math import isqrt
 from typing import NamedTuple
@@ -16,6 +17,31 @@ from bussim.units import TICKS_PER_SECOND, round_half_up
 
 # A triangle's peak rate is a square root, taken to a billionth of a Hz.
 _ROOT_SCALE = 10**9
+
+
+class Job(StrEnum):
+    """What the motor runs for."""
+
+    RUN_ONCE = "run once"
+    JOG = "jog"
+    TO_ZERO = "return to zero"
+    HOME = "homing"
+    STEP = "program step"
+    SIGNAL = "start signal"  # a single run, or on until stopped
+    SIGNAL_JOG = "jog by signal"
+
+
+class Stop(StrEnum):
+    """Why the motor stopped."""
+
+    ARRIVED = "arrived"
+    COMMAND = "stop"
+    RELEASED = "jog released"
+    LIMIT = "limit"
+    HOME = "mechanical zero"
+    STEP_SIGNAL = "stop signal of the step"
+    DISABLED = "disabled"
+    POWER = "power off"
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,39 +52,20 @@ def _label(poll: TransactionIn) -> str:
 
 def _transaction(name: str, port: str, poll: TransactionIn) -> PollSpec:
     """A Modbus poll."""
-    if poll.station is None or poll.function is None or poll.address is None:
-        raise AssertionError("a poll without mistakes has a station, a function and an address")
-    device = (poll.to or poll.from_) if isinstance(poll, PollIn) else None
     return PollSpec(
         name=name,
         port=port,
-        station=poll.station,
-        function=poll.function,
-        address=poll.address,
         count=poll.quantity,
-        device=device,
+        device=(poll.to or poll.from_) if isinstance(poll, PollIn) else None,
         values=tuple(value & 0xFFFF for value in poll.values or ()),
-        every=poll.every,
-        at=poll.at,
-        times=poll.times,
-        retries=poll.retries or 0,
+        **poll.given("name", "port", "count", "to", "from_", "values"),
     )
 
 
 def _free(name: str, poll: PollIn) -> FreeSpec:
     data = poll.data or poll.text or b""
-    return FreeSpec(
-        name=name,
-        port=poll.port,
-        send=poll.send,
-        send_count=poll.send_count if poll.send_count is not None else len(data),
-        data=data,
-        device=poll.to,
-        count=poll.count or 0,
-        every=poll.every,
-        at=poll.at,
-        times=poll.times,
-    )
+    given = poll.given("name", "data", "text", "to")
+    return FreeSpec(name=name, data=data, device=poll.to, **{"send_count": len(data), **given})
 
 
 def written_poll(poll: TransactionIn) -> dict[str, object]:

@@ -55,13 +55,9 @@ def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Rep
 
 def _check_baud(entry: Entry[DeviceIn], device: DeviceIn, timing: LineTiming, report: Report) -> None:
     port = device.port
-    if timing.baud in port.bauds:
-        return
     allowed = ", ".join(map(str, port.bauds))
-    if device.baud is not None:
+    if timing.baud not in port.bauds and device.baud is not None:
         report.error((*entry.path, "baud"), f"is {timing.baud}, allowed {allowed} ({port.name})")
-    else:
-        report.error(
-            (*entry.path, "bus"),
-            f"is {device.bus}, which runs at {timing.baud}, but a {port.name} has {allowed} only",
-        )
+    elif timing.baud not in port.bauds:
+        text = f"is {device.bus}, which runs at {timing.baud}, but a {port.name} has {allowed} only"
+        report.error((*entry.path, "bus"), text)
