@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import bussim
+from bussim.devices.registry import MODELS
 from bussim.engines.nn.frames import MODES
 from bussim.engines.nn.states import MASTER
 from bussim.engines.states import mermaid
@@ -19,7 +20,6 @@ from bussim.plc.program.text.catalog import SPECS
 from bussim.plc.program.text.specials import SPECIAL_BITS
 from bussim.results.store.rows import FORMS
 from bussim.scenario.loader import load, loads
-from bussim.scenario.schema.devices import MODELS
 from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS
 from bussim.scenario.schema.document import NNIn
 from bussim.scenario.schema.profiles import ProfileIn
