@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from bussim.exact.metrics import Figures
     from bussim.exact.scan.mixture import Distribution
     from bussim.report.scene import Scene
-    from bussim.report.source import ExactDistribution, Source, StationTimes
+    from bussim.report.source import ExactDistribution, Source
+    from bussim.results.meters.histogram import Histogram
     from bussim.results.run_record import RunRecord
 
 #: A scenario is no larger (bytes).
@@ -82,9 +83,8 @@ def _source(
 ) -> Source:
     from bussim.commands.common.output import traced_again
     from bussim.report.source import Source
-    from bussim.report.stations import measured_times
-    from bussim.results.store.load import FolderRows
-    from bussim.trace.file import TRACE
+    from bussim.report.stations import turnarounds_of
+    from bussim.trace.file import TRACE, read_trace
     from bussim.trace.records import AttemptRecord
 
     scenario = _scenario(folder)
@@ -98,11 +98,11 @@ def _source(
             no_distribution = (
                 f"There is no exact law, since the scenario in the folder cannot be read: {first}"
             )
-    stations: dict[str, dict[int, StationTimes]] = {}
+    turnarounds: dict[str, dict[int, Histogram]] = {}
     scenes: dict[str, Scene] = {}
     no_trace = ""
     if (folder / TRACE).is_file():
-        stations = measured_times(FolderRows(folder).table(AttemptRecord))
+        turnarounds = turnarounds_of(read_trace(folder).of(AttemptRecord))
         scenes = _scenes(folder, record, shapes)
         no_trace = f"It is too much for this page; draw it with bussim timeline {folder} --worst"
     else:
@@ -110,7 +110,7 @@ def _source(
             f"This run was not traced, so there is no timeline of it. To get one: {traced_again(folder)}"
         )
     return Source(
-        label, str(folder), record, scenario, distributions, no_distribution, stations, scenes, no_trace
+        label, str(folder), record, scenario, distributions, no_distribution, turnarounds, scenes, no_trace
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from bussim.report.picture import BOX_STYLES, MARKS, style_of
+from bussim.report.picture import BOX_STYLES, MARKS, BoxStyle, style_of
 from bussim.report.scene import END, Scene
 from bussim.report.source import ExactDistribution
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
@@ -110,14 +110,7 @@ def parts_chart(
         "marks": [],
         "bounds": _bounds(bounds),
         "box_styles": {
-            names[part]: {
-                "colour": PARTS_OF_LATENCY[part],
-                "height": 0.7,
-                "hatch": False,
-                "filled": True,
-                "meaning": names[part],
-                "grey": False,
-            }
+            names[part]: BoxStyle(PARTS_OF_LATENCY[part], 0.7, meaning=names[part])._asdict()
             for part, most in zip(PARTS, record.longest_parts, strict=True)
             if most
         },
@@ -211,14 +204,7 @@ def scene_chart(scene: Scene, title: str) -> dict[str, Any]:
         ],
         "marks": [[mark.lane, at(mark.tick), mark.kind, mark.text] for mark in scene.marks],
         "box_styles": {
-            kind: {
-                "colour": style_of(kind).colour,
-                "height": style_of(kind).height,
-                "hatch": bool(style_of(kind).hatch),
-                "filled": style_of(kind).filled,
-                "meaning": style_of(kind).meaning,
-                "grey": kind in BOX_STYLES and style_of(kind).colour in _GREYS,
-            }
+            kind: style_of(kind)._asdict() | {"grey": kind in BOX_STYLES and style_of(kind).colour in _GREYS}
             for kind in dict.fromkeys(box.kind for box in scene.boxes)
         },
         "mark_styles": {

@@ -16,6 +16,7 @@ from bussim.report.parts import Chart, Charts
 from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.source import Source
+from bussim.report.stations import stations
 from bussim.report.tables import Table
 from bussim.report.text import alone, expected, health, median_or_mean, ports, seen
 from bussim.results.meters.timeline import fault_spans
@@ -160,7 +161,7 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
     if link["scans"]:
         some.insert(0, tables.scan_times(source, bus))
     if link["station_errors"]:
-        some.append(tables.stations(source, bus))
+        some.append(stations(source, bus))
     if distribution is not None and distribution.valid:
         some.append(tables.exact_figures(bus, distribution))
     if link["refresh_gap_ms"]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from textwrap import wrap
+from typing import NamedTuple
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -49,8 +49,7 @@ _MOST_EVENTS = 6
 _LINE = 150  # characters of a line under the picture
 
 
-@dataclass(frozen=True, slots=True)
-class BoxStyle:
+class BoxStyle(NamedTuple):
     """How a kind of box is drawn: its colour, its height as a part of the lane, and a hatch."""
 
     colour: str

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.report.scene import Scene
+from bussim.results.meters.histogram import Histogram
 from bussim.results.run_record import RunRecord
 
 
@@ -33,22 +34,12 @@ class ExactDistribution:
 
 
 @dataclass(frozen=True, slots=True)
-class StationTimes:
-    """The answered polls of one station in a traced run, and the turnarounds in ms.
-
-    A quantile with fewer than ten samples beyond it is None.
-    """
-
-    replies: int
-    turnaround_ms: Mapping[str, float | None]
-
-
-@dataclass(frozen=True, slots=True)
 class Source:
     """One run to report.
 
     ``label`` is its name among the others; ``folder`` is its folder as the user named it.
-    ``distributions``, ``stations`` and ``scenes`` are by bus; ``stations`` by station number below.
+    ``distributions``, ``turnarounds`` and ``scenes`` are by bus; ``turnarounds`` (of a trace) by station
+    number below.
     ``no_trace`` is the reason why a timeline is missing, ``no_distribution`` why the exact distributions are.
     """
 
@@ -58,7 +49,7 @@ class Source:
     scenario: str
     distributions: Mapping[str, ExactDistribution] = field(default_factory=dict)
     no_distribution: str = ""
-    stations: Mapping[str, Mapping[int, StationTimes]] = field(default_factory=dict)
+    turnarounds: Mapping[str, Mapping[int, Histogram]] = field(default_factory=dict)
     scenes: Mapping[str, Scene] = field(default_factory=dict)
     no_trace: str = ""
 

@@ -1,65 +1,76 @@
-"""The stations of a link over a run, one row each."""
+"""The table of a link's slaves: what the master counted, and what the attempts of a trace add."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from bussim.report.source import Source, StationTimes
-from bussim.results.meters.histogram import QUANTILES, SAMPLES_BEYOND
+from bussim.report.source import Source
+from bussim.report.tables import NONE, Cell, Table, number, pointer
+from bussim.report.text import CODES
+from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.timeline import time_on
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-
-@dataclass(frozen=True, slots=True)
-class StationRow:
-    """One station: what ``summary.json`` counts, and what the trace adds (None without one)."""
-
-    number: int
-    name: str
-    failed: dict[str, int]  # by code
-    errors: int
-    error_s: float
-    times: StationTimes | None
+from bussim.results.summary.statistics import statistics
+from bussim.trace.records import AttemptRecord
 
 
-def station_rows(source: Source, bus: str) -> list[StationRow]:
-    """The slaves of a link, in order of their numbers."""
-    link: dict[str, Any] = source.summary["links"][bus]
-    record = source.record.links[bus]
-    names = source.station_names(bus)
-    measured = source.stations.get(bus, {})
-    rows = []
-    for key, errors in link["station_errors"].items():
-        number = int(key)
-        name = names.get(number, "")
-        rows.append(
-            StationRow(
-                number,
-                name,
-                dict(link["failed_attempts"].get(key, {})),
-                errors,
-                time_on(record.in_error.get(number, []), source.record.duration),
-                measured.get(number),
-            )
-        )
-    return rows
-
-
-def measured_times(exchanges: pd.DataFrame) -> dict[str, dict[int, StationTimes]]:
-    """Replies and turnarounds by bus and station, from the table of attempts."""
-    good = exchanges[exchanges["outcome"] == "ok"]
-    found: dict[str, dict[int, StationTimes]] = {}
-    for key, rows in good.groupby(["bus", "station"], sort=True):
-        bus, station = str(key[0]), int(str(key[1]))  # pandas types a key as anything
-        turnarounds = sorted(rows["turnaround_ms"].dropna())
-        quantiles: dict[str, float | None] = {"min": turnarounds[0] if turnarounds else None}
-        for name, thousandths in QUANTILES.items():
-            rank = -(-thousandths * len(turnarounds) // 1000)
-            enough = len(turnarounds) - rank >= SAMPLES_BEYOND
-            quantiles[name] = turnarounds[rank - 1] if enough else None
-        quantiles["max"] = turnarounds[-1] if turnarounds else None
-        found.setdefault(bus, {})[station] = StationTimes(len(rows), quantiles)
+def turnarounds_of(attempts: Iterable[AttemptRecord]) -> dict[str, dict[int, Histogram]]:
+    """The turnarounds of all replies, by bus and station."""
+    found: dict[str, dict[int, Histogram]] = {}
+    for attempt in attempts:
+        if attempt.code == 0 and attempt.turnaround is not None:
+            found.setdefault(attempt.bus, {}).setdefault(attempt.station, Histogram()).add(attempt.turnaround)
     return found
+
+
+def stations(source: Source, bus: str) -> Table:
+    """One row a slave: failed attempts by code, station errors, and what a trace adds."""
+    link = source.summary["links"][bus]
+    names, turnarounds = source.station_names(bus), source.turnarounds.get(bus, {})
+    failed: Mapping[str, Mapping[str, int]] = link["failed_attempts"]
+    codes = sorted({code for by_code in failed.values() for code in by_code})
+    head = ["station", *(f"failed {code}" for code in codes), "link scans in error", "in error (s)"]
+    if turnarounds:
+        head[1:1] = ["replies", "turnaround median (ms)", "p99 (ms)", "max (ms)"]
+    head += ["errors counted", "last code", "flag now"]
+    rows = []
+    for key in link["station_errors"]:
+        station = int(key)
+        label = f"{key} ({names[station]})" if station in names else key
+        cells = [*_counts(source, bus, key, codes), *_registers(source, names.get(0, ""), station)]
+        if turnarounds:
+            cells[:0] = _turnarounds(turnarounds.get(station, Histogram()))
+        rows.append((label, cells))
+    note = "; ".join(f"{code}: {CODES[code]}" for code in codes if code in CODES)
+    if not turnarounds:
+        note += f"{'. ' if note else ''}Replies and turnarounds need a trace (bussim run … --trace)"
+    return Table(f"The slaves on bus {bus}, as the master saw them", head, rows, f"{note}." if note else "")
+
+
+def _turnarounds(turnarounds: Histogram) -> list[Cell]:
+    times = statistics(turnarounds)
+    return [Cell(number(turnarounds.count)), *(Cell(number(times[key], 3)) for key in ("p50", "p99", "max"))]
+
+
+def _counts(source: Source, bus: str, station: str, codes: Sequence[str]) -> Iterator[Cell]:
+    link, record = source.summary["links"][bus], source.record.links[bus]
+    failed = link["failed_attempts"].get(station, {})
+    for code in codes:
+        path = pointer("links", bus, "failed_attempts", station, code) if code in failed else ""
+        yield Cell(number(failed.get(code, 0)), path)
+    yield Cell(number(link["station_errors"][station]), pointer("links", bus, "station_errors", station))
+    yield Cell(number(time_on(record.in_error.get(int(station), []), source.record.duration), 3))
+
+
+def _registers(source: Source, master: str, station: int) -> Iterator[Cell]:
+    registers = source.registers(master)
+    for name, form in (
+        (f"D{8203 + station}", "d"),
+        (f"D{8211 + station}", "02X"),
+        (f"M{8183 + station}", ""),
+    ):
+        value = registers.get(name)
+        if value is None:
+            yield Cell(NONE, title=name)
+        else:
+            text = format(value, form) if form else "ON" if value else "off"
+            yield Cell(text, pointer("plcs", master, "registers", name), name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +10,7 @@ from bussim.report.charts import Quantity
 from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
 from bussim.report.source import ExactDistribution, Source
-from bussim.report.stations import StationRow, station_rows
-from bussim.report.text import CODES
-from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width
 from bussim.units import milliseconds
 from bussim.wording import about
 
@@ -153,63 +151,6 @@ def _rate(value: float | None) -> str:
     return NONE if value is None else about(value)
 
 
-def stations(source: Source, bus: str) -> Table:
-    """One row a slave: failed attempts by code, station errors, and what a trace adds."""
-    rows = station_rows(source, bus)
-    codes = sorted({code for row in rows for code in row.failed})
-    traced = any(row.times is not None for row in rows)
-    head = ["station", *(f"failed {code}" for code in codes), "link scans in error", "in error (s)"]
-    if traced:
-        head[1:1] = ["replies", "turnaround median (ms)", "p99 (ms)", "max (ms)"]
-    head += ["errors counted", "last code", "flag now"]
-    master = source.station_names(bus).get(0, "")
-    table = [
-        (_station(row), [*_station_cells(source, bus, row, codes, master, traced=traced)]) for row in rows
-    ]
-    note = "; ".join(f"{code}: {CODES[code]}" for code in codes if code in CODES)
-    note += (
-        "" if traced else f"{'. ' if note else ''}Replies and turnarounds need a trace (bussim run … --trace)"
-    )
-    return Table(f"The slaves on bus {bus}, as the master saw them", head, table, f"{note}." if note else "")
-
-
-def _station(row: StationRow) -> str:
-    return f"{row.number} ({row.name})" if row.name else str(row.number)
-
-
-def _station_cells(
-    source: Source, bus: str, row: StationRow, codes: Sequence[str], master: str, *, traced: bool
-) -> Iterator[Cell]:
-    if traced:
-        times = row.times
-        yield Cell(number(times.replies if times else 0))
-        for key in ("p50", "p99", "max"):
-            yield Cell(number(times.turnaround_ms[key] if times else None, 3))
-    for code in codes:
-        here = code in row.failed
-        path = pointer("links", bus, "failed_attempts", row.number, code) if here else ""
-        yield Cell(number(row.failed.get(code, 0)), path)
-    yield Cell(number(row.errors), pointer("links", bus, "station_errors", row.number))
-    yield Cell(number(row.error_s, 3))
-    registers = source.registers(master)
-    for name, show in (
-        (f"D{8203 + row.number}", str),
-        (f"D{8211 + row.number}", _code),
-        (f"M{8183 + row.number}", _on),
-    ):
-        value = registers.get(name)
-        path = pointer("plcs", master, "registers", name) if value is not None else ""
-        yield Cell(NONE if value is None else show(value), path, name)
-
-
-def _code(value: int) -> str:
-    return f"{value:02X}"
-
-
-def _on(value: int) -> str:
-    return "ON" if value else "off"
-
-
 def refresh_gaps(source: Source, bus: str) -> Table:
     """The times between two arrivals of one station's block at another."""
     gaps = source.summary["links"][bus]["refresh_gap_ms"]
@@ -326,24 +267,12 @@ def label_of(key: Sequence[str]) -> str:
 
 def histogram_data(histogram: Histogram, of: str, quantity: Quantity) -> Table:
     """A histogram in at most some tens of rows, for readers who cannot see the chart."""
-    places = sorted(histogram.bins)
-    span = places[-1] - places[0] + 1
-    width = next(w for w in _widths() if span <= w * _MOST_BARS)
-    bars: dict[int, int] = {}
-    for place in places:
-        bars[place // width] = bars.get(place // width, 0) + histogram.bins[place]
+    width = bar_width(max(histogram.bins) - min(histogram.bins) + 1, _MOST_BARS)
     rows = []
-    for bar, count in sorted(bars.items()):
+    for bar, count in sorted(histogram.bars(width).items()):
         low, high = (milliseconds((edge * width - 0.5) * BIN_TICKS) for edge in (bar, bar + 1))
         rows.append((f"{low:.3f} to {high:.3f}", [Cell(f"{count:,}")]))
     return Table(f"Histogram of {of}, counted", [f"{quantity.time} (ms)", quantity.counted], rows)
-
-
-def _widths() -> Iterable[int]:
-    decade = 1
-    while True:
-        yield from (decade, 2 * decade, 5 * decade)
-        decade *= 10
 
 
 def scene_data(scene: Scene) -> Table:

@@ -310,13 +310,13 @@ class PortTotals:
     plc: str
     port: str
     bus: str
-    protocol: str | None  # as in a scenario; None where its parameters name none
-    station: int | None  # own number, of a slave
-    errors: dict[int, int]  # yy of D8063 → how often
-    requests: int  # slave: requests for it, well-formed or not
-    answered: int
-    exceptions: dict[int, int]  # slave: exception code → answers with it
-    rejected: dict[str, int]  # slave: reason → frames ignored
+    protocol: str | None = None  # as in a scenario; None where its parameters name none
+    station: int | None = None  # own number, of a slave
+    errors: dict[int, int] = field(default_factory=dict)  # yy of D8063 → how often
+    requests: int = 0  # slave: requests for it, well-formed or not
+    answered: int = 0
+    exceptions: dict[int, int] = field(default_factory=dict)  # slave: exception code → responses with it
+    rejected: dict[str, int] = field(default_factory=dict)  # slave: reason → frames ignored
     timeout: int | None = None  # ticks, of a Modbus master
 
 

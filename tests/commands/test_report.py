@@ -90,7 +90,7 @@ def test_a_timeline_that_is_too_much_for_the_page_is_left_to_its_command(
 
 def test_without_a_law_it_tells_why(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = page(capsys, runs / "twice", "-o", tmp_path / "a.html")
-    assert "for no exact law holds:" in text
+    assert "since no exact law holds:" in text
     assert "no link scan can take longer" not in text
     text = page(capsys, runs / "plain", "--no-exact", "-o", tmp_path / "b.html")
     assert "exact law holds" not in text

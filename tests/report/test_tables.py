@@ -6,7 +6,6 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-import pandas as pd
 import pytest
 
 import bussim
@@ -15,10 +14,11 @@ from bussim.report.charts import MOST_BINS, MOST_POINTS, SCANS, histogram_chart,
 from bussim.report.latency import in_words, latency_part, overlays, parts_data
 from bussim.report.parts import Charts
 from bussim.report.source import ExactDistribution, Source
-from bussim.report.stations import measured_times, station_rows
+from bussim.report.stations import stations, turnarounds_of
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import counts_in_words
+from bussim.trace.records import AttemptRecord
 
 
 @pytest.fixture(scope="module")
@@ -77,23 +77,27 @@ def test_the_setting_program_sets_what_the_scenario_has() -> None:
 
 
 def test_a_station_counts_the_time_of_its_flag(source: Source) -> None:
-    first, second = station_rows(source, "link")
+    table = stations(source, "link")
+    first, second = (dict(zip(table.head, [name, *cells], strict=True)) for name, cells in table.rows)
     (span,) = source.record.links["link"].in_error[1]
     assert span.end is not None
-    assert first.error_s == pytest.approx((span.end - span.start) / 72e6)
-    assert (first.name, first.failed["01"], first.errors) == ("press2", 90, 15)
-    assert (second.error_s, second.errors) == (0, 0)
+    assert first["in error (s)"].text == f"{(span.end - span.start) / 72e6:.3f}"
+    assert first["station"] == "1 (press2)"
+    assert (first["failed 01"].text, first["link scans in error"].text) == ("90", "15")
+    assert (second["in error (s)"].text, second["link scans in error"].text) == ("0.000", "0")
 
 
-def test_turnarounds_come_from_good_attempts_and_rare_quantiles_are_not_told() -> None:
-    rows = [("link", 1, "ok", 0.3 + 0.001 * n) for n in range(200)] + [("link", 1, "damaged", 9.0)]
-    table = pd.DataFrame(rows, columns=["bus", "station", "outcome", "turnaround_ms"])
-    times = measured_times(table)["link"][1]
-    assert times.replies == 200
-    assert times.turnaround_ms["p50"] == pytest.approx(0.399)
-    assert times.turnaround_ms["p95"] == pytest.approx(0.489)
-    assert times.turnaround_ms["p99"] is None
-    assert times.turnaround_ms["max"] == pytest.approx(0.499)
+def test_turnarounds_are_those_of_replies_and_rare_quantiles_are_not_shown(source: Source) -> None:
+    good = AttemptRecord("link", 0, 1, 1, 1, "ok", 0, 0)
+    attempts = [good._replace(turnaround=21_600 + 72 * n) for n in range(200)]
+    attempts.append(good._replace(outcome="damaged", code=4, turnaround=648_000))
+    table = stations(replace(source, turnarounds=turnarounds_of(attempts)), "link")
+    first = dict(zip(table.head[1:], table.rows[0][1], strict=True))
+    assert first["replies"].text == "200"
+    assert float(first["turnaround median (ms)"].text) == pytest.approx(0.399, abs=0.005)
+    assert first["p99 (ms)"].text == "–"
+    assert first["max (ms)"].text == "0.499"
+    assert table.rows[1][1][0].text == "0"
 
 
 def test_any_section_of_things_becomes_a_table(source: Source) -> None:

@@ -87,6 +87,14 @@ class Histogram:
         self.count += sign * other.count
         self.total += sign * other.total
 
+    def bars(self, width: int, first: int | None = None, last: int | None = None) -> dict[int, int]:
+        """Counts of bars that are ``width`` bins wide, of the bins from ``first`` to ``last`` (None: all)."""
+        bars: dict[int, int] = {}
+        for position, times in self.bins.items():
+            if (first is None or first <= position) and (last is None or position <= last):
+                bars[position // width] = bars.get(position // width, 0) + times
+        return bars
+
     def copy(self) -> Histogram:
         """An independent histogram with the same counts."""
         twin = Histogram()
@@ -144,3 +152,13 @@ class Histogram:
         if histogram.count != sum(histogram.bins.values()):
             raise ValueError("the count is not the sum of the bins")
         return histogram
+
+
+def bar_width(span: int, most: int) -> int:
+    """The least of 1, 2, 5, 10… bins with which ``span`` bins make at most so many bars."""
+    decade = 1
+    while True:
+        for width in (decade, 2 * decade, 5 * decade):
+            if span <= width * most:
+                return width
+        decade *= 10

@@ -8,7 +8,7 @@ from typing import Literal
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width
 from bussim.results.plots.style import RUNS
 from bussim.units import milliseconds
 
@@ -70,14 +70,10 @@ def draw(
     black marks, of several each has its colour of :data:`RUNS`.
     """
     first, last = shown
-    width = _bar_width(last - first + 1)
+    width = bar_width(last - first + 1, _MOST_BARS)
     alone = len(histograms) == 1
     for number, histogram in enumerate(histograms):
-        bars: dict[int, int] = {}
-        for place, number_of in histogram.bins.items():
-            if first <= place <= last:
-                bars[place // width] = bars.get(place // width, 0) + number_of
-        _draw_bars(axes, bars, width, RUNS[number], alone=alone)
+        _draw_bars(axes, histogram.bars(width, first, last), width, RUNS[number], alone=alone)
     # The margins are those of the bars; a mark outside of them does not widen the axis.
     low, high = axes.get_xlim()
     missing = max(_LEAST_SHOWN - (high - low), 0.0)
@@ -90,16 +86,6 @@ def draw(
             axes.axvline(milliseconds(value), color=colour, linestyle=MARKS[name], linewidth=1.2)
     axes.set_xlabel(times)
     axes.set_ylabel(f"{counted} per {_width_text(width)}")
-
-
-def _bar_width(span: int) -> int:
-    """Width of a bar in bins: the least of 1, 2, 5, 10… with which ``span`` bins fit on the axis."""
-    decade = 1
-    while True:
-        for width in (decade, 2 * decade, 5 * decade):
-            if span <= width * _MOST_BARS:
-                return width
-        decade *= 10
 
 
 def _draw_bars(axes: Axes, bars: dict[int, int], width: int, colour: str, *, alone: bool) -> None:

@@ -28,23 +28,7 @@ def bus_summary(totals: BusTotals, duration: int) -> dict[str, Any]:
 def unlisted_ports(totals: RunTotals, records: Mapping[str, PortRecord]) -> list[PortTotals]:
     """Totals of nodes of which only records are known: those of a recording."""
     listed = {port.node for port in totals.ports} | {device.name for device in totals.devices}
-    return [
-        PortTotals(
-            node=node,
-            plc="",
-            port="",
-            bus=record.bus,
-            protocol=None,
-            station=None,
-            errors={},
-            requests=0,
-            answered=0,
-            exceptions={},
-            rejected={},
-        )
-        for node, record in records.items()
-        if node not in listed
-    ]
+    return [PortTotals(node, "", "", record.bus) for node, record in records.items() if node not in listed]
 
 
 def port_summary(totals: PortTotals, record: PortRecord | None, duration: int) -> dict[str, Any]:
