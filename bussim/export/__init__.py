@@ -3,16 +3,7 @@
 ``bussim export RUN_DIR --to FORMAT`` writes them; :func:`bussim.export.run.export_trace` is the same in
 Python. A format needs the trace (``bussim run --trace``) and nothing else of the run.
 
-==========  ============================  ===========================================================
-format      tool                          what is in it
-==========  ============================  ===========================================================
-pcapng      Wireshark, tshark             one packet a frame, as a receiver on the bus has read it
-vcd         PulseView, GTKWave            the waveform: a lane per bus and per transmitter
-sr          PulseView, sigrok-cli         the same, sampled at 1 MHz
-perfetto    ui.perfetto.dev, Chrome       stations as tracks; frames, scans, attempts, errors, registers
-csv         spreadsheets, pandas          one row a frame
-parquet     pandas, DuckDB                the same
-==========  ============================  ===========================================================
+The formats stand in :data:`bussim.export.formats.FORMATS`, each with its writer and what reads it.
 
 **Wireshark.** Each bus is an interface; its link type names the protocol: 147 (USER0) Modbus
 RTU, 148 (USER1) N:N, 149 (USER2) Modbus ASCII, 150 (USER3) free protocol.

@@ -70,17 +70,17 @@ class Result:
 
     @cached_property
     def link_scans(self) -> pd.DataFrame:
-        """One row a link scan: bus, index, start_s, duration_ms, attempts, failed, stations_in_error.
+        """One row a link scan.
 
-        Raises UsageError if the run kept no rows.
+        Columns: :data:`bussim.results.store.rows.SCANS`. Raises UsageError if the run kept no rows.
         """
         return self._rows.table(ScanRecord)
 
     @cached_property
     def exchanges(self) -> pd.DataFrame:
-        """One row an attempt: bus, start_s, end_s, station, attempt, outcome, code, turnaround_ms.
+        """One row an attempt.
 
-        Raises UsageError if the run was not traced.
+        Columns: :data:`bussim.results.store.rows.ATTEMPTS`. Raises UsageError if the run was not traced.
         """
         return self._rows.table(AttemptRecord)
 
@@ -88,10 +88,7 @@ class Result:
     def transactions(self) -> pd.DataFrame:
         """One row an attempt of a Modbus master, in the order in which they were taken over.
 
-        Columns: bus, master, poll, attempt, station, function, address, count, sent_s, asked_s,
-        answered_s, end_s, taken_s (first edge and last stop bit of the request, last stop bit of
-        what decided it, decision, take-over at END), response_ms, outcome, error (yy of D8063 =
-        7xyy), exception, mismatched. Raises UsageError if the run kept no rows.
+        Columns: :data:`bussim.results.store.rows.TRANSACTIONS`. Raises UsageError if the run kept no rows.
         """
         return self._rows.table(TransactionRecord)
 
@@ -99,14 +96,13 @@ class Result:
     def free(self) -> pd.DataFrame:
         """One row a message of the free protocol, sent or received.
 
-        Columns: bus, node, poll, direction, start_s, end_s, bytes (hexadecimal), ended, damaged
-        (characters). Raises UsageError if the run kept no rows.
+        Columns: :data:`bussim.results.store.rows.FREE`. Raises UsageError if the run kept no rows.
         """
         return self._rows.table(FreeRecord)
 
     @cached_property
     def values(self) -> pd.DataFrame:
-        """One row a change of an observed device: time_s, plc, device, value.
+        """One row a change of an observed device; columns: :data:`bussim.results.store.rows.VALUES`.
 
         The values are those in the PLC's memory at END, as a monitor shows them; of X the image that the
         scan has worked with. When the wire of an input changed is in :attr:`inputs`. Raises UsageError if
@@ -118,9 +114,7 @@ class Result:
     def inputs(self) -> pd.DataFrame:
         """One row a change on the wire of an input that the scenario drives, whether observed or not.
 
-        Columns: time_s (when the wire changed), plc, device, level (from then on), sampled_s (the
-        beginning of the scan that sampled it next), seen (whether it still had the level then).
-        Raises UsageError if the run kept no rows.
+        Columns: :data:`bussim.results.store.rows.INPUTS`. Raises UsageError if the run kept no rows.
         """
         return self._rows.table(InputRecord)
 

@@ -66,14 +66,14 @@ TRANSACTIONS: Columns[TransactionRecord] = Columns(
         "function": (INT, lambda record: record.function),
         "address": (INT, lambda record: record.address),
         "count": (INT, lambda record: record.quantity),
-        "sent_s": (SECONDS, lambda record: record.sent),
-        "asked_s": (SECONDS, lambda record: record.asked),
-        "answered_s": (SECONDS, lambda record: record.answer_end),
-        "end_s": (SECONDS, lambda record: record.end),
-        "taken_s": (SECONDS, lambda record: record.taken),
+        "sent_s": (SECONDS, lambda record: record.sent),  # first edge of the request
+        "asked_s": (SECONDS, lambda record: record.asked),  # its last stop bit
+        "answered_s": (SECONDS, lambda record: record.answer_end),  # last stop bit of what decided it
+        "end_s": (SECONDS, lambda record: record.end),  # decision
+        "taken_s": (SECONDS, lambda record: record.taken),  # take-over at END
         "response_ms": (MILLISECONDS, response_time),
         "outcome": (TEXT, lambda record: record.outcome),
-        "error": (OPTIONAL_INT, lambda record: record.error),
+        "error": (OPTIONAL_INT, lambda record: record.error),  # yy of D8063 = 7xyy
         "exception": (INT, lambda record: record.exception),
         "mismatched": (FLAG, lambda record: record.mismatched),
     }
@@ -88,7 +88,7 @@ FREE: Columns[FreeRecord] = Columns(
         "end_s": (SECONDS, lambda record: record.end),
         "bytes": (BYTES, lambda record: record.data.hex(" ").upper()),
         "ended": (TEXT, lambda record: record.ended),
-        "damaged": (INT, lambda record: record.damaged),
+        "damaged": (INT, lambda record: record.damaged),  # characters
     }
 )
 VALUES: Columns[DeviceValueRecord] = Columns(
@@ -101,12 +101,12 @@ VALUES: Columns[DeviceValueRecord] = Columns(
 )
 INPUTS: Columns[InputRecord] = Columns(
     {
-        "time_s": (SECONDS, lambda record: record.tick),
+        "time_s": (SECONDS, lambda record: record.tick),  # when the wire changed
         "plc": (TEXT, lambda record: record.plc),
         "device": (TEXT, lambda record: record.device),
-        "level": (INT, lambda record: record.level),
-        "sampled_s": (SECONDS, lambda record: record.sampled),
-        "seen": (FLAG, lambda record: record.seen),
+        "level": (INT, lambda record: record.level),  # from then on
+        "sampled_s": (SECONDS, lambda record: record.sampled),  # beginning of the scan that sampled it next
+        "seen": (FLAG, lambda record: record.seen),  # whether it still had the level then
     }
 )
 
