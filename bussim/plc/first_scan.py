@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from bussim.plc.inputs import Stimulus
-from bussim.plc.link_registers import TAKE_PART, setting_defaults
+from bussim.plc.link_registers import TAKE_PART, memory_at_power_on
 from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports import cpavl
 from bussim.plc.profiles import Profile
@@ -33,8 +33,8 @@ class FirstScan:
     ports: dict[str, SetUpPort] = field(default_factory=dict)
 
 
-class _Heard:
-    """Takes RS2 and CPAVL for the PLC's ports."""
+class _Calls:
+    """Takes RS2 and CPAVL in place of the PLC's ports, and keeps the CPAVLs."""
 
     def __init__(self) -> None:
         self.places: dict[str, tuple[Device, Device]] = {}
@@ -42,9 +42,10 @@ class _Heard:
     def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
         """An RS2 sends nothing here."""
 
-    def cpavl(self, words: Device, bits: Device, port: int) -> None:
-        """A port's words and bits lie here."""
+    def cpavl(self, words: Device, bits: Device, port: int) -> bool:
+        """Keep where a port's words and bits lie."""
         self.places[f"COM{port}"] = (words, bits)
+        return True
 
 
 def first_scan(
@@ -60,7 +61,7 @@ def first_scan(
     memories that differ in the link's settings, and what is the same afterwards, or was changed, the
     program has set.
     """
-    memory, heard = _tried(program, profile, registers, inputs, now, others=False)
+    memory, calls = _tried(program, profile, registers, inputs, now, others=False)
     other, _ = _tried(program, profile, registers, inputs, now, others=True)
     before = _powered(profile, registers, inputs, now)
     found = FirstScan()
@@ -69,7 +70,7 @@ def first_scan(
         value = memory.get(device)
         if value == other.get(device) or value != before.get(device):
             found.link[name] = value
-    for port, (words, bits) in heard.places.items():
+    for port, (words, bits) in calls.places.items():
         last = min(words.address + cpavl.WORDS, len(memory.words(words.letter)))
         values = {
             str(Device(words.letter, address)): memory.word(words.letter, address)
@@ -85,12 +86,7 @@ def first_scan(
 def _powered(
     profile: Profile, registers: Mapping[Device, int], inputs: Mapping[Device, Stimulus], now: int
 ) -> Memory:
-    memory = Memory()
-    for address, value in setting_defaults(profile).items():
-        memory.set_word("D", address, value)
-    memory.set(cpavl.COM2_STATION, profile.com2_station)
-    for device, value in registers.items():
-        memory.set(device, value)
+    memory = memory_at_power_on(profile, registers)
     for device, stimulus in inputs.items():
         memory.set(device, stimulus.level(now))
     return memory
@@ -104,7 +100,7 @@ def _tried(
     now: int,
     *,
     others: bool,
-) -> tuple[Memory, _Heard]:
+) -> tuple[Memory, _Calls]:
     """The memory after the first scan, from settings as they are or from ``others``."""
     from bussim.plc.program.run import ProgramRun  # what only a PLC with a program pays
 
@@ -113,8 +109,8 @@ def _tried(
         for name in TAKE_PART:
             device = parse_device(name)
             memory.set(device, memory.get(device) ^ (0x5A5A if device.is_word else 1))
-    heard = _Heard()
-    run = ProgramRun(program, memory, times=profile.instruction_times, ports=heard, power_on=now)
+    calls = _Calls()
+    run = ProgramRun(program, memory, times=profile.instruction_times, ports=calls, power_on=now)
     run.run(now)
     run.scan(now)
-    return memory, heard
+    return memory, calls

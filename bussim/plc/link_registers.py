@@ -15,9 +15,10 @@ from bussim.engines.nn.monitor import SlaveConfig
 from bussim.engines.nn.slave import Slave
 from bussim.engines.nn.status import STATIONS, LinkStatus
 from bussim.line.characters import NN_LINE
-from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # for those who ask for registers here
+from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # named with the link's other registers
 from bussim.plc.errors import SerialErrors, serial_error
 from bussim.plc.memory import BlockPlace, Device, Memory, block_place
+from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.profiles import (
     MAX_RETRIES,
     MAX_SLAVES,
@@ -54,6 +55,17 @@ LinkEngine = Master | Slave
 def setting_defaults(profile: Profile) -> dict[int, int]:
     """D8176–D8180 at power-on."""
     return {D_STATION: 0, D_SLAVES: 7, D_MODE: 0, D_RETRIES: 3, D_TIMEOUT: profile.default_timeout}
+
+
+def memory_at_power_on(profile: Profile, registers: Mapping[Device, int]) -> Memory:
+    """The memory of a PLC when its supply comes; ``registers`` are what the scenario sets."""
+    memory = Memory()
+    for address, value in setting_defaults(profile).items():
+        memory.set_word("D", address, value)
+    memory.set(COM2_STATION, profile.com2_station)
+    for device, value in registers.items():
+        memory.set(device, value)
+    return memory
 
 
 def selected_port(memory: Memory) -> str:

@@ -1,62 +1,29 @@
-"""A PLC whose scans are carried out one by one: its program, its inputs, and what others see of it.
+"""A PLC whose scans are carried out one by one: its program, its inputs, and the block that it shares.
 
 The scan from one END to the next is carried out at its beginning: inputs are sampled, the program runs
-on the memory, and its instruction times make the scan longer. What it has written is seen from the END
-on that ends the scan: by its own ports, which act before the next scan begins, and by the link, which
+on the memory, and its instruction times make the scan longer. What it has written takes effect from the
+END on that ends the scan: by its own ports, which act before the next scan begins, and by the link, which
 takes the image that is frozen at END.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from bussim.plc.inputs import NEVER, Change, Stimulus
 from bussim.plc.memory import BlockPlace, Device, Memory, SharedAreas
-from bussim.plc.ports.rs2 import Drive, Rs2
-from bussim.plc.program.faults import Halt
+from bussim.plc.ports.program import ProgramPorts
+from bussim.plc.program.faults import Halt, OperationFault
 from bussim.plc.program.program import Program
 from bussim.plc.program.run import ProgramRun
 from bussim.plc.program.times import InstructionTimes
-
-#: Carries an RS2 out: the instruction, its operands, the tick, whether it is driven.
-DriveRs2 = Callable[[int, Rs2, int, bool], Drive]
-SetUpPort = Callable[[int, Device, Device], bool]
-
-
-class _Ports:
-    """RS2 and CPAVL of one program, as its PLC's ports want them."""
-
-    def __init__(self, drive: DriveRs2, set_up: SetUpPort) -> None:
-        self._drive = drive
-        self._set_up = set_up
-        self._driven: dict[int, Rs2] = {}  # in the scan before
-        self._now_driven: dict[int, Rs2] = {}
-
-    def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
-        """See the program's ports."""
-        s, m, d, n, n1 = operands
-        if isinstance(s, Device) and isinstance(d, Device):
-            rs2 = Rs2(s, m, d, n, n1)
-            self._now_driven[instruction] = rs2
-            self._drive(instruction, rs2, now, True)  # noqa: FBT003 - the fields' order of DriveRs2
-
-    def cpavl(self, words: Device, bits: Device, port: int) -> None:
-        """See the program's ports."""
-        self._set_up(port, words, bits)
-
-    def scan_over(self, now: int) -> None:
-        """Instructions that this scan did not drive are not driven any more."""
-        for instruction, rs2 in self._driven.items():
-            if instruction not in self._now_driven:
-                self._drive(instruction, rs2, now, False)  # noqa: FBT003 - the fields' order of DriveRs2
-        self._driven, self._now_driven = self._now_driven, {}
+from bussim.units import TICKS_PER_MS
 
 
 class Logic:
-    """From power-on to power-off of one PLC; ``memory`` is that PLC's. All times are ticks.
+    """Program and inputs of one PLC from power-on to power-off. All times are ticks.
 
-    ``shared_words`` D from D0 on may belong to the link. ``failed`` is told of operation errors (M8067):
-    the code of D8067 and the program step.
+    ``memory`` is the PLC's; ``shared_words`` D from D0 on may belong to the link.
     """
 
     def __init__(
@@ -66,38 +33,62 @@ class Logic:
         memory: Memory,
         shared_words: int,
         times: InstructionTimes,
-        drive: DriveRs2,
-        set_up: SetUpPort,
+        ports: ProgramPorts,
         now: int,
-        failed: Callable[[int, int], None] | None = None,
     ) -> None:
         self._memory = memory
         self._inputs = dict(inputs)
         self._sampled_at = now
-        self._next_change = -1  # when an input changes next; before the first sampling: look at them all
-        self._ports = _Ports(drive, set_up)
+        self._next_change = -1  # when an input changes next; before the first sampling: all are sampled
+        self._ports = ports
         self._run = (
             ProgramRun(program, memory, times=times, ports=self._ports, power_on=now)
             if program is not None
             else None
         )
-        if self._run is not None and failed is not None:
-            self._run.hear(failed)
+        if self._run is not None:
+            self._run.on_error(self._failed)
         self._shared = SharedAreas(memory, shared_words)
-        #: What the inputs did between the latest two samplings.
+        #: The inputs' changes between the latest two samplings.
         self.changes: list[tuple[Device, list[Change]]] = []
+        # Not reported yet: operation errors by code, with the first one's step and their number; a stop.
+        self._errors: dict[int, tuple[int, int]] = {}
+        self._halt: Halt | None = None
 
     @property
-    def halted(self) -> int:
-        """The code of D8061 with which the program stands still, else 0."""
-        return self._run.halted if self._run is not None else 0
+    def halted(self) -> bool:
+        """Whether the program stands still (D8061 has the code)."""
+        return self._run is not None and self._run.halted > 0
 
-    def halt(self, begun: int) -> Halt | None:
-        """How the program came to stand still in the scan that began at a tick; None while it runs."""
+    # -- errors ------------------------------------------------------------------------------------
+
+    @property
+    def faulted(self) -> bool:
+        """Whether :meth:`faults` has any."""
+        return bool(self._errors) or self._halt is not None
+
+    def faults(self) -> list[OperationFault | Halt]:
+        """Operation errors (M8067), one entry a code, and the program's stop, since the latest call."""
+        found: list[OperationFault | Halt] = [
+            OperationFault(code, step, count) for code, (step, count) in self._errors.items()
+        ]
+        if self._halt is not None:
+            found.append(self._halt)
+        self._errors, self._halt = {}, None
+        return found
+
+    def _failed(self, code: int, step: int) -> None:
+        first, count = self._errors.get(code, (step, 0))
+        self._errors[code] = (first, count + 1)
+
+    def _note_halt(self, begun: int) -> None:
+        """The scan that began at a tick has stopped the program."""
         run = self._run
-        if run is None or not run.halted:
-            return None
-        return Halt(begun + run.halted_after, run.halted, self._memory.word("D", 8000), run.endless)
+        if run is not None:
+            watchdog = self._memory.word("D", 8000)
+            self._halt = Halt(begun + run.halted_after, run.halted, watchdog, run.endless)
+
+    # -- scans -------------------------------------------------------------------------------------
 
     def run(self, now: int) -> int:
         """STOP→RUN and the first scan; returns the time of its instructions.
@@ -131,8 +122,11 @@ class Logic:
         self._sampled_at = now
         if self._run is None:
             return 0
+        before = self.halted
         spent = self._run.scan(now)
         self._ports.scan_over(now)
+        if self.halted and not before:
+            self._note_halt(now)
         return spent
 
     def _sample(self, now: int) -> None:
@@ -147,14 +141,9 @@ class Logic:
             ahead = min(ahead, stimulus.next_change(now))
         self._next_change = ahead
 
-    def overrun(self, scan: int) -> bool:
-        """The scan that begins lasts so many ticks: the watchdog (D8000) stops the program if too many.
-
-        Whether it stands still, for this reason or another.
-        """
+    def check_watchdog(self, begun: int, duration: int) -> None:
+        """Stop the program if the scan that begins exceeds the watchdog (D8000, in ms)."""
         run = self._run
-        if run is None:
-            return False
-        if not run.halted and scan > self._memory.word("D", 8000) * 72_000:
+        if run is not None and not run.halted and duration > self._memory.word("D", 8000) * TICKS_PER_MS:
             run.halt()
-        return run.halted > 0
+            self._note_halt(begun)

@@ -1,8 +1,8 @@
-"""One PLC: supply, RUN and STOP, memory, scan cycle, its ports and what drives its block."""
+"""One PLC: supply, RUN and STOP, memory, scan cycle, ports, and the sources of its block."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from fractions import Fraction
 
@@ -10,16 +10,15 @@ from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master
 from bussim.line.random_streams import Streams
 from bussim.plc.errors import SerialErrors
-from bussim.plc.inputs import Change, Stimulus
-from bussim.plc.link_registers import LinkEngine, LinkRegisters, setting_defaults
+from bussim.plc.inputs import Stimulus
+from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power_on
 from bussim.plc.logic import Logic
 from bussim.plc.memory import Device, Memory, parse_device
-from bussim.plc.ports.cpavl import COM2_STATION
+from bussim.plc.observer import PlcObserver
 from bussim.plc.ports.port_registers import Maps, PortRegisters
-from bussim.plc.ports.rs2 import Drive, Rs2, port_of
+from bussim.plc.ports.program import ProgramPorts
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
-from bussim.plc.program.faults import Halt, OperationFault
 from bussim.plc.program.program import Program
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source
@@ -48,8 +47,8 @@ class Plc:
     ``maps`` makes the register map of those that are Modbus slaves. A PLC with a ``program`` or ``inputs``
     carries every scan out (see :mod:`bussim.plc.logic`), and so does one with ``observed`` devices.
 
-    Whoever runs it carries its ENDs out: :meth:`end` at the tick that :meth:`wanted_end` names. All other
-    ENDs need no call; what they would have done is done when somebody looks.
+    Its driver carries ENDs out: it calls :meth:`end` at the tick that :meth:`wanted_end` names. All other
+    ENDs need no call: what they would have done is done when the memory or the block is asked for.
     """
 
     def __init__(
@@ -84,9 +83,9 @@ class Plc:
             for spec in ports
         }
         self._port_list = tuple(self.port_registers.values())
-        #: Set by whoever connects the PLC to a link.
+        #: Set where the PLC is connected to a link.
         self.received: Received | None = None
-        #: Called before the link's status is published: others may have listened for its engine.
+        #: Called before the link's status is published: a shared listener may have received for its engine.
         self.before_status: Callable[[], None] | None = None
         self._scan = (scan_mean, scan_jitter)
         self._phase = phase
@@ -102,22 +101,10 @@ class Plc:
         self._inputs = dict(inputs or {})
         #: Its program and inputs, from power-on to power-off; None where it has neither.
         self.logic: Logic | None = None
-        #: Told of an input's changes: the device, the changes since the sampling before, the sampling and
-        #: the END of the scan that begins with it.
-        self.sampled: Callable[[Device, Sequence[Change], int, int], None] | None = None
         self._observed = dict.fromkeys(observed, 0)
         #: Whether every END is carried out.
         self.every_end = program is not None or bool(self._inputs) or bool(self._observed)
-        #: Told of every END that is carried out, when it has left the memory as it is, before the next scan.
-        self.ended: Callable[[int], None] | None = None
-        #: Told of a new value of an observed device: the device, its value, the END.
-        self.changed: Callable[[Device, int, int], None] | None = None
-        #: Told at an END of what the scan before it met: operation errors, or that the program has stopped.
-        self.faulted: Callable[[OperationFault | Halt, int], None] | None = None
-        # Not told yet: operation errors by code, with the first one's step and their number; a stop.
-        self._errors: dict[int, tuple[int, int]] = {}
-        self._halt: Halt | None = None
-        self._halted = False  # whether a stop was told, or is about to be
+        self.observer: PlcObserver | None = None
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
@@ -132,12 +119,7 @@ class Plc:
 
     def power_on(self, now: int = 0) -> None:
         """The supply comes back: memory at its power-on values, then STOP."""
-        self.memory = Memory()
-        for address, value in setting_defaults(self.profile).items():
-            self.memory.set_word("D", address, value)
-        self.memory.set(COM2_STATION, self.profile.com2_station)
-        for device, value in self._registers.items():
-            self.memory.set(device, value)
+        self.memory = memory_at_power_on(self.profile, self._registers)
         self.errors = SerialErrors(self.memory)
         self.link_registers = LinkRegisters(self.profile, self.memory, self.errors)
         for port, code in self._board_errors:
@@ -149,10 +131,8 @@ class Plc:
                 self.memory,
                 (MAX_SLAVES + 1) * self.profile.word_spacing,
                 self.profile.instruction_times,
-                self._rs2,
-                self.cpavl,
+                ProgramPorts(self.port_registers, self.memory),
                 now,
-                self._failed,
             )
         self.state = PlcState.STOP
 
@@ -163,9 +143,8 @@ class Plc:
         and D8063 say so). The other ports' engines are those of :attr:`port_registers`, to be started too.
         """
         # The first scan begins; settings that its program writes are in force from here on.
-        self._halted = False
-        spent = self.logic.run(now) if self.logic is not None else 0
-        self._look_for_halt(now)
+        logic = self.logic
+        spent = logic.run(now) if logic is not None else 0
         mean, jitter = self.scan_under_link()
         engine = self.link_registers.take_over(self.longest_scan(), traced=traced) if self._linked else None
         if engine is None:
@@ -177,11 +156,12 @@ class Plc:
             port.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
         first_end = self.cycle.run(now, mean, jitter, self._phase)
-        if spent and (self._phase is None or self._halted):
+        halted = logic is not None and logic.halted
+        if spent and (self._phase is None or halted):
             first_end = self.cycle.run(now, mean, jitter, first_end - now + spent)
-            if self._halted:
-                self.cycle.noticed(first_end - now)
-        self._tell_inputs(now, first_end)
+            if halted:
+                self.cycle.count_first(first_end - now)
+        self._report_inputs(now, first_end)
         return engine, first_end
 
     def stop(self, now: int) -> None:
@@ -208,14 +188,14 @@ class Plc:
         self.errors.report((port, code), port, code)
 
     def board_error_over(self, port: str, code: int) -> None:
-        """It works again: M8063 goes off unless something else keeps it on; D8063 stays."""
+        """The exchange works again: M8063 goes off unless another error keeps it on; D8063 stays."""
         self._board_errors.remove((port, code))
         if (port, code) not in self._board_errors:
             self.errors.over((port, code))
 
     def parameters(self, settings: LinkSettings, now: int) -> None:
-        """A slave has learnt the master's settings: its block may lie elsewhere now."""
-        self.sync(now - 1)  # what came in another mode
+        """A slave has received the master's settings: its block may lie elsewhere now."""
+        self.sync(now - 1)  # blocks received in another mode
         self.link_registers.parameters(settings)
         self._taken = -1
         self._image, self._image_until = None, -1
@@ -234,7 +214,7 @@ class Plc:
         """
         image = self._image
         if image is not None and now < self._image_until:
-            return image  # whichever END was the latest one
+            return image  # every END so far left the same one
         if self.logic is not None:
             return self._frozen_image()
         end = self.cycle.latest_end(now)
@@ -268,7 +248,7 @@ class Plc:
 
     def _drive(self, end: int) -> None:
         if end == self._driven:
-            return  # what a port has written since stays
+            return  # else values that a port has written since would be overwritten
         self._driven = end
         for device, source in self._sources.items():
             value = source.value(end)
@@ -281,23 +261,23 @@ class Plc:
         if self.logic is None:  # else every END is carried out when it happens
             end = self.cycle.latest_end(now)
             if end is not None:
-                self._arrive(end)
+                self._refresh(end)
         self._publish()
 
     def _publish(self) -> None:
-        """The link's status shows in the special devices."""
+        """Write the link's status into the special devices."""
         if self.before_status is not None:
             self.before_status()
         self.link_registers.publish()
 
-    def _arrive(self, end: int) -> None:
-        """An END: sources and received blocks show in memory, once."""
+    def _refresh(self, end: int) -> None:
+        """Write sources and received blocks into the memory as of an END, once."""
         self._drive(end)
         if self.received is not None and end > self._taken:
             since, self._taken = self._taken, end
-            self._take(self.received(since, end))
+            self._store_blocks(self.received(since, end))
 
-    # -- the other ports ---------------------------------------------------------------------------
+    # -- ENDs that are carried out -----------------------------------------------------------------
 
     def wanted_end(self, now: int) -> int | None:
         """The next END that matters to some port, not before ``now``; None: none before something happens.
@@ -328,10 +308,9 @@ class Plc:
         ``transaction_time`` for each port with a transaction under way, and by its instructions' time.
         """
         self._done = now
-        logic, port_registers = self.logic, self.port_registers
-        if self._errors or self._halt is not None:
-            self.record_faults(now)
-        self._arrive(now)
+        logic, port_registers, observer = self.logic, self.port_registers, self.observer
+        self.record_faults(now)
+        self._refresh(now)
         if self.every_end or (self._linked and any(port.shows_memory for port in port_registers.values())):
             self._publish()
         hints: dict[str, int] = {}
@@ -343,45 +322,31 @@ class Plc:
         self._image_until = -1
         if self._observed:
             self._observe(now)
-        if self.ended is not None:
-            self.ended(now)
+        if observer is not None:
+            observer.ended(now)
         if logic is not None:
             logic.freeze()
             extra += logic.scan(now)
         self.cycle.set_load(now, extra)
         if logic is not None:
             following = self.cycle.next_end(now + 1, now)
-            if logic.overrun(following - now):
-                self._look_for_halt(now)
-            self._tell_inputs(now, following)
+            logic.check_watchdog(now, following - now)
+            self._report_inputs(now, following)
         return hints
 
-    # -- what its program meets ---------------------------------------------------------------------
-
-    def _failed(self, code: int, step: int) -> None:
-        first, count = self._errors.get(code, (step, 0))
-        self._errors[code] = (first, count + 1)
-
-    def _look_for_halt(self, begun: int) -> None:
-        """The scan that began at a tick may have stopped the program."""
-        if self.logic is not None and self.logic.halted and not self._halted:
-            self._halted = True
-            self._halt = self.logic.halt(begun)
+    # -- what is recorded --------------------------------------------------------------------------
 
     def record_faults(self, now: int) -> None:
-        """Tell what was met since the latest END, without waiting for the next one."""
-        errors, self._errors = self._errors, {}
-        halt, self._halt = self._halt, None
-        if self.faulted is not None:
-            for code, (step, count) in errors.items():
-                self.faulted(OperationFault(code, step, count), now)
-            if halt is not None:
-                self.faulted(halt, now)
+        """Report the program's errors since the latest END, without waiting for the next one."""
+        if self.logic is not None and self.logic.faulted:
+            for fault in self.logic.faults():
+                if self.observer is not None:
+                    self.observer.faulted(fault, now)
 
-    def _tell_inputs(self, sampled: int, end: int) -> None:
-        if self.logic is not None and self.sampled is not None:
+    def _report_inputs(self, sampled: int, end: int) -> None:
+        if self.logic is not None and self.observer is not None:
             for device, changes in self.logic.changes:
-                self.sampled(device, changes, sampled, end)
+                self.observer.sampled(device, changes, sampled, end)
 
     def _observe(self, end: int) -> None:
         memory, seen = self.memory, self._observed
@@ -389,42 +354,10 @@ class Plc:
             value = memory.get(device)
             if value != before:
                 seen[device] = value
-                if self.changed is not None:
-                    self.changed(device, value, end)
+                if self.observer is not None:
+                    self.observer.changed(device, value, end)
 
-    def _rs2(self, instruction: Hashable, operands: Rs2, now: int, driven: bool) -> Drive:  # noqa: FBT001 - as the logic's ports call it
-        return self.rs2(instruction, operands, now, driven=driven)
-
-    def rs2(self, instruction: Hashable, operands: Rs2, now: int, *, driven: bool) -> Drive:
-        """An RS2 instruction is executed in the scan before the next END, its contact on or off.
-
-        ``instruction`` tells it from the program's others. Refused where n1 names no port that runs
-        the protocol for it.
-        """
-        port = port_of(operands, self.memory)
-        registers = self.port_registers.get(port) if port is not None else None
-        if registers is None:
-            return Drive.REFUSED
-        if driven:
-            return registers.drive(instruction, operands, now)
-        registers.undrive(instruction, now)
-        return Drive.OFF
-
-    def cpavl(self, port: int, words: Device, bits: Device) -> bool:
-        """CPAVL: a port's words and bits lie here from the next STOP→RUN on.
-
-        False if there is no such port, or they do not lie in memory.
-        """
-        registers = self.port_registers.get(f"COM{port}")
-        if registers is None:
-            return False
-        try:
-            registers.move(words, bits)
-        except ValueError:
-            return False
-        return True
-
-    def _take(self, blocks: Iterable[tuple[int, bytes]]) -> None:
+    def _store_blocks(self, blocks: Iterable[tuple[int, bytes]]) -> None:
         link_registers = self.link_registers
         mode = link_registers.mode
         if mode is None:

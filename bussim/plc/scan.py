@@ -75,8 +75,8 @@ class ScanCycle:
         self._extra, self._drawn, self._used = 0, None, 0
         return first
 
-    def noticed(self, duration: int) -> None:
-        """From RUN to the first END was a whole scan all the same, and a long one."""
+    def count_first(self, duration: int) -> None:
+        """Count the time from RUN to the first END among the longest scans: it was a whole, long one."""
         count, total, longest = self._past
         self._past = (count, total, max(longest, duration))
 

@@ -30,26 +30,28 @@ class PlcProbe:
         self._program = program
         self._sink = sink
         self._faults: dict[int, tuple[str, int]] = {}  # by code: the first one in words, their number
-        plc.faulted = self._faulted
-        plc.changed = self._changed
-        plc.sampled = self._sampled
-        if ends:
-            plc.ended = self._ended
+        self._ends = ends
+        plc.observer = self
 
-    def _ended(self, end: int) -> None:
-        self._sink.ends(self._plc.name, (end,))
+    def ended(self, end: int) -> None:
+        """See the observer."""
+        if self._ends:
+            self._sink.ends(self._plc.name, (end,))
 
-    def _changed(self, device: Device, value: int, end: int) -> None:
+    def changed(self, device: Device, value: int, end: int) -> None:
+        """See the observer."""
         self._sink.value(DeviceValueRecord(end, self._plc.name, str(device), value))
 
-    def _sampled(self, device: Device, changes: Sequence[Change], sampled: int, end: int) -> None:
+    def sampled(self, device: Device, changes: Sequence[Change], sampled: int, end: int) -> None:
+        """See the observer."""
         name, text = self._plc.name, str(device)
         last = changes[-1]
         for change in changes:
             seen = change is last
             self._sink.input(InputRecord(change[0], name, text, change[1], sampled, seen, end))
 
-    def _faulted(self, fault: OperationFault | Halt, now: int) -> None:
+    def faulted(self, fault: OperationFault | Halt, now: int) -> None:
+        """See the observer."""
         name, code = self._plc.name, fault.code
         text, count = self._faults.get(code, ("", 0))
         if not count:

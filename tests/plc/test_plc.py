@@ -11,6 +11,7 @@ from bussim.engines.nn.slave import Slave
 from bussim.line.random_streams import Streams
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc, PlcState
+from bussim.plc.ports.program import ProgramPorts
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Constant, Counter, Source, Toggle
 
@@ -210,7 +211,7 @@ def test_without_other_ports_no_end_needs_to_be_carried_out() -> None:
     tested.run(0, traced=False)
     assert tested.wanted_end(0) is None
     assert tested.longest_scan() == SCAN
-    assert not tested.cpavl(3, Device("D", 0), Device("M", 0))
+    assert not ProgramPorts(tested.port_registers, tested.memory).cpavl(Device("D", 0), Device("M", 0), 3)
 
 
 def test_an_end_that_is_carried_out_changes_nothing_without_ports() -> None:

@@ -1,4 +1,4 @@
-"""What a running program keeps beside the PLC's memory, and how its mistakes show."""
+"""What a running program keeps beside the PLC's memory, and how its errors show."""
 
 from __future__ import annotations
 
@@ -20,23 +20,26 @@ BACKWARDS = 8024  # BMOV moves from its destination to its source
 
 
 class Ports(Protocol):
-    """Who carries RS2 and CPAVL out. Called during a scan, only while the instruction's condition is on.
+    """Carries RS2 and CPAVL out. Called during a scan, only while the instruction's condition is on.
 
     ``instruction`` is the instruction's number in its program, the same in every scan: an RS2 that
     stops being driven is one that a scan does not call. ``operands`` are S, m, D, n, n1; a constant is
-    an int (0…65535 where it is written so), a register its Device, whose value is read at the ports'
-    leisure.
+    an int (0…65535 where it is written so), a register its Device, whose value the ports read when they
+    need it.
     """
 
     def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
         """RS2 is carried out at the tick ``now``."""
 
-    def cpavl(self, words: Device, bits: Device, port: int) -> None:
-        """CPAVL: the parameters of a port (2–6) are the 20 words and the 20 bits from these on."""
+    def cpavl(self, words: Device, bits: Device, port: int) -> bool:
+        """CPAVL: the parameters of a port (2–6) are the 20 words and the 20 bits from these on.
+
+        False if the PLC has no such port, or they do not lie in memory.
+        """
 
 
 class OperationError(Exception):
-    """An instruction met data or an address that it refuses; becomes M8067, never leaves the program."""
+    """Data or an address that an instruction refuses; becomes M8067, never leaves the program."""
 
     def __init__(self, code: int = OUT_OF_RANGE) -> None:
         super().__init__(code)
@@ -73,7 +76,7 @@ class Machine:
         self.timer_pulse = [0] * 256
         #: Of each counter: the condition of its OUT when last carried out.
         self.counter_input = bytearray(256)
-        #: Told of every operation error: its code and the program step.
+        #: Called for every operation error with its code and the program step.
         self.failed: Callable[[int, int], None] | None = None
         #: Of each timer and counter: whether an RST holds it.
         self.held = {letter: bytearray(256) for letter in "TC"}

@@ -156,8 +156,8 @@ class ProgramRun:
         m[8000], m[8001], m[8002], m[8003], m[LINK_SETTINGS] = 0, 1, 0, 1, 0
         self._clear_outputs()
 
-    def hear(self, failed: Callable[[int, int], None]) -> None:
-        """From now on every operation error (M8067) is told: its code and the program step."""
+    def on_error(self, failed: Callable[[int, int], None]) -> None:
+        """Call ``failed(code, step)`` for every operation error (M8067): D8067 and the program step."""
         self._machine.failed = failed
 
     def halt(self, code: int = WATCHDOG_CODE) -> None:

@@ -13,6 +13,7 @@ from bussim.line.random_streams import Streams
 from bussim.plc.plc import Plc
 from bussim.plc.ports.cpavl import FORMAT, PROTOCOL, PROTOCOL_CODES, STATION, default_places, format_word
 from bussim.plc.ports.events import PortErrorRaised, PortEvent, TransactionTaken
+from bussim.plc.ports.program import ProgramPorts
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Source
@@ -117,6 +118,11 @@ class Bench:
         self._appointed = -1
         self.plc.power_on()
         self.run_plc()
+
+    @property
+    def program_ports(self) -> ProgramPorts:
+        """RS2 and CPAVL of a program of this PLC."""
+        return ProgramPorts(self.plc.port_registers, self.plc.memory)
 
     def run_plc(self) -> None:
         now = self.wire.now

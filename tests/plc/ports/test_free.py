@@ -71,7 +71,7 @@ class Program:
         action = self.actions.get(at)
         if action is not None:
             action(bench)
-        bench.plc.rs2("X1", self.operands, now, driven=self.on)
+        bench.program_ports.rs2("X1", self.operands, now, driven=self.on)
 
 
 def send(bench: Bench) -> None:
@@ -214,8 +214,8 @@ def test_one_instruction_at_a_time() -> None:
     found = []
 
     def program(bench: Bench, now: int) -> None:
-        found.append(bench.plc.rs2("one", rs2(5, 2), now, driven=now < 40 * MS))
-        found.append(bench.plc.rs2("other", rs2(5, 3), now, driven=True))
+        found.append(bench.program_ports.rs2("one", rs2(5, 2), now, driven=now < 40 * MS))
+        found.append(bench.program_ports.rs2("other", rs2(5, 3), now, driven=True))
 
     bench = Bench("COM3", "free", program=program)
     bench.run(50 * MS)

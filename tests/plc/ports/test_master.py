@@ -47,7 +47,7 @@ def test_the_manuals_example_of_rs2() -> None:
 
     def program(bench: Bench, now: int) -> None:
         operands = Rs2(D[200], D[201], D[202], D[500], 4)
-        bench.plc.rs2("X1", operands, now, driven=True)
+        bench.program_ports.rs2("X1", operands, now, driven=True)
 
     registers = {"D200": 0x0103, "D201": 0x0064, "D202": 4}
     bench = Bench("COM4", "modbus-rtu-master", program=program, registers=registers)
@@ -62,7 +62,7 @@ def test_the_manuals_program_of_section_6_2_2() -> None:
     def program(bench: Bench, now: int) -> None:
         bench.plc.memory.set_word("D", 103, 0x0103)
         bench.plc.memory.set_word("D", 400, 10)
-        bench.plc.rs2(0, Rs2(D[103], 4, D[400], D[500], 4), now, driven=True)
+        bench.program_ports.rs2(0, Rs2(D[103], 4, D[400], D[500], 4), now, driven=True)
 
     bench = Bench("COM4", "modbus-rtu-master", program=program)
     plain = with_slave(bench)
@@ -366,9 +366,9 @@ def test_one_instruction_of_a_port_is_driven_at_a_time() -> None:
 
     def program(bench: Bench, now: int) -> None:
         one, other = Rs2(D[200], 0, D[202], D[500], 4), Rs2(D[201], 0, D[202], D[500], 4)
-        plc = bench.plc
-        first = plc.rs2("one", one, now, driven=now < 60 * MS)
-        found.append((now // MS, first, plc.rs2("other", other, now, driven=True)))
+        ports = bench.program_ports
+        first = ports.rs2("one", one, now, driven=now < 60 * MS)
+        found.append((now // MS, first, ports.rs2("other", other, now, driven=True)))
 
     registers = {"D200": 0x0103, "D201": 0x0203, "D202": 1}
     bench = Bench("COM4", "modbus-rtu-master", program=program, registers=registers)
@@ -387,7 +387,7 @@ def test_one_instruction_of_a_port_is_driven_at_a_time() -> None:
 def test_an_instruction_that_goes_off_before_its_request_left_asks_nothing() -> None:
     def program(bench: Bench, now: int) -> None:
         on = now <= 10 * MS or now == 40 * MS + SCAN
-        bench.plc.rs2("one", Rs2(D[200], 0, D[202], D[500], 4), now, driven=on)
+        bench.program_ports.rs2("one", Rs2(D[200], 0, D[202], D[500], 4), now, driven=on)
 
     registers = {"D200": 0x0103, "D202": 1}
     # With an interval of 20 ms the second request could leave at 60 ms; it goes off at that very END.
@@ -404,17 +404,17 @@ def test_an_instruction_that_goes_off_before_its_request_left_asks_nothing() -> 
 @pytest.mark.parametrize("port", [0, 1, 3, 7, Device("D", 300)])
 def test_rs2_is_refused_where_there_is_no_port_for_it(port: int | Device) -> None:
     bench = Bench("COM4", "modbus-rtu-master")
-    assert bench.plc.rs2(0, Rs2(D[200], 0, D[202], D[500], port), 5, driven=True) is Drive.REFUSED
+    assert bench.program_ports.rs2(0, Rs2(D[200], 0, D[202], D[500], port), 5, driven=True) is Drive.REFUSED
     bench = Bench("COM4", "modbus-rtu-slave")
-    assert bench.plc.rs2(0, Rs2(D[200], 0, D[202], D[500], 4), 5, driven=True) is Drive.REFUSED
+    assert bench.program_ports.rs2(0, Rs2(D[200], 0, D[202], D[500], 4), 5, driven=True) is Drive.REFUSED
     bench = Bench("COM2", "hmi")
-    assert bench.plc.rs2(0, Rs2(D[200], 0, D[202], D[500], 2), 5, driven=True) is Drive.REFUSED
+    assert bench.program_ports.rs2(0, Rs2(D[200], 0, D[202], D[500], 2), 5, driven=True) is Drive.REFUSED
 
 
 def test_operands_may_be_registers_and_n_a_number() -> None:
     def program(bench: Bench, now: int) -> None:
         operands = Rs2(D[200], D[201], D[202], 500, Device("D", 203))
-        bench.plc.rs2("one", operands, now, driven=True)
+        bench.program_ports.rs2("one", operands, now, driven=True)
 
     registers = {"D200": 0x0103, "D201": 0x20, "D202": 1, "D203": 4}
     bench = Bench("COM4", "modbus-rtu-master", program=program, registers=registers)

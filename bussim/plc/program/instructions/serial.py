@@ -22,7 +22,11 @@ def set_up(machine: Machine, at: Instruction) -> Act:
     """CPAVL S D M."""
     ports = _ports(machine)
     words, bits, port = at.operands
-    return lambda: ports.cpavl(words.device, bits.device, port.address)
+
+    def act() -> None:
+        ports.cpavl(words.device, bits.device, port.address)
+
+    return act
 
 
 def _ports(machine: Machine) -> Ports:
