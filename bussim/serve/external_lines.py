@@ -14,7 +14,7 @@ from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.contract import LinkStation
 from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.serial.bus import SerialBus
-from bussim.sim.wire.contract import LineNode, LineReporter, Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
 from bussim.trace.records import Sink
 
 _LINK_KINDS = {ENQ: KIND_NAMES[POLL], STX: KIND_NAMES[DATA], SOH: KIND_NAMES[PARAMETERS]}
@@ -78,19 +78,9 @@ class BridgedLine(PartlyExternalLine):
         """The kind of frame that an external node's characters may be."""
         raise NotImplementedError
 
-    def accepted(
-        self,
-        port: LineNode,
-        frame: WireFrame,
-        start: int,
-        now: int,
-        sender: LineNode | None,
-        blamed: Transmission | None,
-        hints: int,
-    ) -> None:
+    def accepted(self, reading: Reading) -> None:
         """See the line."""
-        del blamed
-        super().accepted(port, frame, start, now, sender, None, hints)
+        super().accepted(reading._replace(blamed=None))
 
 
 class ExternalSerialBus(BridgedLine, SerialBus):
@@ -158,18 +148,10 @@ class ExternalLinkBus(BridgedLine, LinkBus):
         """The kind by its header."""
         return _LINK_KINDS.get(chars[0], "")
 
-    def accepted(
-        self,
-        port: LineNode,
-        frame: WireFrame,
-        start: int,
-        now: int,
-        sender: LineNode | None,
-        blamed: Transmission | None,
-        hints: int,
-    ) -> None:
+    def accepted(self, reading: Reading) -> None:
         """See the line; a block of an external station is a refresh, too."""
-        super().accepted(port, frame, start, now, sender, blamed, hints)
+        super().accepted(reading)
+        port, frame, _, now, sender, _, hints = reading
         if hints & STORED and sender is None and isinstance(frame, Frame):
             source = len(self.ports) + self._external_names.index(self.external_name(frame.station))
             self.sink.refreshed(self.name, source, now, [port.position])

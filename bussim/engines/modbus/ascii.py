@@ -1,57 +1,27 @@
-"""Cuts characters into ASCII frames; knows nothing of roles."""
+"""Cuts characters into Modbus ASCII frames."""
 
 from __future__ import annotations
 
 from bussim.engines.contract import RxChar
 from bussim.engines.modbus.adu import ASCII_MAX, COLON, CR, HEX_DIGITS, LF, Adu, Damage, decode_ascii
 from bussim.engines.modbus.codes import Rejection
+from bussim.engines.modbus.reader import AduReader
 
-# What may follow the colon; whether it is in the right place is judged at the end.
+# What may follow the colon; whether it is in the right place is checked at the end.
 _CHARACTERS = HEX_DIGITS | {CR, LF}
 
 
-class AsciiReader:
+class AsciiReader(AduReader):
     """A frame begins with a colon and ends with CR LF; a colon always begins a new one.
 
-    Outside a frame everything is ignored. Inside, a character that is wrong or does not fit spoils
+    Outside a frame everything is ignored. Inside, a character that is wrong or does not fit damages
     the frame until its LF, the next colon or ``quiet`` ticks of silence; the latter two also end a
     frame that is merely unfinished.
     """
 
-    __slots__ = ("_buffer", "_length", "_reason", "end", "heard", "quiet", "start")
+    __slots__ = ()
 
-    #: A frame is complete with its last character.
     immediate = True
-
-    def __init__(self, quiet: int) -> None:
-        self.quiet = quiet
-        #: First edge and last stop bit of what is open, meaningful only while something is.
-        self.start = 0
-        self.end = 0
-        #: The same two of what was completed last.
-        self.heard = (0, 0)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget what is open."""
-        self._buffer = bytearray()
-        self._length = 0
-        self._reason: Rejection | None = None
-
-    @property
-    def open(self) -> bool:
-        """Whether a frame, sound or spoilt, is unfinished."""
-        return self._length > 0
-
-    @property
-    def lone(self) -> bool:
-        """Never: a whole frame is complete at once."""
-        return False
-
-    @property
-    def reason(self) -> Rejection | None:
-        """What went wrong so far with what is open."""
-        return self._reason
 
     def character(self, char: RxChar, start: int, end: int) -> Adu | Damage | None:
         """Take one character; returns the frame that it completes, or the damage that it ends."""
@@ -69,14 +39,14 @@ class AsciiReader:
         self._length += 1
         self.end = end
         if self._reason is None:
-            self._reason = self._judge(value, parity_ok=parity_ok, stop_ok=stop_ok)
+            self._reason = self._error_of(value, parity_ok=parity_ok, stop_ok=stop_ok)
         if self._length <= ASCII_MAX:
             self._buffer.append(value)
         if value == LF and clean:
             return self._complete()
         return None
 
-    def _judge(self, value: int, *, parity_ok: bool, stop_ok: bool) -> Rejection | None:
+    def _error_of(self, value: int, *, parity_ok: bool, stop_ok: bool) -> Rejection | None:
         if not stop_ok:
             return Rejection.FRAMING
         if not parity_ok:
@@ -86,9 +56,7 @@ class AsciiReader:
         return None if value in _CHARACTERS else Rejection.NOT_HEX
 
     def _complete(self) -> Adu | Damage:
-        reason, chars = self._reason, bytes(self._buffer)
-        self.heard = start, end = self.start, self.end
-        self.reset()
+        reason, (chars, start, end) = self._reason, self._taken()
         if reason is None:
             decoded = decode_ascii(chars)
             if isinstance(decoded, Adu):
@@ -104,12 +72,10 @@ class AsciiReader:
         return before
 
     def silence(self) -> Damage | None:
-        """The line has been quiet for ``quiet`` ticks: what was open is over."""
+        """See the base class."""
         if self._length == 0:
             return None
-        reason, chars = self._reason or Rejection.UNFINISHED, bytes(self._buffer)
-        self.heard = start, end = self.start, self.end
-        self.reset()
+        reason, (chars, start, end) = self._reason or Rejection.UNFINISHED, self._taken()
         return Damage(reason, chars, start, end, _head(chars))
 
 

@@ -3,46 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
-from bussim.engines.contract import RxChar
-from bussim.engines.modbus.adu import Adu, Damage, Mode, adu_chars, encode_adu
+from bussim.engines.modbus.adu import Adu, Mode, adu_chars, encode_adu
 from bussim.engines.modbus.ascii import AsciiReader
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule, silences
+from bussim.engines.modbus.reader import AduReader
 from bussim.engines.modbus.rtu import RtuReader
 from bussim.line.characters import LineTiming
 from bussim.units import TICKS_PER_SECOND, round_half_up
-
-
-class Reader(Protocol):
-    """What both readers offer; see them."""
-
-    immediate: bool
-    heard: tuple[int, int]
-
-    @property
-    def open(self) -> bool:
-        """Whether something is unfinished."""
-
-    @property
-    def lone(self) -> bool:
-        """Whether what is open is one whole frame and nothing else."""
-
-    @property
-    def reason(self) -> object:
-        """What went wrong so far with what is open."""
-
-    def reset(self) -> None:
-        """Forget what is open."""
-
-    def character(self, char: RxChar, start: int, end: int) -> Adu | Damage | None:
-        """Take one character."""
-
-    def whole(self, adu: Adu, start: int, end: int) -> Adu | Damage | None:
-        """Take a whole undamaged frame."""
-
-    def silence(self) -> Adu | Damage | None:
-        """The line has been quiet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +51,8 @@ class Framing:
         """Characters of the frame that carries a PDU of so many bytes."""
         return adu_chars(self.mode, pdu_size)
 
-    def reader(self) -> Reader:
-        """A new reader for what this port hears."""
+    def reader(self) -> AduReader:
+        """A new reader for what this port receives."""
         return AsciiReader(self.quiet) if self.mode is Mode.ASCII else RtuReader(self.quiet, self.inner)
 
 

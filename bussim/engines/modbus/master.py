@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar, Transmit
 from bussim.engines.modbus.adu import BROADCAST, LAST_STATION, Adu, Damage
 from bussim.engines.modbus.codes import REJECTION_ERRORS, PortError, Rejection, exception_error
-from bussim.engines.modbus.events import ForeignFrame, FrameRejected, MasterEvent, TransactionEnded
+from bussim.engines.modbus.events import (
+    ForeignFrame,
+    FrameRejected,
+    MasterEvent,
+    PollEvent,
+    TransactionEnded,
+)
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.pdu import (
     EXCEPTION_BIT,
@@ -68,9 +74,9 @@ def refusal(station: int, request: Request, limits: Limits = STANDARD_LIMITS) ->
 class Master:
     """One port as Modbus master. See :mod:`bussim.engines.contract` for the methods.
 
-    It listens only while it waits for a response, and does not sense the carrier. A sound frame of
+    It receives only while it waits for a response, and does not sense the carrier. A sound frame of
     another station, and damage that does not look like the awaited response (station and function in
-    front), do not end the wait; the timeout then names what was heard, or else that nothing was.
+    front), do not end the wait; the timeout then names what was received, or else that nothing was.
     """
 
     __slots__ = (
@@ -107,11 +113,11 @@ class Master:
         self.quiet = config.framing.quiet
         #: The earliest tick at which the next request may leave.
         self.ready_at = 0
-        #: The latest sound frame that was completely heard, whosever it is, and its two ends.
+        #: The latest sound frame that was completely received, of any station, and its two ends.
         self.heard: Adu | None = None
         self.heard_start = self.heard_end = 0
         self._reader = config.framing.reader()
-        self._events: deque[MasterEvent] = deque()
+        self._events: deque[MasterEvent | PollEvent] = deque()
         self._number = 0
         self._station = BROADCAST
         self._request = Request(0, 0)
@@ -122,7 +128,7 @@ class Master:
         self._reader.reset()
         self._deadline: int | None = None
         self._overdue = False  # the timeout is over, but what came by then is not complete
-        self._damage: Damage | None = None  # the first that this transaction heard
+        self._damage: Damage | None = None  # the first during this transaction
         self._sent: int | None = None
         self._asked: int | None = None
 
@@ -166,14 +172,14 @@ class Master:
         self._reset()
         error = refusal(station, request, self.config.limits)
         if error is not None:
-            self._report(now, error, None, None)
+            self._ended(now, error, cause=None)
             return EVENTS
         self._adu = self.config.framing.encode(station, encode_request(request))
         self._move(MasterInput.SUBMITTED)
         self.due = max(now, self.ready_at)
         return TRANSMIT
 
-    # -- listening -----------------------------------------------------------------------------
+    # -- receiving -----------------------------------------------------------------------------
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """One character; see the contract."""
@@ -212,7 +218,7 @@ class Master:
         return OPEN
 
     def line_idle(self, now: int) -> int:
-        """The line has been quiet for :attr:`quiet` ticks: an RTU frame is complete."""
+        """The line has been idle for :attr:`quiet` ticks: an RTU frame is complete."""
         completed = self._reader.silence()
         if completed is None or self.state is not MasterState.REPLY:
             return 0
@@ -230,29 +236,29 @@ class Master:
             return EVENTS | (self._timed_out(now) if self._overdue else 0)
         decoded = decode_response(adu.pdu, self._request)
         if isinstance(decoded, ExceptionResponse) and decoded.function == self._request.function:
-            return self._decided(now, exception_error(decoded.code), start, end, exception=decoded.code)
-        judged = _judged(decoded, self._request)
-        if isinstance(judged, PortError):
-            return self._decided(now, judged, start, end)
-        return self._decided(now, None, start, end, response=judged)
+            return self._ended(now, exception_error(decoded.code), start, end, exception=decoded.code)
+        checked = _checked(decoded, self._request)
+        if isinstance(checked, PortError):
+            return self._ended(now, checked, start, end)
+        return self._ended(now, None, start, end, response=checked)
 
     def _damaged(self, damage: Adu | Damage | None, now: int, *, certain: bool = False) -> int:
         assert isinstance(damage, Damage)  # noqa: S101 - narrows the type; a reason is never a frame's
         self._events.append(FrameRejected(now, damage.start, damage.reason, damage.chars))
-        if certain or self._looks_like_mine(damage.head):
-            return self._decided(now, self._damage_error(damage), damage.start, damage.end)
+        if certain or self._awaited(damage.head):
+            return self._ended(now, self._damage_error(damage), damage.start, damage.end)
         if self._damage is None:
             self._damage = damage
         return EVENTS | (self._timed_out(now) if self._overdue else 0)
 
-    def _looks_like_mine(self, head: bytes | None) -> bool:
+    def _awaited(self, head: bytes | None) -> bool:
         if head is None:
             return False
         return head[0] == self._station and head[1] & ~EXCEPTION_BIT == self._request.function
 
     def _damage_error(self, damage: Damage) -> PortError:
         """The port error of a damaged response: a wrong length is named before a wrong check."""
-        if damage.reason is Rejection.CHECK and self._looks_like_mine(damage.head):
+        if damage.reason is Rejection.CHECK and self._awaited(damage.head):
             assert damage.head is not None  # noqa: S101 - narrows the type
             refused = damage.head[1] & EXCEPTION_BIT
             size = EXCEPTION_SIZE if refused else response_size(self._request)
@@ -270,9 +276,7 @@ class Master:
         """The timeout or the turnaround is over."""
         self._deadline = None
         if self.state is MasterState.TURNAROUND:
-            self._report(now, None, None, None)
-            self._free(now, MasterInput.TURNED)
-            return EVENTS | DEADLINE
+            return self._ended(now, None, cause=MasterInput.TURNED)
         reader = self._reader
         if reader.open and (self.config.begun_holds or not reader.immediate):
             # A response may have come whole whose closing silence is not over, or be coming.
@@ -283,56 +287,36 @@ class Master:
     def _timed_out(self, now: int) -> int:
         damage = self._damage
         if damage is None and self._reader.open and self._reader.reason is not None:
-            spoilt = self._reader.silence()
-            damage = spoilt if isinstance(spoilt, Damage) else None
+            damaged = self._reader.silence()
+            damage = damaged if isinstance(damaged, Damage) else None
         if damage is None:
-            return self._decided(now, PortError.TIMEOUT, None, None)
-        return self._decided(now, self._damage_error(damage), damage.start, damage.end)
+            return self._ended(now, PortError.TIMEOUT)
+        return self._ended(now, self._damage_error(damage), damage.start, damage.end)
 
-    def _decided(
+    def _ended(
         self,
         now: int,
         error: PortError | None,
-        start: int | None,
-        end: int | None,
+        start: int | None = None,
+        end: int | None = None,
         *,
         exception: int = 0,
         response: Response | None = None,
+        cause: MasterInput | None = MasterInput.DECIDED,
     ) -> int:
-        self._report(now, error, start, end, exception=exception, response=response)
-        self._free(now, MasterInput.DECIDED)
+        """Report the transaction's outcome; ``cause`` moves on to the next one (None: none was begun)."""
+        number, station, request = self._number, self._station, self._request
+        times = (self._sent, self._asked, start, end, now)
+        self._events.append(TransactionEnded(number, station, request, *times, error, exception, response))
+        self._on_ended(now, error)
+        if cause is not None:
+            self._move(cause)
+            self._reset()
+            self.ready_at = now + self.config.interval
         return EVENTS | DEADLINE
 
-    def _report(
-        self,
-        now: int,
-        error: PortError | None,
-        start: int | None,
-        end: int | None,
-        *,
-        exception: int = 0,
-        response: Response | None = None,
-    ) -> None:
-        self._events.append(
-            TransactionEnded(
-                self._number,
-                self._station,
-                self._request,
-                self._sent,
-                self._asked,
-                start,
-                end,
-                now,
-                error,
-                exception,
-                response,
-            )
-        )
-
-    def _free(self, now: int, cause: MasterInput) -> None:
-        self._move(cause)
-        self._reset()
-        self.ready_at = now + self.config.interval
+    def _on_ended(self, now: int, error: PortError | None) -> None:
+        """A transaction ended; for a master that has a list of them."""
 
     # -- sending -------------------------------------------------------------------------------
 
@@ -354,8 +338,8 @@ class Master:
         self._deadline = now + (self.config.turnaround if broadcast else self.config.timeout)
         return DEADLINE
 
-    def poll(self) -> Transmit | MasterEvent | None:
-        """The next event, then the request that is due."""
+    def poll(self) -> Transmit | MasterEvent | PollEvent | None:
+        """The next event (of polls: where there is a list of them), then the request that is due."""
         if self._events:
             return self._events.popleft()
         if self.due >= 0 and self.state is MasterState.DUE:
@@ -364,7 +348,7 @@ class Master:
         return None
 
 
-def _judged(decoded: Response | ExceptionResponse | Malformed, request: Request) -> Response | PortError:
+def _checked(decoded: Response | ExceptionResponse | Malformed, request: Request) -> Response | PortError:
     """The response, or how a sound frame of the right station fails to answer its request.
 
     Impossible length: 1; a write's echo with another address: 2, with another value or quantity, or

@@ -13,7 +13,7 @@ from bussim.sim.nn.contract import LinkStation
 from bussim.sim.nn.fast_path import FastPath
 from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.nn.shared_listener import SharedListener
-from bussim.sim.wire.contract import LineNode, Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
 from bussim.trace.records import Sink
 
@@ -183,18 +183,10 @@ class LinkBus(Line):
         if not frame.station and listeners:
             self._form_shared_listener()
 
-    def accepted(
-        self,
-        port: LineNode,
-        frame: WireFrame,
-        start: int,
-        now: int,
-        sender: LineNode | None,
-        blamed: Transmission | None,
-        hints: int,
-    ) -> None:
+    def accepted(self, reading: Reading) -> None:
         """See the line; a block that this port alone has stored goes into the block history."""
-        super().accepted(port, frame, start, now, sender, blamed, hints)
+        super().accepted(reading)
+        port, frame, _, now, sender, _, hints = reading
         if hints & STORED:
             assert isinstance(frame, Frame)  # noqa: S101 - narrows the type; the link has no others
             self.block_history.received_by(port.position, frame.station, now, frame.data)

@@ -8,7 +8,7 @@ from collections.abc import Hashable, Sequence
 from bussim.engines.modbus.adu import Adu
 from bussim.line.characters import LineTiming
 from bussim.sim.serial.contract import Reply, SerialStation
-from bussim.sim.wire.contract import LineNode, LineReporter, Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
 from bussim.trace.records import Sink
 
@@ -83,22 +83,14 @@ class SerialBus(Line):
         self._delivered.append(tx)
         super()._deliver(frame, tx, now)
 
-    def accepted(
-        self,
-        port: LineNode,
-        frame: WireFrame,
-        start: int,
-        now: int,
-        sender: LineNode | None,
-        blamed: Transmission | None,
-        hints: int,
-    ) -> None:
+    def accepted(self, reading: Reading) -> None:
         """See the line; the frame may have been delivered whole, and only its end read by the receiver."""
-        if sender is None:
+        if reading.sender is None:
             for tx in self._delivered:
-                if tx.frame is not None and tx.start == start and tx.frame.chars == frame.chars:
-                    sender = tx.sender
-        super().accepted(port, frame, start, now, sender, blamed, hints)
+                frame = tx.frame
+                if frame is not None and (tx.start, frame.chars) == (reading.start, reading.frame.chars):
+                    reading = reading._replace(sender=tx.sender)
+        super().accepted(reading)
 
     # -- which request a reply answers -------------------------------------------------------------
 

@@ -9,7 +9,6 @@ from bussim.engines.contract import OPEN
 from bussim.engines.free.engine import FreePort
 from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.master import Master
-from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.slave import Slave
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import HEARING, Kernel
@@ -75,9 +74,8 @@ class SerialNode(Node):
         """Use this engine, at this rate and format, from now on; it is not started yet."""
         self.engine = engine
         self._served.clear()
-        if isinstance(engine, (Slave, Master, PollingMaster)):
-            master = engine.master if isinstance(engine, PollingMaster) else engine
-            self.protocol_name = f"modbus-{master.config.framing.mode.value.lower()}"
+        if isinstance(engine, (Slave, Master)):
+            self.protocol_name = f"modbus-{engine.config.framing.mode.value.lower()}"
             self.kind = "response" if isinstance(engine, Slave) else "request"
         else:
             self.protocol_name, self.kind = "free", "data"

@@ -7,7 +7,7 @@ written against the protocols of this module, so that none has to import another
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from bussim.engines.contract import RxChar
 from bussim.line.characters import LineTiming
@@ -125,6 +125,22 @@ class LineNode(Protocol):
         """What it is sending has left already."""
 
 
+class Reading(NamedTuple):
+    """A valid frame that a node read character by character.
+
+    ``sender`` is the node that sent it, None if none did: then ``blamed`` is the latest transmission that
+    it was made of. ``hints`` are the engine's.
+    """
+
+    port: LineNode
+    frame: WireFrame
+    start: int
+    now: int
+    sender: LineNode | None
+    blamed: Transmission | None
+    hints: int
+
+
 class NodeLine(Protocol):
     """A line as its nodes' receivers use it; see :class:`bussim.sim.wire.line.Line`."""
 
@@ -137,17 +153,8 @@ class NodeLine(Protocol):
     def receiver_closed(self) -> None:
         """A node receives whole frames again."""
 
-    def accepted(
-        self,
-        port: LineNode,
-        frame: WireFrame,
-        start: int,
-        now: int,
-        sender: LineNode | None,
-        blamed: Transmission | None,
-        hints: int,
-    ) -> None:
-        """A node read a valid frame character by character."""
+    def accepted(self, reading: Reading) -> None:
+        """A node has read a valid frame."""
 
 
 class DisturbedLine(Protocol):

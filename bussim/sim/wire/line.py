@@ -11,7 +11,7 @@ from collections.abc import Hashable, Iterable
 
 from bussim.line.characters import LineTiming
 from bussim.sim.wire.cable import Cable
-from bussim.sim.wire.contract import LineNode, LineReporter, Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
 from bussim.sim.wire.disturber import Disturber
 from bussim.trace.records import FrameRecord, Sink
 
@@ -213,26 +213,15 @@ class Line(Cable):
                 if other.receiver.is_open:
                     other.receiver.settle()
 
-    def accepted(
-        self,
-        port: LineNode,
-        frame: WireFrame,
-        start: int,
-        now: int,
-        sender: LineNode | None,
-        blamed: Transmission | None,
-        hints: int,
-    ) -> None:
-        """A node read a valid frame, begun at ``start``, by characters; ``sender`` None: no node sent it.
-
-        ``blamed`` is the latest transmission that it was made of. ``hints`` are the engine's.
-        """
-        del start, hints
-        if sender is None and blamed is not None:
+    def accepted(self, reading: Reading) -> None:
+        """A node has read a valid frame: an undetected error if no node sent it."""
+        blamed = reading.blamed
+        if reading.sender is None and blamed is not None:
             if not blamed.believed:
                 blamed.believed = True
                 self.undetected_frames += 1
-            self._line_reporter.undetected(now, port.name, blamed.sender.name, self.what(frame))
+            receiver, what = reading.port.name, self.what(reading.frame)
+            self._line_reporter.undetected(reading.now, receiver, blamed.sender.name, what)
 
     # -- drivers going off -------------------------------------------------------------------------
 

@@ -15,7 +15,7 @@ from bussim.line.characters import LineTiming
 from bussim.line.uart import Sampled, Uart
 from bussim.line.wave import Wave, clip
 from bussim.sim.kernel import HEARING, Kernel
-from bussim.sim.wire.contract import LineNode, Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 
 
 class _Part:
@@ -219,7 +219,7 @@ class Receiver:
                 if tx.frame is not None and tx.start <= start < tx.end and tx.frame.chars == frame.chars:
                     true_sender = tx.sender
                     break
-        self._port.line.accepted(self._port, frame, start, end, true_sender, blamed, hints)
+        self._port.line.accepted(Reading(self._port, frame, start, end, true_sender, blamed, hints))
 
     def _on_idle(self, now: int) -> None:
         coming = self._next

@@ -6,7 +6,9 @@ index register must be asked every time (they remember, or may fail), so they ar
 
 from __future__ import annotations
 
+import operator
 from array import array
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import assert_never, cast
 
@@ -166,37 +168,25 @@ def _comparison(machine: Machine, instruction: Instruction) -> Asked:
     return Asked(guarded, always=True)
 
 
+_COMPARE: dict[str, Callable[[int, int], bool]] = {
+    "=": operator.eq,
+    "<>": operator.ne,
+    ">": operator.gt,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">=": operator.ge,
+}
+
+
 def _compare_words(test: str, a: array[int], i: int, b: array[int], j: int) -> Test:
     # An exclusive or with the sign bit puts patterns into the order of their values.
-    match test:
-        case "=":
-            return lambda: a[i] == b[j]
-        case "<>":
-            return lambda: a[i] != b[j]
-        case ">":
-            return lambda: (a[i] ^ 0x8000) > (b[j] ^ 0x8000)
-        case "<":
-            return lambda: (a[i] ^ 0x8000) < (b[j] ^ 0x8000)
-        case "<=":
-            return lambda: (a[i] ^ 0x8000) <= (b[j] ^ 0x8000)
-        case _:
-            return lambda: (a[i] ^ 0x8000) >= (b[j] ^ 0x8000)
+    compare = _COMPARE[test]
+    return lambda: compare(a[i] ^ 0x8000, b[j] ^ 0x8000)
 
 
 def _compare(test: str, one: Test, other: Test, half: int) -> Test:
-    match test:
-        case "=":
-            return lambda: one() == other()
-        case "<>":
-            return lambda: one() != other()
-        case ">":
-            return lambda: (one() ^ half) > (other() ^ half)
-        case "<":
-            return lambda: (one() ^ half) < (other() ^ half)
-        case "<=":
-            return lambda: (one() ^ half) <= (other() ^ half)
-        case _:
-            return lambda: (one() ^ half) >= (other() ^ half)
+    compare = _COMPARE[test]
+    return lambda: compare(one() ^ half, other() ^ half)
 
 
 def _inverse(part: Part) -> Part:

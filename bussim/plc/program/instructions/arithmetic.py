@@ -23,21 +23,19 @@ from bussim.plc.program.text.operands import Operand
 
 def add(machine: Machine, at: Instruction) -> Act:
     """ADD and SUB."""
-    wide = at.form.wide
+    wide, sign = at.form.wide, 1 if at.spec.name == "ADD" else -1
     places = [plain(machine, operand) for operand in at.operands]
     if not wide and places[0] is not None and places[1] is not None and places[2] is not None:
-        add_up = _add_words if at.spec.name == "ADD" else _subtract_words
-        return add_up(machine.bits["M"], *places[0], *places[1], *places[2])
+        return _add_words(machine.bits["M"], *places[0], *places[1], *places[2], sign)
     first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
     write = writer(machine, at.operands[2], wide=wide)
     flags = machine.bits["M"]
     most = 0x7FFFFFFF if wide else 0x7FFF
-    sign = 1 if at.spec.name == "ADD" else -1
 
     def act() -> None:
         total = first() + sign * second()
         write(_kept(total, most))
-        _tell(flags, total, most)
+        _set_flags(flags, total, most)
 
     return act
 
@@ -49,39 +47,27 @@ def _kept(total: int, most: int) -> int:
     return total + most + 2 if total < -most - 1 else total
 
 
-def _tell(flags: bytearray, total: int, most: int) -> None:
+def _set_flags(flags: bytearray, total: int, most: int) -> None:
     flags[ZERO] = not _kept(total, most)
     flags[BORROW] = total < -most - 1
     flags[CARRY] = total > most
 
 
-def _add_words(flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int) -> Act:
-    # Patterns with their sign bit turned over are the values plus 32768.
-    def act() -> None:
-        total = (a[i] ^ 0x8000) + (b[j] ^ 0x8000)
-        if 0x8000 <= total <= 0x17FFF:  # nearly always
-            c[k] = result = total & 0xFFFF
-            flags[ZERO] = not result
-            flags[BORROW] = flags[CARRY] = 0
-        else:
-            c[k] = _kept(total - 0x10000, 0x7FFF) & 0xFFFF
-            _tell(flags, total - 0x10000, 0x7FFF)
-
-    return act
-
-
-def _subtract_words(
-    flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int
+def _add_words(
+    flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int, sign: int
 ) -> Act:
+    # Patterns with their sign bit inverted are the values plus 32768.
+    offset = 0x10000 if sign > 0 else 0
+
     def act() -> None:
-        total = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
-        if -0x8000 <= total <= 0x7FFF:
+        total = (a[i] ^ 0x8000) + sign * (b[j] ^ 0x8000) - offset
+        if -0x8000 <= total <= 0x7FFF:  # nearly always
             c[k] = result = total & 0xFFFF
             flags[ZERO] = not result
             flags[BORROW] = flags[CARRY] = 0
         else:
             c[k] = _kept(total, 0x7FFF) & 0xFFFF
-            _tell(flags, total, 0x7FFF)
+            _set_flags(flags, total, 0x7FFF)
 
     return act
 
@@ -172,11 +158,11 @@ def compare(machine: Machine, at: Instruction) -> Act:
     if not wide and places[0] is not None and places[1] is not None and target.index is None:
         return _compare_words(machine.bits[target.letter], target.address, *places[0], *places[1])
     first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
-    tell = _three_bits(machine, at.operands[2])
+    set_bits = _three_bits(machine, at.operands[2])
 
     def act() -> None:
         one, other = first(), second()
-        tell(one > other, one == other, one < other)
+        set_bits(one > other, one == other, one < other)
 
     return act
 
@@ -200,12 +186,12 @@ def compare_zone(machine: Machine, at: Instruction) -> Act:
     """
     wide = at.form.wide
     lower, upper, source = (value_reader(machine, operand, wide=wide) for operand in at.operands[:3])
-    tell = _three_bits(machine, at.operands[3])
+    set_bits = _three_bits(machine, at.operands[3])
 
     def act() -> None:
         low, high, value = lower(), upper(), source()
         high = max(low, high)
-        tell(value < low, low <= value <= high, value > high)
+        set_bits(value < low, low <= value <= high, value > high)
 
     return act
 
@@ -214,8 +200,8 @@ def _three_bits(machine: Machine, target: Operand) -> Callable[[int, int, int], 
     bits = machine.bits[target.letter]
     find = locate(machine, target, 3, word=False)
 
-    def tell(first: int, second: int, third: int) -> None:
+    def set_bits(first: int, second: int, third: int) -> None:
         place = find()
         bits[place], bits[place + 1], bits[place + 2] = first, second, third
 
-    return tell
+    return set_bits

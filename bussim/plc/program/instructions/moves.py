@@ -6,6 +6,7 @@ reverses has the limits of one that is written the other way round, and X cannot
 
 from __future__ import annotations
 
+import operator
 from array import array
 from collections.abc import Callable
 
@@ -76,28 +77,26 @@ def logic(machine: Machine, at: Instruction) -> Act:
     places = [plain(machine, operand) for operand in at.operands]
     if not wide and places[0] is not None and places[1] is not None and places[2] is not None:
         return _logic_of_words(at.spec.name, *places[0], *places[1], *places[2])
+    combine = _LOGIC[at.spec.name]
     first, second = (reader(machine, operand, wide=wide) for operand in at.operands[:2])
     write = writer(machine, at.operands[2], wide=wide)
-    match at.spec.name:
-        case "WAND":
-            return lambda: write(first() & second())
-        case "WOR":
-            return lambda: write(first() | second())
-        case _:
-            return lambda: write(first() ^ second())
+    return lambda: write(combine(first(), second()))
+
+
+_LOGIC: dict[str, Callable[[int, int], int]] = {
+    "WAND": operator.and_,
+    "WOR": operator.or_,
+    "WXOR": operator.xor,
+}
 
 
 def _logic_of_words(name: str, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int) -> Act:
-    def conjunction() -> None:
-        c[k] = a[i] & b[j]
+    combine = _LOGIC[name]
 
-    def disjunction() -> None:
-        c[k] = a[i] | b[j]
+    def act() -> None:
+        c[k] = combine(a[i], b[j])
 
-    def difference() -> None:
-        c[k] = a[i] ^ b[j]
-
-    return {"WAND": conjunction, "WOR": disjunction, "WXOR": difference}[name]
+    return act
 
 
 def to_bcd(machine: Machine, at: Instruction) -> Act:

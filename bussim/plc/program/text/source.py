@@ -46,12 +46,12 @@ _LABEL = re.compile(r"[Pp][0-9]+:?", re.ASCII)
 _STEP = re.compile(r"[0-9]+:?", re.ASCII)
 #: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
 #: each other the earlier one is meant.
-_COMMON = (
-    *("LD", "LDI", "AND", "ANI", "OR", "ORI", "OUT", "SET", "RST", "MOV", "END"),
-    *("LDP", "LDF", "ANDP", "ANDF", "ORP", "ORF", "ANB", "ORB", "MPS", "MRD", "MPP", "PLS", "PLF", "INV"),
-    *("MOVP", "DMOV", "BMOV", "FMOV", "ADD", "SUB", "MUL", "DIV", "INC", "INCP", "DEC", "DECP", "CMP", "ZCP"),
-    *("CJ", "CALL", "FEND", "SRET", "NOP", "CPAVL", "RS2"),
-)
+_COMMON_NAMES = """
+    LD LDI AND ANI OR ORI OUT SET RST MOV END LDP LDF ANDP ANDF ORP ORF ANB ORB MPS MRD MPP PLS PLF
+    INV MOVP DMOV BMOV FMOV ADD SUB MUL DIV INC INCP DEC DECP CMP ZCP CJ CALL FEND SRET NOP CPAVL
+    RS2
+"""
+_COMMON = _COMMON_NAMES.split()
 
 
 class _Word(NamedTuple):
