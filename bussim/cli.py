@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -94,6 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             # A file name or a µ that the terminal cannot show must not end the program.
             stream.reconfigure(errors="backslashreplace")
+    # Where HOME is empty or cannot be written, matplotlib would warn that it caches its fonts elsewhere.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         code = cli.main(
             args=None if arguments is None else list(arguments), prog_name="bussim", standalone_mode=False

@@ -58,6 +58,24 @@ def test_check_imports_no_results_and_no_plots() -> None:
     assert not imported & {"pandas", "matplotlib", "numpy", "simpy", "serial", "pyarrow"}
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows finds its folders without HOME")
+@pytest.mark.parametrize("home", ["", "/dev/null/nobody"])
+def test_without_a_home_a_run_draws_and_complains_of_nothing(home: str, tmp_path: Path) -> None:
+    code = "import sys; from bussim.cli import main; sys.exit(main(['run', '--duration', '1s', '--out', 'o']))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={"HOME": home, "PATH": os.defpath, "PYTHONPATH": str(ROOT)},
+        cwd=tmp_path,
+        check=False,
+        timeout=60,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "o" / "scan_time_link.png").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"o"}
+
+
 def test_help_names_every_command_with_its_purpose(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["--help"]) == 0
     text = capsys.readouterr().out
