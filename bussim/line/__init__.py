@@ -1,1 +1,1 @@
-"""Layer 1: characters, their timing, and the checks that frames carry."""
+"""The serial line: characters and their timing, levels, noise, and the checks that frames carry."""

@@ -2,7 +2,7 @@
 
 Each process says with which probability each bit of a frame is inverted. Whether a frame is hit at
 all is drawn first, as one number against the exact probability; only a hit frame has its bits drawn.
-Errors act on the bits of transmitted characters, start and stop bits included, judged at their
+Errors act on the bits of transmitted characters, start and stop bits included, at their
 centres; the idle line has none. Times are ticks.
 """
 
@@ -118,10 +118,10 @@ class ImpulseRate:
 
 
 class BitNoise:
-    """One error process with its window and its luck.
+    """One error process with its window and its random streams.
 
-    Draws come from a stream of their own for each ``key`` (who sends what to whom), so that a frame
-    more or less on the line changes nobody else's luck.
+    Draws come from a stream of their own for each ``key`` (sender, kind and receiver of a frame), so that a
+    frame more or less on the line changes no other frame's draws.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class BitNoise:
         self._streams = streams
         self._since, self._until = since, until
         self._draws: dict[str, tuple[Iterator[float], Iterator[float]]] = {}
-        # The chance of a hit by number of bits, where it does not depend on when.
+        # The chance of a hit by number of bits, where it does not depend on the time.
         self._steady: dict[int, float] | None = (
             {} if isinstance(rate, ConstantRate) and since == 0 and until is None else None
         )
@@ -152,13 +152,13 @@ class BitNoise:
             chance = steady.get(bits)
             if chance is None:
                 chance = steady[bits] = hit_probability(self._rate.runs(start, bits, bit))
-            luck = next(draws[0])
-            if luck >= chance:
+            draw = next(draws[0])
+            if draw >= chance:
                 return ()
-            return _errors(self._rate.runs(start, bits, bit), luck, draws[1])
+            return _errors(self._rate.runs(start, bits, bit), draw, draws[1])
         runs = self._clipped(self._rate.runs(start, bits, bit), start, bits, bit)
-        luck = next(draws[0])
-        return () if luck >= hit_probability(runs) else _errors(runs, luck, draws[1])
+        draw = next(draws[0])
+        return () if draw >= hit_probability(runs) else _errors(runs, draw, draws[1])
 
     def _clipped(self, runs: list[Run], start: int, bits: int, bit: Fraction) -> list[Run]:
         first = min(bits, _bits_before(self._since, start, bit))
@@ -184,14 +184,14 @@ def hit_probability(runs: list[Run]) -> float:
     return -math.expm1(sum(_log_survival(count, rate) for count, rate in runs if rate > 0.0))
 
 
-def _errors(runs: list[Run], luck: float, draws: Iterator[float]) -> tuple[int, ...]:
-    """The inverted bits of a frame that is hit: ``luck``, below the chance of a hit, finds the first.
+def _errors(runs: list[Run], draw: float, draws: Iterator[float]) -> tuple[int, ...]:
+    """The inverted bits of a frame that is hit; ``draw`` is below the chance of a hit.
 
-    The first error is the first bit by which the probability of a hit so far exceeds ``luck``; all
+    The first error is the first bit by which the probability of a hit so far exceeds ``draw``; all
     bits after it are independent again, and the distance to the next error is geometric.
     """
     found: list[int] = []
-    wanted = math.log1p(-luck)  # the survival that the first error's bit falls below
+    wanted = math.log1p(-draw)  # the survival that the first error's bit falls below
     at, survived = 0, 0.0
     for count, rate in runs:
         if rate > 0.0:

@@ -1,7 +1,7 @@
-"""Random streams: one generator for each thing that needs luck, named after it.
+"""Random streams: one generator for each thing that is random, named after it.
 
 Every stream is seeded from the scenario's seed and its own name alone, so that adding a station or
-a noise changes nobody else's draws, in any process and any order of creation.
+a noise changes no other draws, in any process and any order of creation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A UART's receiver: it cuts a line's level into characters and judges each.
+"""A UART's receiver: it cuts a line's level into characters and checks each.
 
 It starts on a falling edge, samples at bit centres, and is ready for the next edge at the middle of
 the (first) stop bit. A start bit that is high at its centre was a glitch: it waits for the next edge.
@@ -14,7 +14,7 @@ from bussim.units import round_half_up
 
 
 class Sampled(NamedTuple):
-    """One character as heard. ``ready`` is when the receiver looks for the next edge."""
+    """One character as received. ``ready`` is when the receiver looks for the next edge."""
 
     start: int
     end: int
@@ -40,7 +40,7 @@ class Uart:
         self._end = timing.bits(timing.format.bits)
 
     def next_character(self, wave: Wave, ready: int) -> Sampled | None:
-        """The next character that begins at or after ``ready``; None if the line stays quiet."""
+        """The next character that begins at or after ``ready``; None if the line stays idle."""
         samples, level = self._samples, wave.level
         while True:
             start = wave.next_fall(ready)

@@ -49,7 +49,7 @@ def low_intervals(
 ) -> list[Interval]:
     """Where a transmitter pulls the line low that sends these characters from ``start`` on.
 
-    ``inverted`` are the numbers of bits (from 0, the first start bit) that noise turned round;
+    ``inverted`` are the numbers of bits (from 0, the first start bit) that noise inverted;
     numbers beyond the frame are ignored.
     """
     fmt = timing.format
@@ -86,7 +86,7 @@ def clip(intervals: Iterable[Interval], since: int, until: int | None) -> list[I
 
 
 class Wave:
-    """What one receiver's input does: high, except on the union of some intervals."""
+    """The level at one receiver's input: high, except on the union of some intervals."""
 
     __slots__ = ("_ends", "_starts")
 

@@ -16,10 +16,10 @@ def serial_error(port: str, code: int) -> int:
 
 
 class SerialErrors:
-    """What keeps M8063 on, cause by cause, so that one port's recovery does not hide another's error.
+    """The causes that keep M8063 on, so that one port's recovery does not hide another's error.
 
     A cause is whatever names it, and has one code at a time. M8063 is on while there is any; D8063
-    tells the latest one of those, and keeps the last code when all are over.
+    shows the latest one of those, and keeps the last code when all are over.
     """
 
     def __init__(self, memory: Memory) -> None:

@@ -1,8 +1,8 @@
-"""What drives a PLC's inputs: levels over simulated time. Times in ticks from the start of the run.
+"""Stimuli of a PLC's inputs: levels over simulated time. Times in ticks from the start of the run.
 
-An input is a wire: it changes when its stimulus says so, and the PLC sees what it is at the beginning
-of each scan. ``changes(since, until)`` are the ticks after ``since`` up to ``until`` at which the level
-changes, in order, with the new level.
+An input changes when its stimulus says so, and the PLC samples it at the beginning of each scan.
+``changes(since, until)`` are the ticks after ``since`` up to ``until`` at which the level changes, in
+order, with the new level.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class Times:
 class Random:
     """On and off for exponential times of mean ``on`` and ``off`` ticks, each at least one tick.
 
-    ``draws`` are uniform numbers of its own stream. It forgets what lies before the latest question.
+    ``draws`` are uniform numbers of its own stream. What lies before the latest call is dropped.
     """
 
     __slots__ = ("_ahead", "_draws", "_level", "_means", "_next")

@@ -1,6 +1,6 @@
 """Device memory: X Y M S T C D by address, with the FX's ranges; X and Y are numbered in octal.
 
-T and C name the contacts of timers and counters; whoever observes a PLC names their current values TN
+T and C name the contacts of timers and counters; an observer of a PLC names their current values TN
 and CN, as programming tools do, and the index registers V and Z.
 """
 
@@ -151,7 +151,7 @@ class Memory:
         self._words |= {"TN": self._words["T"], "CN": self._words["C"]}
 
     def bits(self, letter: str) -> bytearray:
-        """All bits of a letter by address, 0 or 1 each: the memory itself, for whoever must be fast.
+        """All bits of a letter by address, 0 or 1 each: the memory itself, where speed matters.
 
         Addresses between the ranges of M exist in it and mean nothing.
         """

@@ -1,7 +1,7 @@
 """A PLC's scan cycle: the instants of its ENDs, drawn in blocks and looked up when asked for.
 
-There are 1,600 ENDs a second on a link of eight PLCs, and nobody looks at most of them; so an END is
-no event. Only the one before a frame leaves, or the one after a reply is ready, is ever found.
+There are 1,600 ENDs a second on a link of eight PLCs, and most of them affect nothing; so an END is no
+event. Only the one before a frame leaves, or the one after a reply is ready, is ever looked up.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ class Scan:
 class ScanCycle:
     """END instants of one PLC between RUN and STOP.
 
-    ENDs may be asked for as far ahead as one likes, and back to the latest one before the present,
-    which only ever moves forward. Scans that nobody asks about are drawn and counted in blocks.
+    ENDs may be asked for as far ahead as needed, and back to the latest one before the present, which only
+    ever moves forward. Scans that are not asked for are drawn and counted in blocks.
 
-    A load makes scans longer (:meth:`set_load`). It changes no draw: the luck of a scan depends on its
-    place since RUN alone.
+    A load makes scans longer (:meth:`set_load`). It changes no draw: the draw of a scan depends on its
+    number since RUN alone.
     """
 
     def __init__(self, generator: np.random.Generator) -> None:
@@ -46,7 +46,7 @@ class ScanCycle:
         self._longest_of: list[int] = []  # the longest scan of each of those blocks
         self._past = (0, 0, 0)  # count, total and longest of the scans before
         self._extra = 0  # by how much every scan is longer now
-        # Once there was a load: drawn scans without it, and how many of them are in ``_ends``. ENDs
+        # After the first load: drawn scans without it, and how many of them are in ``_ends``. ENDs
         # are then made one by one, since a change of load moves all that lie ahead.
         self._drawn: list[int] | None = None
         self._used = 0
@@ -126,7 +126,7 @@ class ScanCycle:
             self.on_change(end)
 
     def _forget(self, place: int) -> None:
-        """What lies before an entry of ``_ends`` need not be kept any more."""
+        """Count and drop what lies before an entry of ``_ends``."""
         if self._recorded is not None:
             place = min(place, bisect_right(self._ends, self._recorded) - 1)
         if place > 0:
@@ -188,8 +188,8 @@ class ScanCycle:
     def _scans(self) -> np.ndarray:
         import numpy as np
 
-        luck = self._generator.random(_BLOCK)
-        scans = (self._mean - self._jitter + 0.5 + 2 * self._jitter * luck).astype(np.int64)
+        uniform = self._generator.random(_BLOCK)
+        scans = (self._mean - self._jitter + 0.5 + 2 * self._jitter * uniform).astype(np.int64)
         return np.maximum(scans, 1, out=scans)
 
     def _draw(self, now: int) -> None:
@@ -199,7 +199,7 @@ class ScanCycle:
         ends = self._ends
         last, longest = ends[-1] + int(scans.sum()), int(scans.max())
         if last < now:
-            # Nobody looked while these ENDs passed: all that is known goes into the counts.
+            # These ENDs passed without being asked for: they go into the counts.
             self._leave(len(ends) - 1 + _BLOCK, last, max(longest, *self._longest_of, 0))
             self._longest_of.clear()
             ends[:] = [last]
@@ -211,7 +211,7 @@ class ScanCycle:
         self._longest_of.append(longest)
 
     def _leave(self, count: int, last: int, longest: int) -> None:
-        """The next ``count`` scans, up to the END ``last``, need not be kept any more."""
+        """Count the next ``count`` scans, up to the END ``last``: they are kept no longer."""
         counted, total, record = self._past
         self._past = (counted + count, total + last - self._ends[0], max(record, longest))
 

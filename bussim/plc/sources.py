@@ -1,8 +1,8 @@
-"""Signals that drive a PLC's own block where no program does. Times in ticks of simulated time.
+"""Sources of values in a PLC's own block where no program writes them. Times in ticks of simulated time.
 
 ``value(tick)`` is what the PLC writes at an END at that tick, ``next_change(tick)`` the first later
 tick with another value (None: never). Both count from the start of the simulation, not from RUN, so
-that a value seen anywhere tells when it was written.
+that the time at which a value was written follows from it.
 """
 
 from __future__ import annotations

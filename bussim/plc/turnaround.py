@@ -14,14 +14,14 @@ class Turnarounds:
 
     __slots__ = ("_base", "_cumulative", "_draws", "_span", "_values")
 
-    def __init__(self, law: Turnaround, streams: Streams, name: str) -> None:
+    def __init__(self, distribution: Turnaround, streams: Streams, name: str) -> None:
         self._draws = streams.uniforms("turnaround", name)
-        self._base = law.mean - law.jitter
+        self._base = distribution.mean - distribution.jitter
         # Whole ticks from mean - jitter to mean + jitter, each as likely.
-        self._span = 2 * law.jitter + 1
-        self._values = law.values
-        total = sum(law.weights)
-        self._cumulative = [part / total for part in accumulate(law.weights)][:-1]
+        self._span = 2 * distribution.jitter + 1
+        self._values = distribution.values
+        total = sum(distribution.weights)
+        self._cumulative = [part / total for part in accumulate(distribution.weights)][:-1]
 
     def draw(self) -> int:
         """The next turnaround."""

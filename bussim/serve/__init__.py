@@ -1,1 +1,1 @@
-"""Layer 6: parts of a scenario on real ports, while the rest of it is simulated in real time."""
+"""Parts of a scenario on real ports, while the rest of it is simulated in real time."""

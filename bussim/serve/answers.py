@@ -1,4 +1,4 @@
-"""What a session answers to those who ask it while it runs; see :mod:`bussim.serve.control`."""
+"""The answers of a running session to requests; see :mod:`bussim.serve.control`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bussim.sim.faults import describe
 from bussim.units import format_time, seconds
 
 #: Seconds that a fault may take to begin.
-_PATIENCE = 5.0
+_LONGEST_WAIT = 5.0
 
 
 class Answers:
@@ -36,7 +36,7 @@ class Answers:
             }
         if asked == "inject":
             return self._inject(request)
-        raise UsageError(f"nobody here can do {asked!r}; allowed are list and inject")
+        raise UsageError(f"{asked!r} is no request; allowed are list and inject")
 
     def _inject(self, request: dict[str, Any]) -> dict[str, Any]:
         node, kind, values = request.get("node"), request.get("kind"), request.get("values", {})
@@ -52,7 +52,7 @@ class Answers:
             allow_code=self._allow_code,
             folder=self._folder,
         )
-        if not self._session.inject(fault).wait(_PATIENCE):
+        if not self._session.inject(fault).wait(_LONGEST_WAIT):
             raise UsageError(f"{describe(fault.kind)}: it has not begun, for the simulation is very late")
         lasting = f" for {format_time(fault.window.duration)}" if fault.window.duration is not None else ""
         return {"text": f"{fault.name}: {describe(fault.kind)}{lasting}", "odd": list(odd)}

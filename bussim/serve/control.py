@@ -1,4 +1,4 @@
-"""How a process that serves is spoken to while it runs: one line of JSON there, one back.
+"""Control of a serving process while it runs: a request is one line of JSON, and so is the answer.
 
 It listens on a Unix socket in a folder that only its user may enter, or, where there are no such
 sockets (Windows), on a port of the loopback interface that wants a token from a file there. Nothing
@@ -34,8 +34,8 @@ from bussim.errors import BussimError, UsageError
 
 #: Bytes of a request or an answer at most.
 _LONGEST = 256 * 1024
-#: Seconds that a peer may take for its line, and between two looks whether to end.
-_PATIENCE, _LOOK = 2.0, 0.2
+#: Seconds that a peer may take for its line, and between two checks whether to end.
+_LONGEST_WAIT, _CHECK_EVERY = 2.0, 0.2
 _UNIX = sys.platform != "win32" and hasattr(socket, "AF_UNIX")
 
 Answer = Callable[[dict[str, Any]], dict[str, Any]]
@@ -44,7 +44,7 @@ Answer = Callable[[dict[str, Any]], dict[str, Any]]
 def control_folder() -> Path:
     """The folder of the user's control sockets, made if it is not there.
 
-    Raises UsageError where somebody else could get at it.
+    Raises UsageError where another user could get at it.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime:
@@ -76,7 +76,7 @@ class ControlServer:
         self._path: Path | None = None
         self._note.unlink(missing_ok=True)  # of a process of the same number that was killed
         self._listener, where = self._listen(folder / f"{os.getpid()}.sock")
-        self._listener.settimeout(_LOOK)
+        self._listener.settimeout(_CHECK_EVERY)
         self._write_note({"scenario": scenario, "token": self._token, **where})
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="bussim control", daemon=True)
@@ -124,7 +124,7 @@ class ControlServer:
             except OSError:
                 return
             with peer, contextlib.suppress(OSError):
-                peer.settimeout(_PATIENCE)
+                peer.settimeout(_LONGEST_WAIT)
                 peer.sendall(_line(self._answered(_read(peer))))
 
     def _answered(self, text: bytes) -> dict[str, Any]:
@@ -149,11 +149,11 @@ def _same(token: str, own: str) -> bool:
 def _line(data: dict[str, Any]) -> bytes:
     return (
         json.dumps(data).encode() + b"\n"
-    )  # pure ASCII: what was asked may stand in it, even half characters
+    )  # pure ASCII: a request may stand in it, even with half characters
 
 
 def _read(peer: socket.socket) -> bytes:
-    """A line, or what came of it."""
+    """A line, or as much of it as came."""
     data = b""
     while not data.endswith(b"\n") and len(data) < _LONGEST:
         more = peer.recv(4096)
@@ -219,6 +219,6 @@ def _running() -> Iterator[Running]:
                 path.unlink()
                 path.with_suffix(".sock").unlink()
         except (OSError, ValueError, UsageError):
-            continue  # somebody else's by now, or not ready
+            continue  # another process's by now, or not ready
         else:
             yield found

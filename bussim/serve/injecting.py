@@ -1,4 +1,4 @@
-"""A fault as it is injected from the command line, checked as if it stood in the scenario."""
+"""A fault injected from the command line, checked as if it stood in the scenario."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def checked(
     allow_code: bool = False,
     folder: Path | None = None,
 ) -> tuple[model.Fault, tuple[str, ...]]:
-    """The fault that an entry means, and what is odd about it. Raises UsageError with every mistake.
+    """The fault of an entry, and warnings about it. Raises UsageError with every mistake.
 
-    ``number`` tells it from others that are injected: its luck is its own.
+    ``number`` distinguishes it from other injected faults: it has random streams of its own.
     """
     named = {"name": f"injected_{number}", **fault}
     data = {**scenario.source, "faults": [named]}

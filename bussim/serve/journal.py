@@ -1,4 +1,4 @@
-"""Frames that come from outside, for the trace."""
+"""Frames of external nodes, for the trace."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from bussim.engines.modbus.adu import Adu, decode_rtu
 from bussim.engines.nn.frames import DATA, Frame
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.sniff.heard import Protocol as Spoken
+from bussim.live.sniff.heard import Protocol
 from bussim.live.sniff.splitters import MOST_DAMAGE, Splitter, splitter
 from bussim.sim.serial.node import SerialNode
 from bussim.trace.records import FrameRecord
@@ -18,26 +18,28 @@ if TYPE_CHECKING:
 
 
 class Journal:
-    """Cuts what comes into frames and tells the line's sink. Memory is bounded whatever comes."""
+    """Cuts what comes into frames and records them. Its memory is bounded whatever comes."""
 
     def __init__(self, line: PartlyExternalLine, timing: LineTiming, tolerance: int) -> None:
         self._line = line
         self._timing = timing
         self._tolerance = tolerance
         self._splitters: dict[str, Splitter] = {}
-        self._spoken = ""
+        self._protocol = ""
         self._chars: list[Timed] = []
 
     def heard(self, chars: list[Timed]) -> None:
         """Take in characters."""
-        spoken = self._tongue()
-        if spoken != self._spoken:
+        protocol = self._protocol_now()
+        if protocol != self._protocol:
             self.cut()
-            self._spoken = spoken
-        if spoken in (Spoken.NN, Spoken.ASCII):
-            cutter = self._splitters.get(spoken)
+            self._protocol = protocol
+        if protocol in (Protocol.NN, Protocol.ASCII):
+            cutter = self._splitters.get(protocol)
             if cutter is None:
-                cutter = self._splitters[spoken] = splitter(Spoken(spoken), self._timing, self._tolerance)
+                cutter = self._splitters[protocol] = splitter(
+                    Protocol(protocol), self._timing, self._tolerance
+                )
             for char in chars:
                 for heard in cutter.character(char):
                     self._record(heard.start, heard.end, heard.chars, heard.frame)
@@ -57,7 +59,7 @@ class Journal:
         if not chars:
             return
         data = bytes(char.value for char, _, _ in chars)
-        found = decode_rtu(data) if self._spoken == Spoken.RTU else None
+        found = decode_rtu(data) if self._protocol == Protocol.RTU else None
         self._record(chars[0][1], chars[-1][2], data, found if isinstance(found, Adu) else None)
         chars.clear()
 
@@ -68,7 +70,7 @@ class Journal:
             for heard in cutter.idle(1 << 62):
                 self._record(heard.start, heard.end, heard.chars, heard.frame)
 
-    def _tongue(self) -> str:
+    def _protocol_now(self) -> str:
         return next((self._line.protocol_of(port) for port in self._line.ports), self._line.protocol)
 
     def _record(self, start: int, end: int, chars: bytes, frame: Frame | Adu | None) -> None:
@@ -81,7 +83,7 @@ class Journal:
             station = frame.station
             asked = any(isinstance(port, SerialNode) and port.kind == "response" for port in line.ports)
             kind = "request" if asked else "response"
-        elif self._spoken == "free":
+        elif self._protocol == "free":
             kind = "data"
         line.frames += 1
         line.sink.frame(
@@ -98,7 +100,7 @@ class Journal:
                 damaged_at={},
                 collided=False,
                 cut=False,
-                protocol=self._spoken,
+                protocol=self._protocol,
                 baud=self._timing.baud,
                 format=str(self._timing.format),
             )

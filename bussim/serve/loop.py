@@ -15,11 +15,11 @@ from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_ms
 
 #: Simulated ticks that are done in one go before the wires are looked at again.
 _SLICE = 5 * TICKS_PER_MS
-#: Lumps of a wire that are taken before what is due has its turn.
+#: Chunks of a wire that are taken before what is due is done.
 _MORE_CHUNKS = 4
-#: Lateness from which on it is told, at most so often.
+#: Lateness from which on it is reported, and how often at most.
 _VERY_LATE = TICKS_PER_SECOND // 10
-_TOLD_EVERY = 10 * TICKS_PER_SECOND
+_REPORT_EVERY = 10 * TICKS_PER_SECOND
 
 
 @dataclass(slots=True)
@@ -45,10 +45,10 @@ class Lateness:
 
 
 class RealTime:
-    """Runs a kernel in real time, and hands on what comes on the wires.
+    """Runs a kernel in real time, and passes on what comes on the wires.
 
-    ``also`` is called between two slices: whatever others want done in this thread. ``report`` is told
-    in words if the machine cannot keep up.
+    ``also`` is called between two slices, in this thread. ``report`` is called with a sentence if the
+    machine cannot keep up.
     """
 
     def __init__(
@@ -66,28 +66,28 @@ class RealTime:
         self._wires = tuple(bridge.wire for bridge in bridges)
         self._also = also
         self._report = report
-        self._told_at = -_TOLD_EVERY
+        self._reported_at = -_REPORT_EVERY
         self.lateness = Lateness()
 
     def run(self, until: int, stopped: Callable[[], bool]) -> None:
         """Run until a tick, or until ``stopped`` says so, which is asked at least twenty times a second."""
         kernel, clock = self._kernel, self._clock
         gc.collect()
-        gc.freeze()  # what was built for the run need not be looked through again and again
+        gc.freeze()  # the collector need not scan what was built for the run
         try:
             clock.restart()
-            kernel.run(kernel.now + 1)  # whatever has its supply from the start hears what has come before
+            kernel.run(kernel.now + 1)  # nodes with a supply from the start receive what has come before
             while not stopped() and kernel.now < until:
                 # An event at a tick is done when the tick is over.
                 wait(self._wires, clock, min(kernel.next() + 1, until, clock.now() + PATIENCE))
-                self._listen()
+                self._receive()
                 self._go_on(until)
                 self._also()
         finally:
             gc.unfreeze()
 
-    def _listen(self) -> None:
-        """What has come by now was heard before whatever is due by now."""
+    def _receive(self) -> None:
+        """Receive what has come by now before what is due by now is done."""
         kernel, clock = self._kernel, self._clock
         for _ in range(_MORE_CHUNKS):
             now = clock.now()
@@ -111,6 +111,6 @@ class RealTime:
     def _was_due(self, due: int, now: int) -> None:
         late = now - due
         self.lateness.add(late, now)
-        if late > _VERY_LATE and now >= self._told_at + _TOLD_EVERY:
-            self._told_at = now
+        if late > _VERY_LATE and now >= self._reported_at + _REPORT_EVERY:
+            self._reported_at = now
             self._report(f"this computer cannot keep up: the simulation is {format_ms(late)} late")

@@ -30,14 +30,14 @@ from bussim.sim.wire.contract import LineReporter
 from bussim.trace.records import RunTotals, Sink, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
 
-#: A run without an end: nobody waits so long (100 years).
+#: The duration of a run without an end (100 years).
 FOREVER = 100 * 365 * 86_400 * 72_000_000
 #: Lateness that is worth a warning in the results.
 _LATE = 10 * TICKS_PER_MS
 
 
 class _Bridges:
-    """The lines of a simulation that lead outside; see :class:`bussim.sim.runner.ExternalLines`."""
+    """The external lines of a simulation; see :class:`bussim.sim.runner.ExternalLines`."""
 
     def __init__(self, targets: Sequence[Target], wires: Sequence[Wire]) -> None:
         self._line_of = {node.node: place.name for place in targets for node in place.nodes}
@@ -46,10 +46,10 @@ class _Bridges:
         self.bridges: list[Bridge] = []
 
     def place(self, node: str) -> str | None:
-        """The line that a node sits on."""
+        """The external line that a node is on."""
         return self._line_of.get(node)
 
-    def _way(self, name: str, kernel: Kernel) -> Bridge:
+    def _bridge(self, name: str, kernel: Kernel) -> Bridge:
         bridge = Bridge(self._wires[name], kernel)
         self.bridges.append(bridge)
         return bridge
@@ -57,9 +57,9 @@ class _Bridges:
     def serial_bus(
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, line_reporter: LineReporter
     ) -> ExternalSerialBus:
-        """A line beside the link, at the rate and format of its wire."""
+        """A serial bus at the rate and format of its wire."""
         del timing
-        bridge = self._way(name, kernel)
+        bridge = self._bridge(name, kernel)
         return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, line_reporter, bridge)
 
     def link_bus(
@@ -72,14 +72,14 @@ class _Bridges:
         external_nodes: dict[int, str],
     ) -> ExternalLinkBus:
         """A line of a link."""
-        bridge = self._way(name, kernel)
+        bridge = self._bridge(name, kernel)
         return ExternalLinkBus(name, timing, kernel, sink, reporter, bridge, external_nodes)
 
 
-class _HereOnly(Collector):
-    """Without what nobody here can know: when those outside received a block.
+class _SimulatedOnly(Collector):
+    """Leaves out when external stations received a block, which is unknown.
 
-    ``here`` are the names of the nodes that are inside.
+    ``here`` are the names of the simulated nodes.
     """
 
     here: frozenset[str] = frozenset()
@@ -94,8 +94,8 @@ class _HereOnly(Collector):
         }
 
 
-def _unheard(text: str) -> None:
-    """Nobody wants to know."""
+def _ignore(text: str) -> None:
+    """Drop a report."""
 
 
 class Session:
@@ -110,8 +110,8 @@ class Session:
         record = session.record()
 
     Entering it opens the ports (UsageError where one cannot be opened). ``rows`` takes single records,
-    ``traced`` also frames; ``report`` is told in words what a person should know. ``duration`` is
-    how long it is meant to last (ticks): what a scenario does after it does not happen.
+    ``traced`` also frames; ``report`` is called with sentences for the user. ``duration`` is how long it
+    lasts at most (ticks): what a scenario does after that does not happen.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class Session:
         rows: Rows | None = None,
         traced: bool = False,
         duration: int = FOREVER,
-        report: Callable[[str], None] = _unheard,
+        report: Callable[[str], None] = _ignore,
     ) -> None:
         self.scenario = replace(scenario, duration=duration)
         self.targets = tuple(targets)
@@ -138,7 +138,7 @@ class Session:
         bus_of = {
             node: bus.name for bus in header.buses if bus.protocol is BusProtocol.NN for node in bus.nodes
         }
-        self.collector = _HereOnly(traced=traced, rows=rows, bus_of=bus_of)
+        self.collector = _SimulatedOnly(traced=traced, rows=rows, bus_of=bus_of)
         external = _Bridges(targets, self.wires)
         self.simulation = Simulation(self.scenario, self.collector, external)
         self.collector.here = frozenset(self.simulation.nodes)
@@ -146,7 +146,7 @@ class Session:
         self.loop = RealTime(
             self.simulation.kernel, self.clock, self.bridges, also=self._carry_out, report=report
         )
-        self._wishes: deque[Callable[[], None]] = deque()  # of other threads
+        self._requests: deque[Callable[[], None]] = deque()  # of other threads
         self._stack = ExitStack()
         self._totals: RunTotals | None = None
 
@@ -163,7 +163,7 @@ class Session:
 
     @property
     def devices(self) -> dict[str, str]:
-        """What the other side opens, by the names of lines; of a port its URL."""
+        """What the other side opens, by the names of lines: a device, or the port's URL."""
         return {place.name: wire.name for place, wire in zip(self.targets, self.wires, strict=True)}
 
     def described(self) -> tuple[str, ...]:
@@ -200,12 +200,12 @@ class Session:
             self.simulation.faults.inject(fault)
             begun.set()
 
-        self._wishes.append(begin)
+        self._requests.append(begin)
         return begun
 
     def _carry_out(self) -> None:
-        while self._wishes:
-            self._wishes.popleft()()
+        while self._requests:
+            self._requests.popleft()()
 
     # -- results -----------------------------------------------------------------------------------
 
@@ -227,7 +227,7 @@ class Session:
             if counts.losses:
                 warnings.append(f"{place.url} was lost {counts.losses} times")
             if counts.dropped:
-                warnings.append(f"{place.url} did not take {counts.dropped} bytes: nobody read them")
+                warnings.append(f"{place.url} did not take {counts.dropped} bytes: no program read them")
         late = self.loop.lateness
         if late.worst > _LATE:
             warnings.append(

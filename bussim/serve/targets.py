@@ -1,4 +1,4 @@
-"""What of a scenario can be served, and where: nodes, ports to serve them on, lines that they make."""
+"""The nodes of a scenario that can be served, the ports to serve them on, and the lines that they form."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ServeTarget:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A line that leads outside: its name, the URL of its wire, and its nodes in cable order."""
+    """An external line: its name, the URL of its wire, and its nodes in cable order."""
 
     name: str
     bus: str
@@ -78,9 +78,9 @@ def _port(plc: model.Plc, port: str, bus: model.Bus) -> ServeTarget:
         return ServeTarget(node, bus.name, bus.protocol, "silent", bus.timing, None, settings.text)
     what = _WORDS.get(settings.protocol or "")
     if what is None:
-        why = f"{port} speaks nothing"
+        why = f"{port} has no protocol"
         if settings.protocol is not None:
-            why = f"what {port} speaks ({settings.protocol}) is not simulated"
+            why = f"the protocol of {port} ({settings.protocol}) is not simulated"
         return ServeTarget(node, bus.name, bus.protocol, "silent", bus.timing, None, why)
     return ServeTarget(node, bus.name, bus.protocol, what, settings.timing, _station(settings))
 
@@ -141,12 +141,12 @@ def _node(scenario: model.Scenario, known: dict[str, ServeTarget], name: str) ->
 
 
 def _lines(
-    served: Sequence[ServeTarget], urls: dict[str, str], everybody: Iterable[ServeTarget]
+    served: Sequence[ServeTarget], urls: dict[str, str], all_nodes: Iterable[ServeTarget]
 ) -> tuple[Target, ...]:
     groups: dict[tuple[str, str], list[ServeTarget]] = {}
     for servable in served:
         groups.setdefault((servable.bus, urls[servable.node]), []).append(servable)
-    whole = {bus: sum(one.bus == bus for one in everybody) for bus in {one.bus for one in served}}
+    whole = {bus: sum(one.bus == bus for one in all_nodes) for bus in {one.bus for one in served}}
     taken: dict[str, str] = {}
     found: list[Target] = []
     for (bus, url), nodes in groups.items():

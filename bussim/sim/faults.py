@@ -59,9 +59,9 @@ class FaultPlan:
                 kernel.at(fault.window.at, self._beginning(fault), FAULT)
 
     def inject(self, fault: model.Fault) -> None:
-        """A fault that no scenario has foreseen begins now, in place of when its window says.
+        """Begin a fault that the scenario does not have now, regardless of its window's beginning.
 
-        To be called from outside of the kernel's run.
+        Not to be called while the kernel runs.
         """
         now = self._kernel.now
         self._beginning(replace(fault, window=model.Window(now, fault.window.duration)))(now)
@@ -137,13 +137,13 @@ class FaultPlan:
         if node.powered:
             jabber.begin(now)
 
-        def well(now: int) -> None:
+        def end(now: int) -> None:
             jabbers.remove(jabber)
             jabber.end(now)
             if jabbers and not node.jabbering and node.powered:
                 jabbers[0].begin(now)  # it jabbers on for another fault
 
-        return well
+        return end
 
     # -- supply and mode switch ----------------------------------------------------------------------
 
@@ -211,7 +211,7 @@ class FaultPlan:
         if bus is None or node is None:
             return None
         position = node.position
-        if node.line is not bus:  # it leads out of the simulation: the cut lies behind the one before it
+        if node.line is not bus:  # it is on an external line: the cut lies behind the node before it
             before = self._order[kind.bus]
             positions = [
                 self._nodes[name].position
@@ -248,11 +248,11 @@ def _timed(node: Node, entry: tuple[LineTiming | None, Fraction], now: int) -> U
     node.timing_faults.append(entry)
     node.retime(now)
 
-    def right(now: int) -> None:
+    def undo_timing(now: int) -> None:
         node.timing_faults.remove(entry)
         node.retime(now)
 
-    return right
+    return undo_timing
 
 
 def describe(kind: model.FaultKind) -> str:

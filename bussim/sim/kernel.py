@@ -1,7 +1,14 @@
 """Timers on SimPy's event loop: re-armed events instead of processes.
 
-One SimPy event object serves one timer for ever. Setting a timer that is already set leaves its old
-entry in the queue; when that one comes up it is recognised by its time and ignored.
+One SimPy event object serves one timer for ever: making an event, and a generator to wait for it, would
+cost more than what is done at it. Setting a timer that is already set leaves its old entry in the queue
+(a heap has no cheap removal); when that one comes up it is recognised by its time and ignored.
+
+Chaining: what an action schedules is nearly always the very next thing to happen, a frame's end after its
+start, a reply after its poll. Such a timer is not queued but kept in ``Kernel.chained``, and carried out
+right after the action if SimPy's next event lies later: a comparison in place of a heap's push and pop.
+Any other timer that is set meanwhile sends the chained one to the queue first, so that timers of one tick
+and priority fire in the order in which they were set, chained or not.
 """
 
 from __future__ import annotations
@@ -52,13 +59,13 @@ class Timer:
             self.at = at
             chained = self._kernel.chained
             if chained is not None:
-                chained.unchain()  # it was armed before this one
+                chained.unchain()  # it was armed earlier: its entry must come first
             self._schedule()
 
     def chain(self, at: int) -> None:
-        """Arm it for what most likely is the next thing to happen at all.
+        """Arm it for a tick at which most likely nothing else comes first (see the module).
 
-        If it is, SimPy's queue need not be troubled; the order of things is the same either way.
+        The order of events is the same as with :meth:`set`.
         """
         self.at = at
         kernel = self._kernel
@@ -98,6 +105,7 @@ class Timer:
             kernel.chained = None
             at = timer.at
             if at >= 0:
+                # At SimPy's next tick the queue decides the order, by priority.
                 if at >= env.peek():
                     timer.unchain()
                     return
@@ -111,7 +119,7 @@ class Kernel:
     """The simulated clock.
 
     ``now`` is the current tick. It may be ahead of SimPy's own clock, never of SimPy's next event:
-    what happens next and alone is done without going through the queue (:meth:`Timer.chain`).
+    a chained timer is carried out without going through the queue (:meth:`Timer.chain`).
     """
 
     __slots__ = ("chained", "env", "now")
@@ -131,7 +139,7 @@ class Kernel:
 
     def next(self) -> int:
         """The tick at which something may happen next, far away if nothing is to happen at all."""
-        if self.chained is not None:  # set from outside of any action
+        if self.chained is not None:  # set while no action ran
             self.chained.unchain()
         at = self.env.peek()
         return NEVER if at == inf else int(at)
@@ -140,7 +148,7 @@ class Kernel:
         """Do everything before the tick ``until``."""
         if until <= self.env.now:
             return
-        if self.chained is not None:  # set from outside of any action
+        if self.chained is not None:  # set while no action ran
             self.chained.unchain()
         self.env.run(until)
         self.env.step()  # SimPy puts the event that stopped it back into its queue

@@ -1,1 +1,1 @@
-"""The free protocol of a PLC's port (RS, RS2): bytes in and out, framed as the program likes."""
+"""The free protocol of a PLC's port (RS, RS2): bytes in and out, framed as CPAVL says."""

@@ -1,4 +1,4 @@
-"""The free protocol of one port: what RS2 does with protocol 10H."""
+"""The free protocol of one port: RS2 with protocol 10H."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FreeConfig:
 class FreePort:
     """One port under RS2 free protocol. See :mod:`bussim.engines.contract` for the methods.
 
-    The hint SERVE tells that a reception has begun, which a PLC shows from its next END on.
+    The hint SERVE: a reception has begun, which a PLC shows from its next END on.
     """
 
     __slots__ = (
@@ -90,7 +90,7 @@ class FreePort:
         self._sending = False
         self._begun = 0  # first edge of what is being sent
         self._start: int | None = None  # first edge of the reception
-        self._framed = False  # the start character was heard
+        self._framed = False  # the start character was received
 
     def _move(self, cause: FreeInput) -> None:
         self.state = FREE[self.state, cause]
@@ -204,7 +204,7 @@ class FreePort:
             return len(self._out)
         return max(0, len(self._out) - int((now - self._begun) / self.config.timing.character))
 
-    # -- listening -----------------------------------------------------------------------------
+    # -- receiving -----------------------------------------------------------------------------
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """One character; see the contract."""
@@ -277,7 +277,7 @@ class FreePort:
     # -- sending -------------------------------------------------------------------------------
 
     def begin_transmit(self, now: int, counter: int = 0) -> FreeFrame:
-        """The bytes that wait. What was half heard stays: the program's data are no frames."""
+        """The bytes that wait. An open reception goes on: the program's data are no frames."""
         del counter
         if self._out is None:
             raise RuntimeError("nothing waits to be sent")

@@ -52,9 +52,9 @@ class Adu(NamedTuple):
 
 
 class Damage(NamedTuple):
-    """Something that was heard and is no frame, now over. ``reason`` is what went wrong first.
+    """Characters that were received and are no frame, now over. ``reason`` is what went wrong first.
 
-    ``head`` is what seems to be its station and function, None where that cannot be told.
+    ``head`` is what seems to be its station and function, None where that is unknown.
     """
 
     reason: Rejection

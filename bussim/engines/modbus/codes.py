@@ -30,7 +30,7 @@ class PortError(IntEnum):
     TIMEOUT = 9  # no response within the timeout
 
 
-#: What each code means, for people.
+#: The meaning of each code, in words.
 MEANINGS: Final[dict[int, str]] = {
     PortError.STATION: "slave address setting",
     PortError.LENGTH: "frame length",
@@ -44,7 +44,7 @@ MEANINGS: Final[dict[int, str]] = {
     PortError.TIMEOUT: "no response in time",
 }
 
-#: What a master's port makes of an exception response. Codes above 03 are not in the manual's
+#: The port error that a master derives from an exception response. Codes above 03 are not in the manual's
 #: table: a data error (assumed).
 EXCEPTION_ERRORS: Final[dict[int, PortError]] = {
     ExceptionCode.ILLEGAL_FUNCTION: PortError.FUNCTION,
@@ -59,7 +59,7 @@ def exception_error(code: int) -> PortError:
 
 
 class Rejection(StrEnum):
-    """Why something that was heard is not taken as a frame, or a frame not as a request."""
+    """Why characters are not accepted as a frame, or a frame not as a request."""
 
     CHECK = "CRC or LRC wrong"
     LENGTH = "length impossible"

@@ -10,7 +10,7 @@ from bussim.engines.modbus.pdu import Request, Response
 
 @dataclass(frozen=True, slots=True)
 class FrameRejected:
-    """Something was heard that is no frame, or a frame that is not served. Nobody is told on the wire."""
+    """Characters that are no frame, or a frame that is not served; nothing is sent in reply."""
 
     tick: int
     start: int  # first edge
@@ -41,7 +41,7 @@ class TransactionEnded:
     request: Request
     sent: int | None  # first edge of the request
     asked: int | None  # its last stop bit: from here the timeout counts
-    answer_start: int | None  # first edge of what decided it, if something was heard
+    answer_start: int | None  # first edge of what decided it, if anything was received
     answer_end: int | None  # last stop bit of that
     end: int  # when it was decided
     error: PortError | None
@@ -70,7 +70,7 @@ class RequestServed:
 
 @dataclass(frozen=True, slots=True)
 class StationRefused:
-    """Slave: a station number outside 1–247 (port error 0); it stays deaf and silent."""
+    """Slave: a station number outside 1–247 (port error 0); it receives and sends nothing."""
 
     tick: int
     station: int

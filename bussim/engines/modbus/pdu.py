@@ -102,7 +102,7 @@ class ExceptionResponse(NamedTuple):
 
 
 class Flaw(StrEnum):
-    """Why bytes are not a PDU of the direction in which they were heard."""
+    """Why bytes are not a PDU of the direction in which they were received."""
 
     EMPTY = "empty"
     FUNCTION = "unknown function"
@@ -206,7 +206,7 @@ def encode_request(request: Request) -> bytes:
 
     Raises ValueError for a function that is not known here, numbers that have no 16 bits, a count of
     values other than ``quantity``, or a PDU over 253 bytes. A quantity beyond a device's limits is
-    encoded: what comes of it is the device's business.
+    encoded: whether it is refused is the device's business.
     """
     function, address, quantity, values = request
     _check_words(address, quantity)
@@ -229,7 +229,7 @@ def _check_words(*words: int) -> None:
 
 
 def decode_request(pdu: bytes) -> Request | Malformed:
-    """The request that a PDU is. Quantities are not judged here."""
+    """The request that a PDU is. Quantities are not checked here."""
     if not pdu:
         return Malformed(0, Flaw.EMPTY, pdu)
     function, size = pdu[0], len(pdu)
@@ -288,8 +288,8 @@ EXCEPTION_SIZE: Final = 2
 def decode_response(pdu: bytes, request: Request | None = None) -> Response | ExceptionResponse | Malformed:
     """The response that a PDU is.
 
-    ``request`` tells how many coils a read asked for and from where; without it all bits of the last
-    byte are taken for coils. That the response fits the request is not judged here, except that a
+    ``request`` says how many coils a read asked for and from where; without it all bits of the last
+    byte are taken for coils. That the response fits the request is not checked here, except that a
     read of the same function must carry as many bytes as it asked for (else a Flaw.LENGTH).
     """
     if not pdu:

@@ -86,7 +86,7 @@ class Slave:
         self.due_counter = 0
         #: Ticks of silence after which the driver calls :meth:`line_idle`.
         self.quiet = config.framing.quiet
-        #: The latest sound frame that was completely heard, whosever it is, and its two ends.
+        #: The latest sound frame that was completely received, of any station, and its two ends.
         self.heard: Adu | None = None
         self.heard_start = self.heard_end = 0
         self._reader = config.framing.reader()
@@ -119,17 +119,17 @@ class Slave:
         return 0
 
     def stop(self, now: int) -> int:
-        """STOP or power-off: silent and deaf, nothing pending survives; returns hints."""
+        """STOP or power-off: it sends and receives no more, nothing pending survives; returns hints."""
         del now
         self._reset()
         self._move(SlaveInput.STOP)
         return 0
 
-    # -- listening -----------------------------------------------------------------------------
+    # -- receiving -----------------------------------------------------------------------------
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """One character; see the contract."""
-        if self.state in _DEAF:
+        if self.state in _NOT_RECEIVING:
             return 0
         reader = self._reader
         completed = reader.character(char, start, end)
@@ -139,9 +139,9 @@ class Slave:
     def receive_frame(self, frame: Adu, start: int, end: int) -> int:
         """A whole undamaged frame; the same as its characters one by one.
 
-        No OPEN is returned for a frame of another station: what follows tells of its end, too.
+        No OPEN is returned for a frame of another station: the next characters end it as well.
         """
-        if self.state in _DEAF:
+        if self.state in _NOT_RECEIVING:
             return 0
         reader = self._reader
         before = reader.whole(frame, start, end)
@@ -153,7 +153,7 @@ class Slave:
         return hints | OPEN
 
     def line_idle(self, now: int) -> int:
-        """The line has been quiet for :attr:`quiet` ticks: an RTU frame is complete."""
+        """The line has been idle for :attr:`quiet` ticks: an RTU frame is complete."""
         completed = self._reader.silence()
         if completed is None:
             return 0
@@ -279,7 +279,7 @@ class Slave:
         return self._finished(now)
 
     def give_up_reply(self, now: int) -> int:
-        """The reply that is due will not be sent (a fault swallowed it); returns hints."""
+        """The reply that is due will not be sent (a fault drops it); returns hints."""
         if self.state is not SlaveState.ANSWERING:
             return 0
         self._move(SlaveInput.LOST)
@@ -295,4 +295,4 @@ class Slave:
         return None
 
 
-_DEAF = frozenset((SlaveState.STOPPED, SlaveState.REFUSING, SlaveState.SENDING))
+_NOT_RECEIVING = frozenset((SlaveState.STOPPED, SlaveState.REFUSING, SlaveState.SENDING))

@@ -18,7 +18,7 @@ HEARD_WRONG_STATION: Final = 0x22  # slave, about another: the station number di
 HEARD_WRONG_COUNTER: Final = 0x23  # slave, about another: the counter disagrees
 NO_PARAMETERS: Final = 0x31  # slave, about itself: polled before it received parameters
 
-#: What each code means, for people.
+#: The meaning of each code, in words.
 MEANINGS: Final[dict[int, str]] = {
     NO_REPLY: "no reply",
     WRONG_STATION: "wrong station",

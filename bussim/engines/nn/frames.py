@@ -11,7 +11,7 @@ frame       sender                   layout                                     
 ==========  =======================  =====================================================  ==========
 data        master, slave            STX station counter data… ETX sum sum                  6 + 2/byte
 poll        master                   ENQ station counter sum sum                            5
-parameters  master, to everybody     SOH ``F`` counter D8177 D8178 D8179 D8180 ETX sum sum  14
+parameters  master, to all slaves    SOH ``F`` counter D8177 D8178 D8179 D8180 ETX sum sum  14
 ==========  =======================  =====================================================  ==========
 
 Station and counter are one hexadecimal digit, data, settings and sum two per byte, upper case. The
@@ -42,7 +42,7 @@ PARAMETERS_CHARS: Final = 14
 #: Characters of a data frame besides its data.
 DATA_OVERHEAD_CHARS: Final = 6
 
-#: Two quiet character times end an unfinished frame in every receiver (assumed).
+#: Two character times of silence end an unfinished frame in every receiver (assumed).
 QUIET_CHARS: Final = 2
 
 _HEX: Final = b"0123456789ABCDEF"
@@ -121,7 +121,7 @@ def encode_poll(station: int, counter: int) -> Frame:
 
 
 def encode_parameters(counter: int, settings: LinkSettings) -> Frame:
-    """The master's settings, for everybody."""
+    """The frame that carries the master's settings to all slaves."""
     body = b"F%X%02X%02X%02X%02X\x03" % (counter, *settings)
     return Frame(PARAMETERS, 0, counter, _sealed(SOH, body), settings=settings)
 
@@ -185,10 +185,10 @@ _MAX_CHARS: Final = data_chars(len(MODES) - 1)
 
 
 class FrameReader:
-    """Cuts characters into frames; knows nothing of stations' roles.
+    """Cuts characters into frames; the roles of stations play no part.
 
     A cleanly received header always starts a new frame. A character that is damaged or does not fit
-    the layout spoils the frame until the next clean header or the line's quiet.
+    the layout damages the frame until the next clean header or the line's silence.
     """
 
     __slots__ = ("_buffer", "_header", "_sound", "data_size", "length", "start")
@@ -201,16 +201,16 @@ class FrameReader:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what is open: the line was quiet, or the station itself sends."""
+        """Forget the open frame: the line was idle, or the station itself sends."""
         self._buffer = bytearray()
         self._header: int | None = None
         self._sound = True
         #: Characters of what is open.
-        self.length = 0  # heard since the line was quiet or a frame was complete
+        self.length = 0  # received since the line was idle or a frame was complete
 
     @property
     def open(self) -> bool:
-        """Whether something is unfinished: a frame, a spoilt frame or noise."""
+        """Whether something is unfinished: a frame, a damaged frame or noise."""
         return self.length > 0
 
     @property
@@ -245,7 +245,7 @@ class FrameReader:
         buffer.append(value)
         return self._complete() if self._ends_here() else None
 
-    def spoil(self, frame: Frame, start: int) -> None:
+    def reject(self, frame: Frame, start: int) -> None:
         """A whole frame was heard that cannot be right here (another mode's length): damage."""
         self.reset()
         self._begin(frame.chars[0], start)

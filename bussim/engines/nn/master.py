@@ -63,7 +63,7 @@ class Master:
     """The station 0 of a link. See :mod:`bussim.engines.contract` for the methods.
 
     A poll is answered by a valid data frame of the polled station with the scan's counter whose last
-    stop bit ends at or before the deadline, ``timeout`` after the end of the poll. It listens only
+    stop bit ends at or before the deadline, ``timeout`` after the end of the poll. It receives only
     while an attempt runs.
     """
 
@@ -76,18 +76,18 @@ class Master:
         "_encoded_image",
         "_events",
         "_failures",
-        "_foreign",
+        "_other_characters",
         "_poll_end",
         "_poll_start",
         "_polls",
         "_reader",
+        "_reply_damaged",
         "_scan_attempts",
         "_scan_start",
         "_scans",
         "_slowest",
         "_slowest_station",
         "_station",
-        "_torn",
         "_trouble",
         "_with_parameters",
         "config",
@@ -139,8 +139,8 @@ class Master:
         self._counter = 0
         self._station = 1
         self._attempt = 1
-        # This attempt heard characters that are no reply; a reply that began well and was torn.
-        self._foreign = self._torn = False
+        # In this attempt: characters that are no reply; a reply that began well and was damaged.
+        self._other_characters = self._reply_damaged = False
         self._poll_start = self._poll_end = 0
         self._scan_start: int | None = None
         self._scans = 0
@@ -148,7 +148,7 @@ class Master:
         self._failures: list[tuple[int, int]] = []
         self._slowest = self._slowest_station = 0
         self._with_parameters = False
-        # Stations that have not answered yet or whose flag is on.
+        # Stations that have not replied yet or whose flag is on.
         self._trouble = set(range(1, self.config.settings.slaves + 1))
 
     # -- what the PLC does ---------------------------------------------------------------------
@@ -175,10 +175,10 @@ class Master:
     def _move(self, cause: MasterInput) -> None:
         self.state = MASTER[self.state, cause]
 
-    # -- listening -----------------------------------------------------------------------------
+    # -- receiving -----------------------------------------------------------------------------
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
-        """One character; see the contract. Listens only while an attempt runs."""
+        """One character; see the contract. Ignored unless an attempt runs."""
         if self.state is not MasterState.REPLY:
             return 0
         reader = self._reader
@@ -187,9 +187,9 @@ class Master:
             self.heard, self.heard_start = heard, reader.start
             return self._heard(heard, reader.start, end)
         if heard is not None:
-            self._over(heard)
+            self._note_damage(heard)
         elif not reader.in_frame:
-            self._foreign = True
+            self._other_characters = True
         return OPEN
 
     def receive_frame(self, frame: Frame, start: int, end: int) -> int:
@@ -197,15 +197,15 @@ class Master:
         if self.state is not MasterState.REPLY:
             return 0
         if frame.kind == DATA and len(frame.data) != self._block_size:
-            self._reader.spoil(frame, start)
-            self._foreign = True
+            self._reader.reject(frame, start)
+            self._other_characters = True
             return OPEN
         return self._heard(frame, start, end)
 
     def _heard(self, frame: Frame, start: int, end: int) -> int:
         if frame.kind != DATA:
-            self._foreign = True
-            return OPEN if self._torn else 0
+            self._other_characters = True
+            return OPEN if self._reply_damaged else 0
         station = self._station
         if frame.station != station:
             return self._failed(codes.WRONG_STATION, end, start)
@@ -229,19 +229,19 @@ class Master:
             self._events.append(AllHealthy(now))
 
     def line_idle(self, now: int) -> int:
-        """Two quiet character times: a damaged reply fails its attempt now."""
+        """Two character times of silence: a damaged reply fails its attempt now."""
         damage = self._reader.quiet()
         if self.state is not MasterState.REPLY:
             return 0
         if damage is not None:
-            self._over(damage)
-        return self._failed(codes.DAMAGED, now, None) if self._torn else 0
+            self._note_damage(damage)
+        return self._failed(codes.DAMAGED, now, None) if self._reply_damaged else 0
 
-    def _over(self, damage: Damage) -> None:
-        """Something damaged or unfinished is over; the line may not be quiet yet."""
-        self._foreign = True
+    def _note_damage(self, damage: Damage) -> None:
+        """A damaged or unfinished frame is over; the line may not be idle yet."""
+        self._other_characters = True
         if damage.header == STX:
-            self._torn = True
+            self._reply_damaged = True
 
     def deadline(self) -> int | None:
         """The running attempt's deadline."""
@@ -253,7 +253,7 @@ class Master:
         The master does not sense the carrier (assumed): a reply in progress does not hold it back.
         """
         self._reader.reset()
-        return self._failed(codes.DAMAGED if self._foreign else codes.NO_REPLY, now, None)
+        return self._failed(codes.DAMAGED if self._other_characters else codes.NO_REPLY, now, None)
 
     def _report(self, now: int, code: int, reply: int | None) -> None:
         self._events.append(
@@ -315,7 +315,7 @@ class Master:
 
     def begin_transmit(self, now: int, counter: int = 0) -> Frame:
         """The frame that is due; a data frame carries :attr:`image`."""
-        del counter  # a master answers nobody
+        del counter  # of replies only
         if self._reader.length:
             self._reader.reset()
         if self.state is MasterState.POLL:
@@ -368,7 +368,7 @@ class Master:
         if state is MasterState.POLL:
             self.state = _AFTER_POLL
             self._poll_end = now
-            self._foreign = self._torn = False
+            self._other_characters = self._reply_damaged = False
             self._deadline = now + self.config.timeout
             return DEADLINE
         if state is MasterState.STOPPED:

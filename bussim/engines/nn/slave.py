@@ -122,7 +122,7 @@ class Slave(LinkMonitor):
             return hints
         if kind == DATA:
             if len(frame.data) != self.block_size:
-                self._reader.spoil(frame, start)
+                self._reader.reject(frame, start)
                 return OPEN
             station = frame.station
             if station == self._pending and frame.counter == self._pending_counter:

@@ -52,7 +52,7 @@ PORT_PROTOCOLS: Final[dict[str, frozenset[str]]] = {
 #: The own station number of COM2 as a slave lies in D8121 (LX slave note), not in its word +1.
 COM2_STATION: Final = Device("D", 8121)
 
-#: Format word 0 and the word of a port that nobody has set up.
+#: Format word 0: the word of a port that is not set up.
 DEFAULT_LINE: Final = LineTiming(9600, CharFormat(8, "N", 1))
 #: Interval and timeout that 0 in their words means; their units.
 DEFAULT_INTERVAL: Final = 5 * TICKS_PER_MS

@@ -1,4 +1,4 @@
-"""What a PLC's port tells whoever reports a run. Frozen values; times are ticks."""
+"""Events of a PLC's ports. Frozen values; times are ticks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bussim.engines.modbus.events import CycleEnded, TransactionEnded
 
 @dataclass(frozen=True, slots=True)
 class TransactionTaken:
-    """A master's port has taken over what came of an attempt.
+    """A master's port has taken over the outcome of an attempt.
 
     ``ended`` is the engine's account of it. Where RS2 cannot send the request, no engine was asked: its
     number is 0, its request has no values, and nothing was sent.
@@ -37,7 +37,7 @@ class TurnEnded:
 
 @dataclass(frozen=True, slots=True)
 class FreeSent:
-    """The free protocol has sent; told at the END that saw it."""
+    """The free protocol has sent; reported at the END that sees it."""
 
     poll: str  # "" where a program drove it
     sent: Sent
@@ -45,10 +45,10 @@ class FreeSent:
 
 @dataclass(frozen=True, slots=True)
 class FreeReceived:
-    """The free protocol has received; told at the END that took it over.
+    """The free protocol has received; reported at the END that takes it over.
 
-    Also told, with no data and by timeout, where an instruction of ``polls:`` waited in vain for
-    an answer: the wait is its own, of the port's timeout, and no flag of the port tells of it.
+    Also reported, with no data and by timeout, where an instruction of ``polls:`` waited in vain for
+    a reply: it waits for the port's timeout by itself, and no flag of the port shows it.
     """
 
     poll: str

@@ -95,7 +95,7 @@ class FreeSide:
             self._damage = item.error
 
     def release(self, now: int) -> None:
-        """See the protocol. What has been sent is told; what no END has taken over is lost."""
+        """See the protocol. What has been sent is reported; what no END has taken over is lost."""
         del now
         for item in self._reported:
             if isinstance(item, Sent):

@@ -1,4 +1,4 @@
-"""A list of free-protocol instructions that takes a program's place: who is driven in a scan."""
+"""A list of free-protocol instructions that takes a program's place: which of them is driven in a scan."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class FreeList:
     """Deals the port out to its instructions, one at a time.
 
     One that sends has its turn when it is due: its send request is set, and the turn is over when its
-    bytes have left or, where it also receives, with a reception, or when no byte of an answer has come
-    within the port's timeout after the last one sent (assumed: a program's own watch). Between the
-    turns the one that only receives is driven; a reception that has begun is not disturbed.
+    bytes have left or, where it also receives, with a reception, or when no byte of a reply has come
+    within the port's timeout after the last one sent (assumed: as a program's own timer would do).
+    Between the turns the one that only receives is driven; a reception that has begun is not disturbed.
     """
 
     def __init__(self, specs: Sequence[FreeSpec], timeout: int, now: int) -> None:
@@ -53,7 +53,7 @@ class FreeList:
         self._took = True
 
     def give_up(self, now: int, *, receiving: bool) -> FreeReceived | None:
-        """What tells that the running turn has waited in vain, if it has."""
+        """End the running turn if its reply has not come in time; returns the event, else None."""
         if self._turn is None or self._limit is None or self._took or receiving or now < self._limit:
             return None
         nothing = FreeReceived(self._turn.name, Received(now, None, b"", Ended.TIMEOUT), 0)

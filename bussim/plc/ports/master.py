@@ -175,9 +175,9 @@ class MasterSide:
             status.good()
         else:
             status.failed(error, end)
-        return self._tell(ended, end)
+        return self._report(ended, end)
 
-    def _tell(self, ended: TransactionEnded, end: int) -> PollSpec | None:
+    def _report(self, ended: TransactionEnded, end: int) -> PollSpec | None:
         polls, events = self._list, self._status.events
         if polls.running is None:
             events.append(TransactionTaken(end, "", 1, ended))

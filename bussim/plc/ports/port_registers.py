@@ -1,4 +1,4 @@
-"""One port of a PLC beside its N:N link: parameters in, an engine out, and what happens at END."""
+"""The registers of one serial port of a PLC: parameters in, an engine out, and what happens at END."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class PortRegisters:
 
     The driver starts and stops the engine that :meth:`take_over` returns, runs it, hands its events
     to :meth:`event`, and calls :meth:`at_end` at the first END at or after :meth:`wanted_end`, which it
-    asks again after everything that it tells the engine.
+    asks again after each call of the engine.
     """
 
     def __init__(
@@ -174,12 +174,12 @@ class PortRegisters:
         return hints
 
     def event(self, item: EngineItem, now: int) -> None:
-        """The engine has reported something."""
+        """Take an event of the engine."""
         if self._side is not None:
             self._side.event(item, now)
 
     def poll(self) -> PortEvent | None:
-        """The next thing to be told, None if there is nothing more."""
+        """The next event, None if there is none."""
         return self._events.popleft() if self._events else None
 
     # -- a program's instructions --------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""From polls and values to what the Modbus engines send: the only place that makes requests of them."""
+"""Requests for the Modbus engines, made of polls and values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bussim.plc.ports.spec import PollSpec
 def make_request(function: int, address: int, count: int, values: Sequence[int] = ()) -> Request:
     """A request. Of a write, ``values`` are its coils (any but 0 is ON) or registers (their low 16 bits).
 
-    Nothing is judged here: a function that is unknown, or a count that is impossible, goes into the
+    Nothing is checked here: a function that is unknown, or a count that is impossible, goes into the
     request as it is, and the engine refuses it.
     """
     if function not in WRITES:

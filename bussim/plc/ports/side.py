@@ -1,4 +1,4 @@
-"""What the three kinds of ports (Modbus master, Modbus slave, free protocol) have in common."""
+"""What a port does by its protocol: the contract of Modbus master, Modbus slave and free protocol."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Protocol
 
 from bussim.plc.ports.rs2 import Drive, Rs2
 
-#: Something that an engine reported; which, is the side's business.
+#: An event of an engine; its type depends on the protocol.
 EngineItem = object
 
 
@@ -29,7 +29,7 @@ class Side(Protocol):
         """Carry out what happens at this END; returns hints for the engine."""
 
     def event(self, item: EngineItem, now: int) -> None:
-        """The engine has reported something."""
+        """Take an event of the engine."""
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
         """An RS2 instruction is executed, its contact on."""

@@ -25,10 +25,9 @@ class PortStatus:
     ) -> None:
         self.port = port
         self.memory = memory
-        #: What waits to be told to the reporter.
+        #: Events that wait to be reported.
         self.events = events
         self._words, self._bits = places
-        self._shown = memory.bits(self._bits.letter)
         self._shown = memory.bits(self._bits.letter)
         self._errors = errors
 

@@ -1,4 +1,4 @@
-"""What a running program met that stops it or that its PLC flags, for whoever tells the user."""
+"""Errors that stop a running program or that its PLC flags, with their texts for the user."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class OperationFault(NamedTuple):
 class Halt(NamedTuple):
     """The program stands still from ``tick`` on: M8061 on, ``code`` in D8061.
 
-    ``watchdog`` is D8000 in ms. ``endless``: so many jumps in one scan that it was given up.
+    ``watchdog`` is D8000 in ms. ``endless``: its jumps have no end, so that the scan was given up.
     """
 
     tick: int

@@ -1,4 +1,4 @@
-"""The longest time that one scan of a program can take, as far as its text tells it."""
+"""The longest time that one scan of a program can take, as far as its text determines it."""
 
 from __future__ import annotations
 

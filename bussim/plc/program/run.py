@@ -1,7 +1,7 @@
 """Carries a program out, scan by scan, on a PLC's memory. All times are ticks of 1/72 MHz.
 
-A scan happens at one tick: whoever calls it has sampled the inputs into X before, and takes Y, the
-shared areas and what else leaves the PLC from the memory afterwards. Timers and clocks read the time
+A scan happens at one tick: the caller has sampled the inputs into X before, and takes Y, the shared
+areas and what else leaves the PLC from the memory afterwards. Timers and clocks read the time
 of the scan.
 
 Special devices (FX programming manual): M8000 on and M8001 off in RUN, M8002 on and M8003 off in the
@@ -50,7 +50,7 @@ from bussim.units import TICKS_PER_MS
 WATCHDOG = 200
 #: D8061 when the watchdog has expired.
 WATCHDOG_CODE = 6105
-#: Stretches that a scan may go through (a program with a WDT in an endless loop would never end).
+#: Blocks that a scan may go through (a program with a WDT in an endless loop would never end).
 MAX_BLOCKS = 1_000_000
 
 _NS_PER_MS = 1_000_000
@@ -213,14 +213,14 @@ class ProgramRun:
                 step()
             self.unwatched = spent[0]
         else:
-            self._wander()
+            self._run_blocks()
         total = spent[0]
         if self.unwatched > self._d[8000] * _NS_PER_MS and not self.halted:
             self.halt()
         return ticks_of(total)
 
-    def _wander(self) -> None:
-        """Go through the blocks as the program's jumps say."""
+    def _run_blocks(self) -> None:
+        """Carry the blocks out in the order that the program's jumps determine."""
         spent, blocks = self._machine.spent, self._blocks
         spent[0] = self._watched = self.unwatched = 0
         self._calls.clear()
@@ -240,7 +240,7 @@ class ProgramRun:
                 return
         self.unwatched = max(self.unwatched, spent[0] - self._watched)
 
-    # -- where a block leads ---------------------------------------------------------------------
+    # -- a block's exit ---------------------------------------------------------------------
 
     def _exit(self, builder: Builder, here: int, block: BasicBlock) -> Exit:
         control, target, following = block.exit, block.target, here + 1

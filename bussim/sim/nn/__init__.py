@@ -1,1 +1,1 @@
-"""The N:N link on its line: master and slaves, and the short ways for what nearly always happens."""
+"""The N:N link on its line: master and slaves, and the fast path for what nearly always happens."""

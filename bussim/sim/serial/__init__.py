@@ -1,1 +1,1 @@
-"""Buses beside the link: PLC ports and devices that speak Modbus or a protocol of their own."""
+"""Serial buses: PLC ports and devices with Modbus or the free protocol."""

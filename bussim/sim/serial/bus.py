@@ -22,7 +22,7 @@ class SerialBus(Line):
     def __init__(self, name: str, timing: LineTiming, sink: Sink, line_reporter: LineReporter) -> None:
         super().__init__(name, timing, sink, line_reporter)
         self.ports: Sequence[SerialStation] = []
-        #: LineNodes to whom a whole frame was told, and who wait for the silence that ends it.
+        #: Nodes that have received a whole frame and wait for the silence that ends it.
         self.waiting: set[SerialStation] = set()
         # Delivered whole; of several frames at once only one is sound: a few of the latest are enough.
         self._delivered: deque[Transmission] = deque(maxlen=8)

@@ -1,1 +1,1 @@
-"""A half-duplex line and what sits on it, whatever protocol is spoken."""
+"""A half-duplex line with its nodes, for any protocol."""

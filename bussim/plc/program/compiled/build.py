@@ -1,4 +1,4 @@
-"""Binds a program's rungs to a machine: one closure a rung, fitted to what the rung does."""
+"""Binds a program's rungs to a machine: one closure a rung, specialised for its condition and outputs."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Builder:
             outputs.append(Coil(self._machine.saved, place))
         outputs += [self._output(at) for at in item.outputs]
         if not outputs:
-            # Nobody asks for the value, but its edges have to be followed.
+            # No output uses the value, but its edges have to be followed.
             test = as_test(self.conditions.build(item.condition, item.level))
 
             def ask() -> None:

@@ -1,7 +1,9 @@
-"""Conditions as closures that answer 0 or 1 (or False and True).
+"""Conditions as closures that return 0 or 1 (or False and True).
 
-Contacts in series or parallel are asked only until the answer is known. Edges and comparisons with an
-index register must be asked every time (they remember, or may fail), so they are asked first.
+A program is run some hundred times a simulated second, so its conditions are not interpreted: each is
+bound once to the memory's bytearrays as a closure, whose variables are faster to reach than attributes.
+Contacts in series or parallel are evaluated only until the value is known. Edges and comparisons with an
+index register must be evaluated in every scan (they remember, or may fail), so they come first.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """A condition that is a closure already; ``always`` where it must be asked every time."""
+class Evaluated:
+    """A condition that is a closure already; ``always`` where it must be evaluated in every scan."""
 
     test: Test
     always: bool = False
@@ -37,7 +39,7 @@ class Many:
     atoms: tuple[Atom, ...] = ()
 
 
-Part = Atom | Asked | Many
+Part = Atom | Evaluated | Many
 
 
 def many(parts: tuple[Part, ...], *, every: bool) -> Many:
@@ -73,11 +75,11 @@ class Conditions:
         self._places: dict[int, int] = {}
 
     def place_of(self, rung: Rung) -> int | None:
-        """Where the condition of a rung is kept for later; None if nothing asks for it."""
+        """Where the condition of a rung is kept for later; None if no other rung uses it."""
         return self._places.get(id(rung))
 
     def reserve(self, condition: Condition) -> None:
-        """Find the rungs whose conditions are asked for again, and give each a place."""
+        """Find the rungs whose conditions are used again, and give each a place."""
         match condition:
             case Saved(rung):
                 if id(rung) not in self._places:
@@ -118,7 +120,7 @@ class Conditions:
         return part.parts if isinstance(part, Many) and part.every is every else (part,)
 
 
-def contact(machine: Machine, instruction: Instruction) -> Atom | Asked:
+def contact(machine: Machine, instruction: Instruction) -> Atom | Evaluated:
     """The contact of one instruction."""
     spec = instruction.spec
     if spec.group == "comparison":
@@ -135,28 +137,28 @@ def contact(machine: Machine, instruction: Instruction) -> Atom | Asked:
             earlier[number] = now
             return now > before
 
-        return Asked(rises, always=True)
+        return Evaluated(rises, always=True)
 
     def falls() -> bool:
         now, before = bits[at], earlier[number]
         earlier[number] = now
         return now < before
 
-    return Asked(falls, always=True)
+    return Evaluated(falls, always=True)
 
 
-def _comparison(machine: Machine, instruction: Instruction) -> Asked:
+def _comparison(machine: Machine, instruction: Instruction) -> Evaluated:
     first, second = instruction.operands
     wide = instruction.form.wide
     one, other = plain(machine, first), plain(machine, second)
     if not wide and one is not None and other is not None:
-        return Asked(_compare_words(instruction.spec.test, *one, *other))
+        return Evaluated(_compare_words(instruction.spec.test, *one, *other))
     half = 0x80000000 if wide else 0x8000
     test = _compare(
         instruction.spec.test, reader(machine, first, wide=wide), reader(machine, second, wide=wide), half
     )
     if first.index is None and second.index is None:
-        return Asked(test)
+        return Evaluated(test)
 
     def guarded() -> int:
         try:
@@ -165,7 +167,7 @@ def _comparison(machine: Machine, instruction: Instruction) -> Asked:
             machine.fail(error.code, instruction.step)
             return 0
 
-    return Asked(guarded, always=True)
+    return Evaluated(guarded, always=True)
 
 
 _COMPARE: dict[str, Callable[[int, int], bool]] = {
@@ -193,16 +195,16 @@ def _inverse(part: Part) -> Part:
     match part:
         case Atom(bits, at, inverted):
             return Atom(bits, at, 1 - inverted)
-        case Asked(test, always):
-            return Asked(lambda: not test(), always)
+        case Evaluated(test, always):
+            return Evaluated(lambda: not test(), always)
         case Many(parts, every):
             # De Morgan: what is left is contacts again, for which there may be a shape.
             return many(tuple(_inverse(inner) for inner in parts), every=not every)
 
 
 def as_test(part: Part) -> Test:
-    """A condition as a closure that is asked."""
-    return part.test if isinstance(part, Asked) else _asked(part).test
+    """A condition as a closure that returns its value."""
+    return part.test if isinstance(part, Evaluated) else _evaluated(part).test
 
 
 def as_step(part: Part, use: ToCoil | ToAct) -> Step:
@@ -231,20 +233,20 @@ def as_step(part: Part, use: ToCoil | ToAct) -> Step:
 # -- series and parallels --------------------------------------------------------------------------
 
 
-def _asked(part: Part) -> Asked:
-    if isinstance(part, Asked):
+def _evaluated(part: Part) -> Evaluated:
+    if isinstance(part, Evaluated):
         return part
     form = _form(part)
     if form in SHAPES:
-        return Asked(cast("Test", SHAPES[form](_atoms(part), None)))
+        return Evaluated(cast("Test", SHAPES[form](_atoms(part), None)))
     # A contact alone has a shape: this has parts.
-    return _joined(part.parts, every=part.every) if isinstance(part, Many) else Asked(lambda: 0)
+    return _joined(part.parts, every=part.every) if isinstance(part, Many) else Evaluated(lambda: 0)
 
 
-def _joined(parts: tuple[Part, ...], *, every: bool) -> Asked:
-    """Parts of any kind: first those that must be asked, then contacts, then what takes longer."""
+def _joined(parts: tuple[Part, ...], *, every: bool) -> Evaluated:
+    """Parts of any kind: first those that must be evaluated, then contacts, then what takes longer."""
     atoms = [part for part in parts if isinstance(part, Atom)]
-    others = [_asked(part) for part in parts if not isinstance(part, Atom)]
+    others = [_evaluated(part) for part in parts if not isinstance(part, Atom)]
     rest: Test | None = None
     for other in reversed([other for other in others if not other.always]):
         rest = other.test if rest is None else _then(other.test, rest, every=every)
@@ -254,11 +256,11 @@ def _joined(parts: tuple[Part, ...], *, every: bool) -> Asked:
         del atoms[-count:]
     always = [other.test for other in others if other.always]
     if not always:
-        return Asked(rest if rest is not None else lambda: every)
+        return Evaluated(rest if rest is not None else lambda: every)
     test = always[0]
     for following in always[1:]:
         test = _both_then(test, following, every=every)
-    return Asked(test if rest is None else _then(test, rest, every=every), always=True)
+    return Evaluated(test if rest is None else _then(test, rest, every=every), always=True)
 
 
 def _then(first: Test, rest: Test, *, every: bool) -> Test:
@@ -266,7 +268,7 @@ def _then(first: Test, rest: Test, *, every: bool) -> Test:
 
 
 def _both_then(first: Test, second: Test, *, every: bool) -> Test:
-    """Both are asked, whatever the first one says."""
+    """Both are evaluated, whatever the first one's value."""
 
     def series() -> int:
         on = first()

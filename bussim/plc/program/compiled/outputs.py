@@ -1,7 +1,8 @@
 """What outputs are once they are bound to a machine.
 
 A :class:`Coil` takes its condition's value; a :class:`Level` is carried out in every scan in which its
-condition is on, at a cost of ``extra`` nanoseconds; a :class:`Drive` is told the condition each time.
+condition is on, at a cost of ``extra`` nanoseconds; a :class:`Drive` takes the condition's value in
+every scan.
 """
 
 from __future__ import annotations

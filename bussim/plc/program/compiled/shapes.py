@@ -1,11 +1,11 @@
 """The commonest conditions together with what they drive, in one closure each.
 
 A call costs as much as three contacts, and nine rungs in ten of a real program are one of these: every
-arrangement of up to four contacts. What they answer together is worked out once, for all of their
-levels, as a tree of pairs: the first contact's level picks one of two branches, the next one's goes on
-from there. Looking contacts up in it takes no longer on the average than asking them one after another
-until the answer is known, whatever the arrangement, and it makes a closure depend on their number only.
-Each number comes in three uses: a condition that is asked, a coil, an action while the condition is on.
+arrangement of up to four contacts. Their common value is worked out once, for all of their levels, as a
+tree of pairs: the first contact's level picks one of two branches, the next one's goes on from there.
+Looking contacts up in it takes no longer on the average than evaluating them one after another until the
+value is known, whatever the arrangement, and it makes a closure depend on their number only. Each number
+comes in three uses: a condition that returns its value, a coil, an action while the condition is on.
 What has no shape here is put together from closures by ``conditions``.
 """
 
@@ -146,7 +146,7 @@ def _make(form: str, atoms: Sequence[Atom], use: Use) -> Callable[[], int | None
 
 @cache
 def _tree(form: str, inverted: tuple[int, ...], levels: tuple[int, ...] = ()) -> Tree:
-    """What a form's contacts answer, behind those whose ``levels`` are known."""
+    """The values of a form's contacts, behind those whose ``levels`` are known."""
     if len(levels) < len(inverted):
         return _tree(form, inverted, (*levels, 0)), _tree(form, inverted, (*levels, 1))
     signs = iter(form)
@@ -166,7 +166,7 @@ def _value(sign: str, signs: Iterator[str], asked: Iterator[int]) -> int:
 
 
 #: The shapes by their form: ``*`` a contact, ``&(…)`` a series, ``|(…)`` parallels, the more complex
-#: parts in front (contacts may change places: asking one changes nothing).
+#: parts in front (contacts may change places: reading one changes nothing).
 SHAPES: dict[str, Maker] = {
     form: partial(_make, form)
     for form in (

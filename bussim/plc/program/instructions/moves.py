@@ -134,7 +134,7 @@ def from_bcd(machine: Machine, at: Instruction) -> Act:
 
 
 def count_reader(machine: Machine, operand: Operand, low: int, high: int) -> Callable[[], int]:
-    """Reads a count; one outside its limits is an error."""
+    """Reads a count; one beyond its limits is an error."""
     read = value_reader(machine, operand)
 
     def count() -> int:

@@ -66,7 +66,7 @@ class Operand:
 
 
 def range_of(letter: str, address: int, *, word: bool) -> tuple[int, int] | None:
-    """The range of bits or words that holds an address, both ends included; None outside all of them."""
+    """The range of bits or words that holds an address, both ends included; None if none does."""
     for first, last in (WORD_SPANS if word else BIT_RANGES)[letter]:
         if first <= address <= last:
             return first, last

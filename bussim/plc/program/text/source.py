@@ -73,7 +73,7 @@ class _Statement(NamedTuple):
     def takes(self, word: _Word) -> bool:
         """Whether an operand on a line of its own belongs to it: it has too few, and a label is its own."""
         if self.form is None:
-            return not _LABEL.fullmatch(word.text)  # nobody knows how many an unknown instruction takes
+            return not _LABEL.fullmatch(word.text)  # how many an unknown instruction takes is unknown
         try:
             first = tuple(parse_operand(word.text, word.column) for word in self.words[:1])
         except ValueError:
