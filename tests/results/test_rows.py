@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bussim
 from bussim.errors import UsageError
 from bussim.results.store.load import FolderRows
 from bussim.results.store.memory import MemoryRows
@@ -173,3 +174,9 @@ def test_file_names_are_safe_and_different_on_every_system(names: list[str]) -> 
     for name in safe.values():
         assert name.strip(". ") == name != ""
         assert not set(name) & set('<>:"/\\|?*\0\n ')
+
+
+def test_a_run_fills_every_column() -> None:
+    result = bussim.run(bussim.load("press_line", ["duration=1 s"]), trace=True)
+    for table in (result.link_scans, result.exchanges):
+        assert table.notna().any().all(), table.isna().all()
