@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.scenario_options import code_option, values_of
+from bussim.commands.common.scenario_options import code_option, set_option, values_of
 
 if TYPE_CHECKING:
     from bussim.api import Result
@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 @click.argument("scenario", metavar="[SCENARIO]", required=False)
 @click.option("--duration", metavar="T", help="Simulate so long, such as 90s or 10h.")
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
-@click.option(
-    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
-)
+@set_option
 @click.option(
     "--out", metavar="DIR", help="Folder to write (default: runs/NAME, with a number if it exists)."
 )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bussim.commands.common.port_options import options_of, port_options
-from bussim.commands.common.scenario_options import code_option, values_of
+from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.commands.common.times import time_of
 
 if TYPE_CHECKING:
@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 @click.option("--port", "ports", metavar="NODE=URL", multiple=True, help="Serve a node on this port.")
 @click.option("--for", "limit", metavar="T", help="Serve so long (default: until Ctrl-C).")
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
-@click.option(
-    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
-)
+@set_option
 @click.option("--paced", is_flag=True, help="Space bytes at the line's rate, as a virtual port does not.")
 @click.option("--out", metavar="DIR", help="Folder to write, as of a run.")
 @click.option("--trace", is_flag=True, help="Also write every frame (to --out, else runs/NAME).")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.scenario_options import code_option, values_of
+from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.line.protocols import BusProtocol
 
 if TYPE_CHECKING:
@@ -60,9 +60,7 @@ _SHOWN_OF_LATENCY = {
 @click.option("--same-luck", is_flag=True, help="The same seeds at every point (common random numbers).")
 @click.option("--duration", metavar="T", help="Simulate so long, such as 90s or 10h.")
 @click.option("--seed", metavar="N", help="Seed from which those of all runs are derived.")
-@click.option(
-    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value at every point."
-)
+@set_option
 @click.option(
     "--out", metavar="DIR", help="Folder to write (default: sweeps/NAME, with a number if it is another's)."
 )

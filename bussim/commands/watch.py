@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.scenario_options import code_option, values_of
+from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
@@ -37,9 +37,7 @@ _MOST_DEVICES = 100
 @click.option("--json", "as_json", is_flag=True, help="Print every change as JSON.")
 @click.option("--signed", is_flag=True, help="Words with their sign, from -32768 to 32767.")
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
-@click.option(
-    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
-)
+@set_option
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
 @code_option
 def command(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
-from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
+from bussim.engines.modbus.gaps import STANDARD_GAPS
 from bussim.engines.modbus.master import MasterConfig
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import Poll, PollList
@@ -34,13 +34,13 @@ class LiveFraming:
     quiet: int
 
     @classmethod
-    def of(cls, mode: Mode, wire: Wire, rule: GapRule = STANDARD_GAPS) -> LiveFraming:
+    def of(cls, mode: Mode, wire: Wire) -> LiveFraming:
         """The framing of a mode on a wire. Raises UsageError where the format has not the bits for it."""
         if mode is Mode.ASCII:
             framing = Framing.ascii()
         else:
             try:
-                framing = Framing.rtu(wire.timing, rule)
+                framing = Framing.rtu(wire.timing, STANDARD_GAPS)
             except ValueError as error:
                 raise UsageError(str(error)) from error
         tolerance = wire.options.tolerance
@@ -59,11 +59,10 @@ def slave_runner(
     maps: Mapping[int, RegisterMap],
     *,
     delay: int = 0,
-    rule: GapRule = STANDARD_GAPS,
     handling: Handling | None = None,
 ) -> EngineRunner:
     """Devices by station number as slaves on a wire. ``delay``: ticks from a request's end to its reply."""
-    live = LiveFraming.of(mode, wire, rule)
+    live = LiveFraming.of(mode, wire)
     engine = Slave(SlaveConfig(live.framing, delay=delay), maps)
     return EngineRunner(engine, wire, quiet=live.quiet, mode=mode, handling=handling)
 
@@ -76,7 +75,6 @@ def master_runner(
     timeout: int,
     interval: int = 0,
     turnaround: int | None = None,
-    rule: GapRule = STANDARD_GAPS,
     handling: Handling | None = None,
 ) -> EngineRunner:
     """A master that works through a poll list on a wire. Raises UsageError for what it cannot send.
@@ -85,7 +83,7 @@ def master_runner(
     master never makes it shorter than the silence that ends a frame. The timeout is the system's:
     a response that has begun by then is waited for.
     """
-    live = LiveFraming.of(mode, wire, rule)
+    live = LiveFraming.of(mode, wire)
     silent = live.quiet if mode is Mode.RTU else 0
     config = MasterConfig(live.framing, timeout, max(interval, silent), begun_holds=True)
     if turnaround is not None:

@@ -488,13 +488,13 @@ def test_a_master_that_awaits_what_has_begun(seed: int) -> None:
 
 def test_other_ports_and_the_link_lengthen_scans() -> None:
     polls = [ask(), replace(ask("b", to="D500"), port="COM5")]
-    seat = model.LinkAttachment("link", "COM4")
+    attachment = model.LinkAttachment("link", "COM4")
     press = plc(
         "press",
         port("COM3", MASTER),
         port("COM5", MASTER, "other"),
         polls=polls,
-        link=seat,
+        link=attachment,
         registers={"D8176": 0, "D8177": 1, "D8180": 5, "M8179": 1},
     )
     scenario = serial_bus([station(), station("oven", bus="other")], [press], seconds=20)

@@ -47,8 +47,8 @@ def test_the_masters_frame_is_missed_scan_by_scan() -> None:
 
 
 links = st.builds(
-    lambda slaves, attempts, probe, bus, ear, own, loss, dead: _some_link(
-        slaves, attempts, PROBE if probe else FULL, bus, ear, own, loss, dead
+    lambda slaves, attempts, probe, bus, receiver, own, loss, dead: _some_link(
+        slaves, attempts, PROBE if probe else FULL, bus, receiver, own, loss, dead
     ),
     st.integers(2, 4),
     st.integers(1, 4),
@@ -62,10 +62,17 @@ links = st.builds(
 
 
 def _some_link(
-    slaves: int, attempts: int, absent: object, bus: float, ear: float, own: float, loss: float, dead: bool
+    slaves: int,
+    attempts: int,
+    absent: object,
+    bus: float,
+    receiver: float,
+    own: float,
+    loss: float,
+    dead: bool,
 ) -> LinkModel:
     model = link(slaves, attempts=attempts, absent=absent, ber=10**bus, loss=loss)  # type: ignore[arg-type]
-    model = with_noise(with_noise(model, "rx", slaves, 10**ear), "rx", 0, 10**own)
+    model = with_noise(with_noise(model, "rx", slaves, 10**receiver), "rx", 0, 10**own)
     return model.with_dead(1) if dead else model
 
 
@@ -105,8 +112,8 @@ def test_laws_are_shared_only_where_they_are_the_same() -> None:
 PLAYED = {
     "bus": link(2, ber=3e-4, attempts=2),
     "probed": link(2, ber=2e-4, loss=0.3, attempts=2, absent=PROBE),
-    "one ear": with_noise(link(3, ber=1e-5, attempts=2), "rx", 2, 8e-4),
-    "the master's ear": with_noise(link(2, attempts=3), "rx", 0, 6e-4),
+    "one receiver": with_noise(link(3, ber=1e-5, attempts=2), "rx", 2, 8e-4),
+    "the master's receiver": with_noise(link(2, attempts=3), "rx", 0, 6e-4),
     "a dead one before": with_noise(link(3, attempts=1, ber=1e-4), "rx", 3, 1e-3).with_dead(1),
 }
 
@@ -127,7 +134,7 @@ def test_gaps_played_out(name: str) -> None:
 
 def test_an_open_poll_must_be_closed_by_hearing_the_next() -> None:
     # Station 1 is dead: its poll stays open in station 3, which takes station 2's reply only if it
-    # heard station 2's poll; with nobody dead it would take it anyway.
+    # heard station 2's poll; with no station dead it would take it anyway.
     model = with_noise(link(3), "rx", 3, 1e-3)
     fine = 1 - 1e-3
     assert gap_distribution(Solved(model), 2, 3).per_scan == pytest.approx(fine**model.data_bits, rel=1e-9)

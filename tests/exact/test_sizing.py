@@ -276,10 +276,6 @@ def test_the_json_form_and_the_neighbours() -> None:
     assert form["pareto"][0]["D8179"] == 0
     assert form["unmet"] == []
     assert sizing.neighbours() == [(4, 50 * MS), (3, 50 * MS), (5, 50 * MS)]
-    other = sizing.choice(3, 100 * MS)
-    assert other is not None
-    assert other.attempts == 4
-    assert sizing.choice(3, 99 * MS) is None
 
 
 def test_the_probed_policy_does_not_hide_the_first_long_scan() -> None:

@@ -19,7 +19,7 @@ class Line:
 
     @property
     def scan(self) -> int:
-        """A scan in which everybody answers at once."""
+        """A scan in which every station replies at once."""
         return self.bare + sum(self.answered)
 
 

@@ -1,4 +1,4 @@
-"""What masters that nobody here wrote ask of a slave of a V80's registers as station 1."""
+"""What masters of other projects ask of a slave of a V80's registers as station 1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Modbus peers that nobody here wrote, on the ends of pseudo-terminals."""
+"""Modbus peers of other projects, on the ends of pseudo-terminals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A remote serial port by RFC 2217, whose server nobody here wrote."""
+"""A remote serial port by RFC 2217, whose server is of another project."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FakePort:
 
 @contextmanager
 def remote() -> Iterator[tuple[str, FakePort]]:
-    """pyserial's PortManager, which nobody here wrote, over a port that notes what it is told."""
+    """pyserial's PortManager over a port that notes what it is told."""
     fake = FakePort()
     server = socket.create_server(("127.0.0.1", 0))
     server.settimeout(PATIENCE)

@@ -163,7 +163,7 @@ def test_a_master_that_closes_in_the_middle(bench: Bench) -> None:
 
 
 def test_nobody_reads_the_answers(bench: Bench) -> None:
-    """Answers that nobody takes fill the terminal; then they are lost, and nothing stands still."""
+    """Answers that no program reads fill the terminal; then they are lost, and nothing stands still."""
     for _ in range(600):
         bench.send(request(bench.mode))
         bench.step(3)

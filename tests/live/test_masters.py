@@ -1,4 +1,4 @@
-"""Masters that nobody here wrote against a served slave, over a pseudo-terminal."""
+"""Masters of other projects against a served slave, over a pseudo-terminal."""
 
 from __future__ import annotations
 

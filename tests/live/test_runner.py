@@ -172,7 +172,7 @@ def test_seven_bits_are_sent_and_heard_as_seven() -> None:
     assert [char for char, _, _ in got] == [RxChar(0x41), RxChar(0x42)]
 
 
-def test_characters_of_lumps_are_in_order_and_never_in_the_future() -> None:
+def test_characters_of_chunks_are_in_order_and_never_in_the_future() -> None:
     arrivals, before = Arrivals(NN_LINE), 0
     for data, arrived in (
         (b"abc", 100),

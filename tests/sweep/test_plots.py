@@ -8,7 +8,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from bussim.results.plots.style import LAW, Picture
+from bussim.results.plots.style import DISTRIBUTION, Picture
 from bussim.sweep.plan import Plan
 from bussim.sweep.plots import AGE_PANELS, LATENCY_PANELS, MASTER_PANELS, PANELS, draw, heat_maps, lines
 from bussim.sweep.tables import Table, points_table, runs_table
@@ -19,16 +19,16 @@ from .samples import BER, RETRIES, TIMEOUT, noisy
 
 def results(plan: Plan, *, rare: bool = False) -> Table:
     """Figures with a known law: the mean scan time is 40 + 2·(number of the point), give or take 1 ms."""
-    luck = random.Random(1)
+    rng = random.Random(1)
 
     def figures(run: int) -> dict[str, Any]:
         point, _ = plan.place(run)
         return {
             "link.scans": 100,
-            "link.scan_time_mean_ms": 40 + 2 * point + luck.uniform(-1, 1),
+            "link.scan_time_mean_ms": 40 + 2 * point + rng.uniform(-1, 1),
             "link.scan_time_max_ms": None if point == 1 else 90 + point**2,
             "link.station_errors": 0 if rare else point,
-            "link.refresh_gap_max_ms": None if rare else 200 + luck.uniform(-50, 50),
+            "link.refresh_gap_max_ms": None if rare else 200 + rng.uniform(-50, 50),
         }
 
     return points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
@@ -118,15 +118,15 @@ def test_a_picture_of_each_kind_for_one_key_or_two(scenario: Path, tmp_path: Pat
 
 
 def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path) -> None:
-    luck = random.Random(2)
+    rng = random.Random(2)
 
     def figures(run: int) -> dict[str, Any]:
         return {
             "link.scans": 100,
-            "link.scan_time_mean_ms": 40 + luck.random(),
+            "link.scan_time_mean_ms": 40 + rng.random(),
             "press.COM3.transactions": 100,
-            "press.COM3.response_ms.mean": 40 + luck.random(),
-            "press.COM3.response_ms.max": 60 + luck.random(),
+            "press.COM3.response_ms.mean": 40 + rng.random(),
+            "press.COM3.response_ms.max": 60 + rng.random(),
             "press.COM3.timeouts": run,
             "press.COM3.polls.transactions.transactions": 3,
         }
@@ -143,11 +143,11 @@ def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path
 
 
 def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) -> None:
-    luck = random.Random(3)
+    rng = random.Random(3)
 
     def figures(run: int) -> dict[str, Any]:
-        times = {"p50": 40 + luck.random(), "p95": 50 + luck.random(), "p99": None, "max": 60 + luck.random()}
-        found: dict[str, Any] = {"link.scans": 100, "link.scan_time_mean_ms": 40 + luck.random()}
+        times = {"p50": 40 + rng.random(), "p95": 50 + rng.random(), "p99": None, "max": 60 + rng.random()}
+        found: dict[str, Any] = {"link.scans": 100, "link.scan_time_mean_ms": 40 + rng.random()}
         for name in ("latency.door", "latency.age"):
             found |= {f"{name}.delivered": 90, **{f"{name}.ms.{key}": time for key, time in times.items()}}
         found |= {"latency.door.lost": run, "latency.door.lost_share": run / 100}
@@ -168,7 +168,7 @@ def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) ->
     picture = lines(plan, points, "latency.door")
     share = panels(picture)[LATENCY_PANELS["lost_share"]]
     assert list(share.lines[0].get_ydata()) == pytest.approx([0.005, 0.025, 0.045, 0.065, 0.085])
-    bounds = [line for line in panels(picture)[LATENCY_PANELS["ms.max"]].lines if line.get_color() == LAW]
+    bounds = [line for line in panels(picture)[LATENCY_PANELS["ms.max"]].lines if line.get_color() == DISTRIBUTION]
     assert [list(line.get_ydata()) for line in bounds] == [[70.5] * 5]
     assert has(picture, "at worst with no error")
     assert not has(lines(plan, points, "latency.age"), "at worst with no error")

@@ -16,6 +16,10 @@ code_option = click.option(
     is_flag=True,
     help="Load the Python functions that the scenario names; they can do anything.",
 )
+#: Values that replace those of the file; messages call them by this text.
+set_option = click.option(
+    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
+)
 
 
 def values_of(sets: Sequence[str], **short: str | None) -> list[str | Override]:

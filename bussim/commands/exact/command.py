@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
@@ -41,9 +41,7 @@ _POINTS = 1200
     "--mission", metavar="T", default="1y", show_default=True, help="Time for the law of the maximum D8202."
 )
 @click.option("--ignore-faults", is_flag=True, help="The law of the time without faults.")
-@click.option(
-    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
-)
+@set_option
 @click.option("--plot", is_flag=True, help="Draw law and simulated histogram, as PNG and SVG.")
 @click.option("--out", metavar="DIR", help="Folder for the pictures (default: this one).")
 @code_option

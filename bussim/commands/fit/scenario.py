@@ -42,15 +42,7 @@ def link_scenario(
     master = {
         "name": names.get(0, "station0"),
         "profile": _master_profile(link, base),
-        "nn": {
-            "bus": bus,
-            "port": "COM4",
-            "station": 0,
-            "slaves": settings.slaves,
-            "mode": settings.mode,
-            "retries": settings.retries,
-            "timeout": f"{settings.timeout * 10} ms",
-        },
+        "nn": {"bus": bus, "port": "COM4", "station": 0, **_settings(link)},
     }
     plcs = [master]
     for number in range(1, settings.slaves + 1):
@@ -112,12 +104,7 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
         if number == 0:
             new = _master_profile(link, str(kept.get("base", "pw10")))
             if link.told and isinstance(plc.get("nn"), dict):
-                plc["nn"] |= {
-                    "slaves": link.settings.slaves,
-                    "mode": link.settings.mode,
-                    "retries": link.settings.retries,
-                    "timeout": f"{link.settings.timeout * 10} ms",
-                }
+                plc["nn"] |= _settings(link)
         else:
             found = next((each for each in link.stations if each.station == number), None)
             new = _slave_profile(found, str(kept.get("base", "pw10")))
@@ -216,6 +203,11 @@ def _items(found: BusEstimate, station: int) -> dict[str, list[dict[str, Any]]]:
                 {"address": start, "count": end - start, "value": 0, **writable} for start, end in merged
             ]
     return items
+
+
+def _settings(link: LinkEstimate) -> dict[str, int | str]:
+    slaves, mode, retries, timeout = link.settings
+    return {"slaves": slaves, "mode": mode, "retries": retries, "timeout": f"{timeout * 10} ms"}
 
 
 def _master_profile(link: LinkEstimate, base: str) -> dict[str, Any]:

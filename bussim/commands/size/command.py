@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
 
@@ -31,9 +31,7 @@ _FORMS = "errors<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500
 @click.option("--goal", "goals", metavar="GOAL", multiple=True, help=f"What it must achieve: {_FORMS}.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--verify", "check", is_flag=True, help="Simulate the choice and two neighbours.")
-@click.option(
-    "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
-)
+@set_option
 @click.option("--out", metavar="DIR", help="Folder for size.json and the picture of the trade-off.")
 @code_option
 def command(

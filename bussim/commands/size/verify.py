@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from bussim.exact.from_scenario import from_scenario
 from bussim.exact.metrics import Request, figures_of
 from bussim.scenario import model
+from bussim.sweep.intervals import student_t
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 if TYPE_CHECKING:
@@ -106,11 +107,11 @@ def verify(scenario: model.Scenario, bus: str, retries: int, timeout: int, loss:
 
 
 def _mean_and_half(times: list[float]) -> tuple[float, float]:
-    """Mean, and half of its 99.9 % interval from batch means (Student's t with 39 degrees: 3.56)."""
+    """Mean, and half of its 99.9 % interval from batch means."""
     size = len(times) // _BATCHES
     if size < 1:
         return math.nan, math.inf
     batches = [math.fsum(times[i * size : (i + 1) * size]) / size for i in range(_BATCHES)]
     mean = math.fsum(batches) / _BATCHES
     variance = math.fsum((batch - mean) ** 2 for batch in batches) / (_BATCHES - 1)
-    return mean, 3.56 * math.sqrt(variance / _BATCHES)
+    return mean, student_t(_BATCHES - 1, 0.999) * math.sqrt(variance / _BATCHES)

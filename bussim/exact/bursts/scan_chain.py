@@ -46,10 +46,9 @@ class _Passed(NamedTuple):
 class ScanChain:
     """A link scan with one setting; without bursts the line has one state."""
 
-    def __init__(self, model: LinkModel, floor: float = FLOOR) -> None:
+    def __init__(self, model: LinkModel) -> None:
         self.model = model
         self.line = line_of(model)
-        self.floor = floor
         self.sums = TurnaroundSums(station.turnaround for station in model.alive)
         self._attempts = {s.number: attempt_at(self.line, model, s) for s in model.stations}
         self._exchanges: dict[tuple[int, int], Exchange] = {}
@@ -204,7 +203,7 @@ class ScanChain:
 
     def begun(self) -> StateMixture:
         """Stationary components, of no length, at a data frame's start, with the flags as marks."""
-        flags = np.nonzero(self.start.sum(axis=1) >= self.floor)[0]
+        flags = np.nonzero(self.start.sum(axis=1) >= FLOOR)[0]
         return StateMixture(np.zeros(flags.size), flags * MARK, self.start[flags][:, None, :])
 
     def begun_exchange(self, station: Station) -> StateMixture:
@@ -213,7 +212,7 @@ class ScanChain:
         place = self.model.stations.index(station)
         if self._bits:
             weight = passed.before[place]
-            flags = np.nonzero(weight.sum(axis=1) >= self.floor)[0]
+            flags = np.nonzero(weight.sum(axis=1) >= FLOOR)[0]
             return StateMixture(np.zeros(flags.size), flags * MARK, weight[flags][:, None, :])
         weight = np.stack((passed.before[place] - passed.marked[place], passed.marked[place]))
         return StateMixture(np.zeros(2), np.array([0, MARK]), weight)
@@ -223,5 +222,5 @@ class ScanChain:
         model = self.model
         components = self.begun().times(self.line.after(model.data), model.data)
         for station in model.stations:
-            components = self.followed(components, station, self.floor)
+            components = self.followed(components, station, FLOOR)
         return self.turned(components).distribution(self.sums)

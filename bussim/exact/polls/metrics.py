@@ -133,7 +133,7 @@ def poll_figures(model: PollListModel) -> PollFigures:
     command = _longest_turn(model, [Cost(poll, 1, poll.need) for poll in commands])
     worst_command = _longest_turn(model, [at_worst(model, poll) for poll in commands])
     if not cyclic:
-        polls = tuple(_command(model, poll) for poll in model.polls)
+        polls = tuple(_one_poll(model, None, poll) for poll in model.polls)
         return PollFigures(model, command=command, worst_command=worst_command, polls=polls)
     clean = _round(model, without_errors(model))
     dead = tuple(_dead(model, device) for device in dict.fromkeys(p.device for p in cyclic if p.device))
@@ -157,30 +157,20 @@ def _round(model: PollListModel, costs: list[Cost]) -> Round:
     return Round(model.master_timing, costs, ordered=not model.commands)
 
 
-def _one_poll(model: PollListModel, clean: Round, poll: PollModel) -> OnePoll:
-    if not poll.cyclic:
-        return _command(model, poll)
-    refresh = None
-    if poll.reads:
-        refresh = clean.age(model.cyclic.index(poll))
-    return _told(model, poll, refresh)
-
-
-def _command(model: PollListModel, poll: PollModel) -> OnePoll:
-    return _told(model, poll, None)
-
-
-def _told(model: PollListModel, poll: PollModel, refresh: int | None) -> OnePoll:
+def _one_poll(model: PollListModel, clean: Round | None, poll: PollModel) -> OnePoll:
+    """``clean`` is the cycle without errors, None where no poll is cyclic."""
     master_timing, request = model.master_timing, poll.request
     taken = master_timing.taken(poll.need)
+    arrival = refresh = None
+    if poll.reads:
+        arrival = min(taken.most - poll.served.least, poll.after + master_timing.late)
+        refresh = clean.age(model.cyclic.index(poll)) if clean is not None and poll.cyclic else None
     return OnePoll(
         poll,
         response=Span(poll.answer.least - request, poll.answer.most - request),
         transaction=taken,
         turn=master_timing.turn(poll.need),
-        on_arrival=min(taken.most - poll.served.least, poll.after + master_timing.late)
-        if poll.reads
-        else None,
+        on_arrival=arrival,
         before_refresh=refresh,
     )
 

@@ -182,15 +182,13 @@ def scan_terms(
     model: LinkModel,
     floor: float = FLOOR,
     probabilities: Sequence[AttemptProbabilities] | None = None,
-    sums: TurnaroundSums | None = None,
 ) -> ScanTerms:
     """The components of a scan; those lighter than ``floor`` are dropped and counted in ``lost``.
 
-    ``probabilities`` of the stations may be given where they are known already, and ``sums`` whose codes
-    to use.
+    ``probabilities`` of the stations may be given where they are known already.
     """
     probabilities = probabilities_of(model) if probabilities is None else probabilities
-    sums = sums or TurnaroundSums(station.turnaround for station in model.alive)
+    sums = TurnaroundSums(station.turnaround for station in model.alive)
     parts = [_dead(model, len(model.dead))] if model.dead else []
     pairs = [(s, p) for s, p in zip(model.stations, probabilities, strict=True) if s.alive]
 
@@ -330,6 +328,6 @@ def _pascal() -> Floats:
     return table
 
 
-def scan_distribution(model: LinkModel, floor: float = FLOOR) -> Distribution:
+def scan_distribution(model: LinkModel) -> Distribution:
     """The distribution of a scan on a line without memory."""
-    return scan_terms(model, floor).distribution(model.timeout)
+    return scan_terms(model).distribution(model.timeout)

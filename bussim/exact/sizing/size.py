@@ -109,12 +109,6 @@ class Sizing:
     noise_levels: NoiseLevels | None = None
     checked: Checked | None = field(default=None, compare=False)
 
-    def choice(self, retries: int, timeout: int) -> Choice | None:
-        """The figures of any setting of the grid, None outside it."""
-        if self.checked is None or timeout not in self.checked.grid.timeouts:
-            return None
-        return _choice(self.checked, self.model.reading, retries, timeout)
-
     def apart(self) -> str:
         """How far the robust setting lies from the recommended one, in words."""
         best, safe = self.recommended, self.robust

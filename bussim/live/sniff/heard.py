@@ -1,4 +1,4 @@
-"""A frame as a listener heard it."""
+"""A frame as a listener received it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from bussim.engines.modbus.adu import Adu
 from bussim.engines.nn.frames import Frame
+from bussim.trace.records import FrameRecord
 
 
 class Protocol(StrEnum):
@@ -33,3 +34,24 @@ class Heard(NamedTuple):
     reason: str = ""
     sender: str = ""
     whole: bool = True
+
+    def record(self, bus: str, kind: str, sender: str, baud: int, fmt: str) -> FrameRecord:
+        """The record of a trace; ``sender`` is its name where the recording has none."""
+        frame = self.frame
+        return FrameRecord(
+            bus=bus,
+            start=self.start,
+            end=self.end,
+            sender=self.sender or sender,
+            kind=kind,
+            station=None if frame is None else frame.station,
+            counter=frame.counter if isinstance(frame, Frame) else None,
+            chars=self.chars,
+            damaged_bits=(),
+            damaged_at={},
+            collided=False,
+            cut=False,
+            protocol=self.protocol.value,
+            baud=baud,
+            format=fmt,
+        )

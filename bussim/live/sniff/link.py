@@ -14,7 +14,7 @@ from bussim.engines.nn import codes
 from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
 from bussim.engines.nn.status import STATIONS
 from bussim.live.sniff.heard import Heard
-from bussim.trace.records import AttemptRecord, FrameRecord, LinkTotals, NoteRecord, ScanRecord, Sink
+from bussim.trace.records import AttemptRecord, LinkTotals, NoteRecord, ScanRecord, Sink
 
 #: 10 ms, the unit of D8180, in ticks.
 _TIMEOUT_UNIT = 720_000
@@ -204,27 +204,12 @@ class LinkDecoder:
         self.busy += heard.end - heard.start
         if not self._sink.traced:
             return
-        master = frame is not None and (frame.kind != DATA or frame.station == 0)
-        name = "" if frame is None else self._names[0 if master else frame.station]
-        self._sink.frame(
-            FrameRecord(
-                bus=self._bus,
-                start=heard.start,
-                end=heard.end,
-                sender=heard.sender or name or "unknown",
-                kind="damaged" if frame is None else frame.kind_name,
-                station=None if frame is None else frame.station,
-                counter=None if frame is None else frame.counter,
-                chars=heard.chars,
-                damaged_bits=(),
-                damaged_at={},
-                collided=False,
-                cut=False,
-                protocol="nn",
-                baud=self._baud,
-                format=self._format,
-            )
-        )
+        if frame is None:
+            kind, name = "damaged", "unknown"
+        else:
+            master = frame.kind != DATA or frame.station == 0
+            kind, name = frame.kind_name, self._names[0 if master else frame.station]
+        self._sink.frame(heard.record(self._bus, kind, name, self._baud, self._format))
 
     def _note(self, tick: int, kind: str, text: str, **detail: int | str) -> None:
         # Flags are the master's, whose view this is; that all is well concerns the bus.

@@ -22,7 +22,7 @@ from bussim.engines.modbus.pdu import (
     decode_response,
 )
 from bussim.live.sniff.heard import Heard
-from bussim.trace.records import BusTotals, FrameRecord, Sink, TransactionRecord
+from bussim.trace.records import BusTotals, Sink, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
 
 #: An echo is an answer up to so many times the slowest answer of its station…
@@ -183,25 +183,7 @@ class ModbusDecoder:
         if not self._sink.traced:
             return
         name = "unknown" if frame is None else f"station {frame.station}" if response else "master"
-        self._sink.frame(
-            FrameRecord(
-                bus=self._bus,
-                start=heard.start,
-                end=heard.end,
-                sender=heard.sender or name,
-                kind=kind,
-                station=None if frame is None else frame.station,
-                counter=None,
-                chars=heard.chars,
-                damaged_bits=(),
-                damaged_at={},
-                collided=False,
-                cut=False,
-                protocol=heard.protocol.value,
-                baud=self._baud,
-                format=self._format,
-            )
-        )
+        self._sink.frame(heard.record(self._bus, kind, name, self._baud, self._format))
 
     def totals(self) -> BusTotals:
         """Counts so far."""

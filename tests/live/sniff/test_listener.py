@@ -81,13 +81,23 @@ def test_a_link_is_watched_as_the_master_reports_it(press_line: bussim.Result) -
     totals = listener.totals(15 * TICKS_PER_SECOND).links[0]
     assert press_line.totals is not None
     truth = press_line.totals.links[0]
-    for same in ("seats", "slaves", "mode", "retries", "attempts", "timeout", "busy", "frames", "healthy_at"):
+    for same in (
+        "plc_names",
+        "slaves",
+        "mode",
+        "retries",
+        "attempts",
+        "timeout",
+        "busy",
+        "frames",
+        "healthy_at",
+    ):
         assert getattr(totals, same) == getattr(truth, same)
     assert totals.station_errors == truth.station_errors
 
 
-@pytest.mark.parametrize("lump", [1, 7, 100, 4000])
-def test_lumps_do_not_change_which_frames_are_heard(press_line: bussim.Result, chunk: int) -> None:
+@pytest.mark.parametrize("chunk", [1, 7, 100, 4000])
+def test_chunks_do_not_change_which_frames_are_heard(press_line: bussim.Result, chunk: int) -> None:
     """As an adapter would hand them over: some characters at once, with its tolerance."""
     frames = [
         record
@@ -134,7 +144,7 @@ def exchanges(mode: Mode, seed: int, count: int = 60) -> tuple[list[tuple[bytes,
             pdu = encode_exception(*response)
         frames.append((encode_adu(mode, 5, pdu).chars, False))
     if outcomes[-1] == "no response in time":
-        outcomes.pop()  # nobody can know yet
+        outcomes.pop()  # not decided yet
     return frames, outcomes
 
 

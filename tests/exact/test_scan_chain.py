@@ -61,9 +61,11 @@ def test_a_hit_is_exact_however_rare() -> None:
 
 
 @given(st.floats(0, 0.3), st.floats(0, 0.3), st.floats(0, 0.3), st.integers(11, 60))
-def test_a_replys_fates_are_all_that_can_happen(wire: float, master: float, ear: float, bits: int) -> None:
+def test_a_replys_outcomes_are_all_that_can_happen(
+    wire: float, master: float, receiver: float, bits: int
+) -> None:
     noise = LineNoise(
-        (NoiseSource("bus", None, wire), NoiseSource("rx", 0, master), NoiseSource("rx", 2, ear))
+        (NoiseSource("bus", None, wire), NoiseSource("rx", 0, master), NoiseSource("rx", 2, receiver))
     )
     line = Line(noise, 1875.0)
     outcome = line.reply(noise.sources[:1], noise.sources[1:2], noise.sources[2:], bits)
