@@ -57,7 +57,7 @@ class AreaMap(ABC):
 
     Raises ValueError for areas that overlap, leave 0…65535 or do not hold whole items. Addresses of
     no area, writes to what is not writable and split items are refused with exception 02. A write is
-    judged whole before anything is stored.
+    checked whole before anything is stored.
     """
 
     def __init__(
@@ -90,20 +90,20 @@ class AreaMap(ABC):
         None if some lie in no area or split an item.
         """
         areas = self._by_space[space]
-        place = bisect_right(self._starts[space], address) - 1
+        index = bisect_right(self._starts[space], address) - 1
         found: list[Part] = []
         at, end = address, address + count
         while at < end:
-            if not 0 <= place < len(areas) or not areas[place].start <= at < areas[place].end:
+            if not 0 <= index < len(areas) or not areas[index].start <= at < areas[index].end:
                 return None
-            area = areas[place]
+            area = areas[index]
             taken = min(end, area.end) - at
             offset = at - area.start
             if offset % area.width or taken % area.width:
                 return None
             found.append(Part(area, offset, taken))
             at += taken
-            place += 1
+            index += 1
         return found
 
     def read(self, space: Space, address: int, count: int, now: int) -> Sequence[int] | ExceptionCode:

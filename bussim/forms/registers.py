@@ -12,7 +12,7 @@ _STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
 
 
 def check_registers(path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool) -> None:
-    """Judge devices and values; ``link``: of a PLC that can take part in N:N."""
+    """Check devices and values; ``link``: of a PLC that can take part in N:N."""
     seen: dict[Device, str] = {}
     for name, value in registers.items():
         device = named_device((*path, name), name, report)

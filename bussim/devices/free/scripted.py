@@ -1,4 +1,4 @@
-"""A device with a protocol of its own: it says fixed things, by the clock or in answer to what it hears."""
+"""A device with a protocol of its own: it sends fixed messages, by the clock or as replies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bussim.engines.free.engine import FreeFrame
 from bussim.engines.free.events import FreeEvent, Sent
 from bussim.line.characters import LineTiming
 
-#: Sayings that wait while another is sent; what falls due beyond them is never said (assumed: a device's
+#: Messages that wait while another is sent; what falls due beyond them is never sent (assumed: a device's
 #: buffer is full, and a run's memory must not grow with its length).
 MOST_WAITING: Final = 64
 
@@ -23,7 +23,7 @@ class Message:
 
     On its own: first at ``at``, then every ``every`` ticks (None: once), ``times`` times (None: for
     ever), each time up to ``jitter`` later. Where ``reply_to`` is not empty: ``delay`` ticks after
-    these bytes have been heard.
+    these bytes have been received.
     """
 
     data: bytes
@@ -38,8 +38,8 @@ class Message:
 class ScriptedDevice:
     """The device's one port. See :mod:`bussim.engines.contract` for the methods.
 
-    ``draws`` are the streams of the sayings' jitter, in order. What falls due while something else is
-    being sent follows it, up to :data:`MOST_WAITING`. Characters with errors are heard with the value
+    ``draws`` are the random streams of the messages' jitter, in order. What falls due while something else is
+    being sent follows it, up to :data:`MOST_WAITING`. Characters with errors count with the value
     that they have.
     """
 
@@ -57,7 +57,7 @@ class ScriptedDevice:
         self._events: deque[FreeEvent] = deque()
         self._longest = max((len(message.reply_to) for message in self._messages), default=0)
         self._tail = b""
-        self._clock: list[int | None] = [None] * len(self._messages)  # when each speaks next on its own
+        self._clock: list[int | None] = [None] * len(self._messages)  # when each is due next on its own
         self._turns = [0] * len(self._messages)
         self._queue: deque[tuple[int, bytes]] = deque()  # (not before, data) behind what is due
         self._begun = 0
@@ -67,7 +67,7 @@ class ScriptedDevice:
     # -- supply --------------------------------------------------------------------------------
 
     def start(self, now: int) -> int:
-        """Power-on: what was to be said at a tick that is over begins with the next turn."""
+        """Power-on: what was due at a tick that is over begins with its next turn."""
         self._on = True
         for number, message in enumerate(self._messages):
             self._turns[number] = 0
@@ -108,7 +108,7 @@ class ScriptedDevice:
         for message in self._messages:
             if message.reply_to and self._tail.endswith(message.reply_to):
                 self._tail = b""
-                return self._say(message.data, end + message.delay)
+                return self._send(message.data, end + message.delay)
         return 0
 
     def receive_frame(self, frame: FreeFrame, start: int, end: int) -> int:
@@ -126,22 +126,22 @@ class ScriptedDevice:
         return 0
 
     def deadline(self) -> int | None:
-        """When it speaks next on its own."""
+        """When a message is due next on its own."""
         return min((at for at in self._clock if at is not None), default=None)
 
     def on_deadline(self, now: int) -> int:
-        """It is time to speak."""
+        """A message is due."""
         hints = DEADLINE
         for number, at in enumerate(self._clock):
             if at is not None and at <= now:
                 self._turns[number] += 1
                 self._clock[number] = self._next(number)
-                hints |= self._say(self._messages[number].data, now)
+                hints |= self._send(self._messages[number].data, now)
         return hints
 
     # -- sending -------------------------------------------------------------------------------
 
-    def _say(self, data: bytes, at: int) -> int:
+    def _send(self, data: bytes, at: int) -> int:
         if self._out is not None:
             if len(self._queue) < MOST_WAITING:
                 self._queue.append((at, data))
@@ -166,7 +166,7 @@ class ScriptedDevice:
         self._out = None
         if self._queue:
             at, data = self._queue.popleft()
-            return EVENTS | self._say(data, max(at, now))
+            return EVENTS | self._send(data, max(at, now))
         return EVENTS
 
     def poll(self) -> Transmit | FreeEvent | None:

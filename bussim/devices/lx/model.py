@@ -51,7 +51,7 @@ class LxIn(SlaveIn):
     registers: dict[str, Word] = Field({})
 
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
-        """Judge its devices and their values."""
+        """Check its devices and their values."""
         super().check(entry, find, report)
         check_registers((*entry.path, "registers"), self.registers, report, link=False)
 

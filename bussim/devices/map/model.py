@@ -171,7 +171,7 @@ class MapIn(SlaveIn):
     registers: _Items = Field([])
 
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
-        """Judge where its items lie, and their values."""
+        """Check where its items lie, and their values."""
         super().check(entry, find, report)
         for section, space in SECTIONS.items():
             items: list[ItemIn] = getattr(self, section)

@@ -40,14 +40,14 @@ def pulses_per_unit(parameters: Parameters) -> Fraction | None:
 def drive_for(parameters: Parameters, start: int, speed: int, acceleration: Fraction) -> Drive:
     """A drive from a start rate in Hz, a speed in turns a minute and an acceleration in Hz per second.
 
-    The top rate is 0 where the pulses of a turn cannot be told.
+    The top rate is 0 where the pulses of a turn are unknown.
     """
     top = (pulses_per_turn(parameters) or Fraction(0)) * speed / 60
     return Drive(Fraction(start), top, acceleration)
 
 
-def way_of(parameters: Parameters, distance: int, *, reverse: int) -> int:
-    """Signed pulses of a distance (32 bits, two's complement); 0 where they cannot be told."""
+def pulses_of(parameters: Parameters, distance: int, *, reverse: int) -> int:
+    """Signed pulses of a distance (32 bits, two's complement); 0 where they are unknown."""
     per_unit = pulses_per_unit(parameters)
     if per_unit is None:
         return 0
@@ -55,12 +55,12 @@ def way_of(parameters: Parameters, distance: int, *, reverse: int) -> int:
 
 
 class Axis:
-    """Position in pulses, from where the axis was at the beginning, and the motion under way."""
+    """Position in pulses, from where the axis was at the beginning, and the motion in progress."""
 
     def __init__(self, parameters: Parameters, switches: Sequence[Switch] = ()) -> None:
         self._parameters = parameters
         self._switches = tuple(switches)
-        self._base = 0  # where the motion under way began, or where it stands
+        self._base = 0  # where the motion in progress began, or where it stands
         self._origin = 0  # where the coordinate is 0
         self._crossings: list[int] = []  # ticks at which a switch changes, latest first
         self.motion: Motion | None = None
@@ -71,7 +71,7 @@ class Axis:
         return self._base if motion is None else self._base + motion.direction * motion.pulses(tick)
 
     def position(self, tick: int) -> int:
-        """The coordinate (40023/40024) in hundredths of a unit; 0 where it cannot be told."""
+        """The coordinate (40023/40024) in hundredths of a unit; 0 where it is unknown."""
         return self._units(self.pulses(tick) - self._origin)
 
     def _units(self, pulses: int) -> int:
@@ -79,13 +79,13 @@ class Axis:
         return 0 if per_unit is None else round_half_up(pulses / per_unit)
 
     def target(self) -> int | None:
-        """The coordinate at which the motion under way will end."""
+        """The coordinate at which the motion in progress will end."""
         motion = self.motion
         if motion is None or motion.length is None:
             return None
         return self._units(self._base + motion.direction * motion.length - self._origin)
 
-    def way_to(self, position: int, tick: int) -> int:
+    def pulses_to(self, position: int, tick: int) -> int:
         """Signed pulses from where it is to a coordinate."""
         per_unit = pulses_per_unit(self._parameters)
         return (
@@ -104,7 +104,7 @@ class Axis:
         self.replan(tick)
 
     def replan(self, tick: int) -> None:
-        """Work out when the motion under way passes switches: where they lie may be new."""
+        """Work out when the motion in progress passes switches: where they lie may be new."""
         motion = self.motion
         if motion is None:
             return
@@ -156,7 +156,7 @@ class Axis:
             self._crossings.pop()
 
     def switched_on(self, number: int, tick: int) -> bool:
-        """Whether some switch turns an input on at a tick; none does where units cannot be told."""
+        """Whether some switch turns an input on at a tick; none does where units are unknown."""
         if pulses_per_unit(self._parameters) is None:
             return False
         at = self.pulses(tick)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
-from bussim.devices.stepper.axis import Axis, Inputs, Switch, drive_for, pulses_per_unit, way_of
+from bussim.devices.stepper.axis import Axis, Inputs, Switch, drive_for, pulses_of, pulses_per_unit
 from bussim.devices.stepper.motion import Drive, Job, Stop, run, travel
 from bussim.devices.stepper.parameters import Parameters
 from bussim.devices.stepper.profile import StepOutput, StepperProfile
@@ -37,7 +37,7 @@ class Controller:
         self.outputs = [False] * (OUTPUTS + 1)  # by number, 0 unused
         self.inputs = Inputs(parameters, self.axis)
         self._job = Job.JOG
-        self._stop: Stop | None = None  # why the motion under way is being stopped
+        self._stop: Stop | None = None  # why the motion in progress is being stopped
         self._signal = 0  # the input that a jog by signal follows
         self._legs: list[int] = []  # signed pulses still to go in a single run
         self._project: Project | None = None
@@ -92,25 +92,25 @@ class Controller:
         return None
 
     def run_once(self, now: int) -> bool:
-        """Coil 00008: by 40010/40011 (relative), or to it (absolute), as often as 40058 says to and fro.
+        """Coil 00008: by 40010/40011 (relative), or to it (absolute), as often as 40058 says there and back.
 
-        40058 = 0 is one way; n goes there and back n times (assumed).
+        40058 = 0 is a single run; n goes there and back n times (assumed).
         """
         parameters = self.parameters
         if parameters["absolute"]:
-            way = self.axis.way_to(signed(parameters["distance"]), now)
+            pulses = self.axis.pulses_to(signed(parameters["distance"]), now)
         else:
-            way = way_of(parameters, parameters["distance"], reverse=parameters["direction"])
-        started = self._start_way(Job.RUN_ONCE, way, now, "run_once")
+            pulses = pulses_of(parameters, parameters["distance"], reverse=parameters["direction"])
+        started = self._start_travel(Job.RUN_ONCE, pulses, now, "run_once")
         if started:
             self.arrived = False
-            legs = 2 * parameters["round_trips"] if way else 0
-            self._legs = [way * (-1) ** leg for leg in range(legs - 1, 0, -1)]  # the last one first
+            legs = 2 * parameters["round_trips"] if pulses else 0
+            self._legs = [pulses * (-1) ** leg for leg in range(legs - 1, 0, -1)]  # the last one first
         return started
 
     def to_zero(self, now: int) -> bool:
         """Coil 00007: back to coordinate zero."""
-        return self._start_way(Job.TO_ZERO, self.axis.way_to(0, now), now, "to_zero")
+        return self._start_travel(Job.TO_ZERO, self.axis.pulses_to(0, now), now, "to_zero")
 
     def home(self, now: int) -> bool:
         """Coil 00010: reverse until the mechanical zero signal (40007)."""
@@ -209,7 +209,7 @@ class Controller:
             self._try_step(now)
 
     def _check_motion(self, now: int) -> None:
-        """Stop the motion under way if an input says so."""
+        """Stop the motion in progress if an input says so."""
         motion = self.axis.motion
         if motion is None:
             return
@@ -224,11 +224,11 @@ class Controller:
             self._halt(now, Stop.STEP_SIGNAL)
 
     def _signalled(self, direction: int, number: int, now: int) -> None:
-        """A forward or reverse start signal (40078, 40079) came; 40077 tells what it means."""
+        """A forward or reverse start signal (40078, 40079) came; 40077 decides what it does."""
         mode = self.parameters["signal_mode"]
         if mode == 0:
-            way = direction * abs(way_of(self.parameters, self.parameters["distance"], reverse=0))
-            self._start_way(Job.SIGNAL, way, now, "start signal")
+            pulses = direction * abs(pulses_of(self.parameters, self.parameters["distance"], reverse=0))
+            self._start_travel(Job.SIGNAL, pulses, now, "start signal")
         elif mode == 1:
             self._start_run(Job.SIGNAL, direction, now, "start signal")
         else:
@@ -247,15 +247,15 @@ class Controller:
         parameters = self.parameters
         return self._drive(parameters["start_frequency"], parameters["speed"], parameters["acceleration"])
 
-    def _start_way(self, job: Job, way: int, now: int, command: str) -> bool:
-        direction = REVERSE if way < 0 else FORWARD
-        why = self._blocked(direction if way else None)
+    def _start_travel(self, job: Job, pulses: int, now: int, command: str) -> bool:
+        direction = REVERSE if pulses < 0 else FORWARD
+        why = self._blocked(direction if pulses else None)
         drive = self._own_drive()
         if why is None and (not drive.can_move or pulses_per_unit(self.parameters) is None):
             why = "speed, step angle, microsteps or pitch is 0"
         if why is not None:
             return self._refuse(now, command, why)
-        self._begin(job, drive, abs(way), direction, now)
+        self._begin(job, drive, abs(pulses), direction, now)
         return True
 
     def _start_run(self, job: Job, direction: int, now: int, command: str) -> bool:
@@ -275,11 +275,11 @@ class Controller:
         self.axis.move(motion, now)
         target = self.axis.target()
         aim = "" if target is None else f" to {target / 100:.2f}"
-        way = "forward" if direction == FORWARD else "reverse"
-        self.events.append((now, f"starts {way}{aim} ({job.value})"))
+        heading = "forward" if direction == FORWARD else "reverse"
+        self.events.append((now, f"starts {heading}{aim} ({job.value})"))
 
     def _halt(self, now: int, reason: Stop) -> None:
-        """Stop the motion under way: signals of the machine at once, the rest as 40008 says."""
+        """Stop the motion in progress: signals of the machine at once, the rest as 40008 says."""
         motion = self.axis.motion
         if motion is None:
             return
@@ -302,8 +302,8 @@ class Controller:
         self.events.append((now, f"stands at {at:.2f} ({job.value}: {reason.value})"))
         if job is Job.RUN_ONCE and reason is Stop.ARRIVED:
             if self._legs and motion is not None:
-                way = self._legs.pop()  # with the speed of the first one
-                self._begin(job, motion.drive, abs(way), REVERSE if way < 0 else FORWARD, now)
+                pulses = self._legs.pop()  # with the speed of the first one
+                self._begin(job, motion.drive, abs(pulses), REVERSE if pulses < 0 else FORWARD, now)
             else:
                 self.arrived = True
         elif job is Job.STEP:
@@ -329,9 +329,9 @@ class Controller:
         if number and not self.inputs.level(number):
             return
         drive = self._drive(values["step_start_frequency"], values["step_speed"], values["step_acceleration"])
-        way = way_of(self.parameters, values["step_distance"], reverse=values["step_direction"])
-        direction = REVERSE if way < 0 else FORWARD
-        if way == 0 or not drive.can_move or self._step_stopped():
+        pulses = pulses_of(self.parameters, values["step_distance"], reverse=values["step_direction"])
+        direction = REVERSE if pulses < 0 else FORWARD
+        if pulses == 0 or not drive.can_move or self._step_stopped():
             self._step_moved(now)
         elif self.inputs.on(_LIMITS[direction]):
             self._end_project(now, complete=False)
@@ -339,7 +339,7 @@ class Controller:
             project.waiting = Waiting.MOTION
             if self.profile.step_output is StepOutput.STEP:
                 self._take_output(now)
-            self._begin(Job.STEP, drive, abs(way), direction, now)
+            self._begin(Job.STEP, drive, abs(pulses), direction, now)
 
     def _step_stopped(self) -> bool:
         """Whether the stop signal of the running step (40051; 0: none) is on."""

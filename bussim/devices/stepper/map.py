@@ -173,7 +173,7 @@ class Stepper(AreaMap):
 
     def _fetch(self, part: Part, now: int) -> Sequence[int]:
         value = self.value(part.area.name, now)
-        return [value >> 16 * place & 0xFFFF for place in range(part.offset, part.offset + part.size)]
+        return [value >> 16 * word & 0xFFFF for word in range(part.offset, part.offset + part.size)]
 
     def _written(self, part: Part, values: Sequence[int]) -> int:
         name = part.area.name

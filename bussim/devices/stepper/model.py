@@ -145,7 +145,7 @@ class StepperIn(SlaveIn):
     profile: StepperProfileIn | None = None
 
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
-        """Judge the names and values of its parameters, and its profile's coil."""
+        """Check the names and values of its parameters, and its profile's coil."""
         super().check(entry, find, report)
         path = (*entry.path, "registers")
         for name, value in self.registers.items():
@@ -201,7 +201,7 @@ def _parameters(given: Mapping[str, int]) -> dict[str, int]:
 def _check_parameter(
     path: Path, name: str, value: int, allowed: Sequence[str], other: str, report: Reporter
 ) -> None:
-    """Judge one parameter by name; ``other`` is what to say of a register that is not ``allowed`` here."""
+    """Check one parameter by name; ``other`` is what to say of a register that is not ``allowed`` here."""
     if name not in allowed:
         known = other if name in BY_NAME else "is no register"
         report.error((*path, name), f"{known}; {suggest(name, allowed)}", key=True)

@@ -1,7 +1,7 @@
 """Kinematics of a stepper motor as pure functions of ticks; positions are whole pulses.
 
 The pulse rate jumps to the start frequency, grows linearly to the top, and comes down the same way:
-a trapezoid, or a triangle where the way is too short. Rates are exact fractions of Hz.
+a trapezoid, or a triangle where the distance is too short. Rates are exact fractions of Hz.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Drive:
 
 
 class Phase(NamedTuple):
-    """A stretch of constant acceleration."""
+    """A phase of constant acceleration."""
 
     begin: Fraction  # ticks from the motion's start
     pulses: Fraction  # done by then

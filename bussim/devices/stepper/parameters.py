@@ -76,6 +76,6 @@ class Parameters:
 
 def with_words(register: Register, value: int, offset: int, words: tuple[int, ...]) -> int:
     """A register's value with some of its words (from ``offset`` on, low word first) replaced."""
-    for place, word in enumerate(words, offset):
-        value = value & ~(0xFFFF << 16 * place) | word << 16 * place
+    for index, word in enumerate(words, offset):
+        value = value & ~(0xFFFF << 16 * index) | word << 16 * index
     return value & ((1 << 16 * register.words) - 1)

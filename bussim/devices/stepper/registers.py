@@ -28,7 +28,7 @@ class Register(NamedTuple):
     """One register, or two that hold 32 bits (low word first): ``number`` as in the manual.
 
     ``low`` … ``high`` are the values that can be written; ``default`` is what it is delivered with
-    (of most the manual does not tell it: assumed).
+    (the manual gives few of them; the others are assumed).
     """
 
     number: int  # 40001…

@@ -58,7 +58,7 @@ class V80In(SlaveIn):
         )
 
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
-        """Judge the reference numbers."""
+        """Check the reference numbers."""
         super().check(entry, find, report)
         seen: dict[tuple[str, int], str] = {}
         for section, key, _ in self._items():

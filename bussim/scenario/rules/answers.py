@@ -21,7 +21,7 @@ from bussim.units import format_ms, format_time
 
 
 class Answers:
-    """Judges what comes back. Register maps are made once a device, when a poll asks it."""
+    """Checks what comes back. Register maps are made once a device, when a poll asks it."""
 
     def __init__(self, nodes: Directory, code: Code, report: Report) -> None:
         self._nodes = nodes
@@ -31,7 +31,7 @@ class Answers:
         self._maps: dict[str, AreaMap] = {}
 
     def check(self, entry: Entry[TransactionIn], poll: TransactionIn, master: Node, timeout: int) -> None:
-        """Judge one poll of a master, whose request can be sent."""
+        """Check one poll of a master, whose request can be sent."""
         if self._report.errors or not self._nodes.whole:
             return  # warnings beside a mistake are not shown
         slaves = [node for node in self._nodes.on(master.bus) if node.role is Role.SLAVE]
@@ -110,7 +110,7 @@ class Answers:
         *,
         refused: bool,
     ) -> None:
-        """Judge the timeout against the slave's answer, which is an exception where it is ``refused``."""
+        """Check the timeout against the slave's answer, which is an exception where it is ``refused``."""
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
         request = Request(poll.function or 0, poll.address or 0, poll.quantity)

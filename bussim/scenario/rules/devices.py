@@ -1,4 +1,4 @@
-"""What is wrong or odd about a device on its bus; what its model is and allows, its form judges."""
+"""What is wrong or odd about a device on its bus; what its model is and allows, its form checks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bussim.scenario.yaml.source_map import Report
 
 
 def check_devices(resolved: Resolved, report: Report) -> None:
-    """Judge every entry of ``devices``."""
+    """Check every entry of ``devices``."""
     for entry in resolved.draft.devices:
         device = entry.value
         if device is None or not device.known:
