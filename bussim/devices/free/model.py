@@ -96,8 +96,9 @@ class FreeIn(DeviceIn):
     """An entry of this model."""
 
     example = """
-{name: reader, model: free, bus: feeder,
-  says: [{text: "4006381333931", every: 1 s, jitter: 100 ms}, {bytes: "02 41", reply_to: "?", delay: 5 ms}]}
+{name: reader, model: free, bus: feeder, says: [
+  {text: "4006381333931", at: 1 s, every: 1 s, times: 3, jitter: 100 ms},
+  {bytes: "02 41", reply_to: "?", delay: 5 ms}, {text: "A", reply_to: {bytes: "05"}}]}
 """
     port = FREE_PORT
 

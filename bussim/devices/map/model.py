@@ -158,9 +158,10 @@ class MapIn(SlaveIn):
 
     example = """
 {name: sensors, model: map, bus: feeder, station: 9, mode: ascii, delay: 3 ms, jitter: 2 ms,
-  functions: [3, 4, 6], coils: [{address: 5}], inputs: [{address: 0, count: 4, value: 1}],
-  input_registers: [{address: 0, noise: {center: 500, spread: 20, every: 1 s}}],
-  registers: [{address: 0, ramp: {from: 0, to: 99, over: 10 s}}, {address: 9, writable: true, high: 9}]}
+  functions: [3, 4, 6], coils: [{address: 5}], inputs: [{address: 3, count: 4, value: 1, name: doors}],
+  input_registers: [{address: 3, noise: {center: 500, spread: 20, every: 1 s, normal: true}}],
+  registers: [{address: 0, ramp: {from: 5, to: 99, over: 10 s, repeat: true}},
+    {address: 8, words: 2, high_first: true, writable: true, low: 1, high: 9}]}
 """
     port = MAP_PORT
 

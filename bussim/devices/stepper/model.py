@@ -135,7 +135,8 @@ class StepperIn(SlaveIn):
     example = """
 {name: feeder1, model: stepper, bus: feeder, station: 9, delay: 40 ms, jitter: 2 ms,
   registers: {pitch: 1000}, steps: [{step_speed: 300, step_distance: -500}],
-  switches: [{input: 1, low: -5}], profile: {save_coil: 30, acceleration_unit: 2.5, step_output: step}}
+  switches: [{input: 1, low: -5, high: 0}], profile: {save_coil: 30, acceleration_unit: 2.5,
+  homing_zeroes: true, refused_command: 0, step_output: step, zero_is_endless: false}}
 """
     port = STEPPER_PORT
 
