@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Protocol, assert_never
 
 from bussim.results.meters.latency import LatencyMeter, LatencySpec
 from bussim.results.meters.link import LinkMeter, LinkRecord
@@ -79,24 +79,26 @@ class Collector:
         self._latency = LatencyMeter(latency)
         self._single_ends: dict[str, list[int]] = {}  # ENDs that came one by one, for the trace
 
-    def scan(self, record: ScanRecord) -> None:
-        """Count a link scan."""
-        self._links[record.bus].scan(record)
+    def take(self, record: Record) -> None:
+        """Count a record, and hand it on to the rows."""
+        match record:
+            case ScanRecord():
+                self._links[record.bus].scan(record)
+            case FrameRecord() | AttemptRecord() | EndsRecord():
+                pass
+            case TransactionRecord() | PollRecord() | CycleRecord() | FreeRecord():
+                self._ports.take(record)
+            case DeviceValueRecord():
+                self._latency.value(record)
+            case InputRecord():
+                self._latency.input(record)
+            case NoteRecord():
+                self._note(record)
+            case _:
+                assert_never(record)
         self._rows.take(record)
 
-    def attempt(self, record: AttemptRecord) -> None:
-        """Hand an attempt on."""
-        self._rows.take(record)
-
-    def frame(self, record: FrameRecord) -> None:
-        """Hand a frame on."""
-        self._rows.take(record)
-
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None:  # noqa: ARG002 (Sink's signature)
-        """Count a failed attempt in the scan under way."""
-        self._links[bus].attempt_failed(code)
-
-    def note(self, record: NoteRecord) -> None:
+    def _note(self, record: NoteRecord) -> None:
         """Keep a note, and what follows from it for the plots and for the time after start-up."""
         kind = record.kind
         if kind == "healthy":
@@ -113,37 +115,10 @@ class Collector:
             self.notes.append(record)
         else:
             self.left_out[kind] = self.left_out.get(kind, 0) + 1
-        self._rows.take(record)
 
-    def transaction(self, record: TransactionRecord) -> None:
-        """Count a transaction."""
-        self._ports.transaction(record)
-        self._rows.take(record)
-
-    def poll_turn(self, record: PollRecord) -> None:
-        """Count a turn of a poll."""
-        self._ports.turn(record)
-        self._rows.take(record)
-
-    def cycle(self, record: CycleRecord) -> None:
-        """Count a cycle of a poll list."""
-        self._ports.cycle(record)
-        self._rows.take(record)
-
-    def free(self, record: FreeRecord) -> None:
-        """Count bytes of the free protocol."""
-        self._ports.free(record)
-        self._rows.take(record)
-
-    def value(self, record: DeviceValueRecord) -> None:
-        """Hand a device's new value on."""
-        self._latency.value(record)
-        self._rows.take(record)
-
-    def input(self, record: InputRecord) -> None:
-        """Hand an input's change on."""
-        self._latency.input(record)
-        self._rows.take(record)
+    def failed(self, bus: str, tick: int, station: int, code: int) -> None:  # noqa: ARG002 (Sink's signature)
+        """Count a failed attempt in the scan under way."""
+        self._links[bus].attempt_failed(code)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on, in a trace in blocks."""

@@ -86,7 +86,7 @@ class Journal:
         elif self._protocol == "free":
             kind = "data"
         line.frames += 1
-        line.sink.frame(
+        line.sink.take(
             FrameRecord(
                 bus=line.name,
                 start=start,

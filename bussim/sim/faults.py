@@ -72,7 +72,7 @@ class FaultPlan:
             value = getattr(fault.kind, key, None)
             if value is not None:
                 detail[key] = value
-        self._sink.note(NoteRecord(tick, kind, fault.name, text, detail))
+        self._sink.take(NoteRecord(tick, kind, fault.name, text, detail))
 
     def _beginning(self, fault: model.Fault) -> Undo:
         def begin(now: int) -> None:

@@ -40,7 +40,7 @@ class PlcProbe:
 
     def changed(self, device: Device, value: int, end: int) -> None:
         """See the observer."""
-        self._sink.value(DeviceValueRecord(end, self._plc.name, str(device), value))
+        self._sink.take(DeviceValueRecord(end, self._plc.name, str(device), value))
 
     def sampled(self, device: Device, changes: Sequence[Change], sampled: int, end: int) -> None:
         """See the observer."""
@@ -48,7 +48,7 @@ class PlcProbe:
         last = changes[-1]
         for change in changes:
             seen = change is last
-            self._sink.input(InputRecord(change[0], name, text, change[1], sampled, seen, end))
+            self._sink.take(InputRecord(change[0], name, text, change[1], sampled, seen, end))
 
     def faulted(self, fault: OperationFault | Halt, now: int) -> None:
         """See the observer."""
@@ -61,7 +61,7 @@ class PlcProbe:
             else:
                 kind, note = "program_error", fault.text(self._program)
                 text = f"{name}'s program met an error in the scan up to {seconds(now):.3f} s: {note}"
-            self._sink.note(NoteRecord(now, kind, name, note, {"code": code}))
+            self._sink.take(NoteRecord(now, kind, name, note, {"code": code}))
         self._faults[code] = (text, count + (fault.number if isinstance(fault, OperationFault) else 1))
 
     def warnings(self, now: int) -> list[str]:

@@ -207,49 +207,22 @@ class TraceHeader(NamedTuple):
 
 
 class Sink(Protocol):
-    """What takes a run's records. Ticks never decrease from one call to the next of one method."""
+    """What takes a run's records. Ticks of records of one type never decrease."""
 
-    #: Whether :meth:`attempt` and :meth:`frame` are wanted; they cost time and memory.
+    #: Whether attempts and frames are wanted; they cost time and memory.
     traced: bool
 
-    def scan(self, record: ScanRecord) -> None:
-        """A link scan has ended."""
-
-    def attempt(self, record: AttemptRecord) -> None:
-        """An attempt was decided (only if :attr:`traced`)."""
-
-    def frame(self, record: FrameRecord) -> None:
-        """A frame has left the bus (only if :attr:`traced`)."""
+    def take(self, record: Record) -> None:
+        """Take a record: attempts and frames only if :attr:`traced`, an input's change when it is sampled."""
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None:
         """An attempt of the bus's (first) master failed with an error code."""
-
-    def note(self, record: NoteRecord) -> None:
-        """Any other event."""
-
-    def transaction(self, record: TransactionRecord) -> None:
-        """A Modbus master has taken over the outcome of an attempt."""
-
-    def poll_turn(self, record: PollRecord) -> None:
-        """A turn of a poll is over."""
-
-    def cycle(self, record: CycleRecord) -> None:
-        """A cycle of a poll list is over."""
-
-    def free(self, record: FreeRecord) -> None:
-        """Bytes of the free protocol were sent or received."""
-
-    def value(self, record: DeviceValueRecord) -> None:
-        """An observed device has changed."""
-
-    def input(self, record: InputRecord) -> None:
-        """An input's wire has changed; called when the PLC samples it, in order."""
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """ENDs of a PLC, in order.
 
         Those of a PLC that a latency is measured of come one by one as they happen, each after what it
-        changed (:meth:`value`) and before the scan that begins with it (:meth:`input`). Those of other
+        changed (values) and before the scan that begins with it (inputs). Those of other
         PLCs come only if :attr:`traced`, in blocks, later than they happen.
         """
 

@@ -33,7 +33,7 @@ from bussim.plc.sources import Counter
 from bussim.results.collector import Collector
 from bussim.scenario import model
 from bussim.sim.runner import Simulation
-from bussim.trace.records import AttemptRecord, FrameRecord, NoteRecord, ScanRecord
+from bussim.trace.records import Record, ScanRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 STATIONS = 8
@@ -49,20 +49,10 @@ class Silent:
     def __init__(self) -> None:
         self.scans = 0
 
-    def scan(self, record: ScanRecord) -> None:
-        del record
-        self.scans += 1
-
-    def attempt(self, record: AttemptRecord) -> None:
-        """Not wanted."""
-
-    def frame(self, record: FrameRecord) -> None:
-        """Not wanted."""
+    def take(self, record: Record) -> None:
+        self.scans += isinstance(record, ScanRecord)
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None:
-        """Not wanted."""
-
-    def note(self, record: NoteRecord) -> None:
         """Not wanted."""
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
@@ -76,9 +66,9 @@ class Summing(Collector):
         super().__init__(traced=False)
         self.scans = 0
 
-    def scan(self, record: ScanRecord) -> None:
-        super().scan(record)
-        self.scans += 1
+    def take(self, record: Record) -> None:
+        super().take(record)
+        self.scans += isinstance(record, ScanRecord)
 
 
 def scenario(seconds: int, *, changing: bool = False) -> model.Scenario:

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from bussim.results.collector import Collector
 from bussim.scenario.loader import loads
 from bussim.sim.runner import Simulation
-from bussim.trace.records import ScanRecord, TransactionRecord
+from bussim.trace.records import Record, ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
 
 PORTS = 4
@@ -38,13 +38,10 @@ class Counting(Collector):
         super().__init__(traced=False)
         self.transactions = self.scans = 0
 
-    def transaction(self, record: TransactionRecord) -> None:
-        super().transaction(record)
-        self.transactions += 1
-
-    def scan(self, record: ScanRecord) -> None:
-        super().scan(record)
-        self.scans += 1
+    def take(self, record: Record) -> None:
+        super().take(record)
+        self.transactions += isinstance(record, TransactionRecord)
+        self.scans += isinstance(record, ScanRecord)
 
 
 def scenario(every: str) -> str:

@@ -17,7 +17,7 @@ from bussim.exact.refresh import gap_distributions
 from bussim.exact.solve import Solved
 from bussim.scenario.loader import from_data
 from bussim.sim.runner import simulate
-from bussim.trace.records import AttemptRecord, FrameRecord, NoteRecord, RunTotals, ScanRecord
+from bussim.trace.records import Record, RunTotals, ScanRecord
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.selection import quick_names
 
@@ -32,16 +32,11 @@ class Heard:
         self.gaps: dict[tuple[int, int], list[int]] = {}
         self._last: dict[tuple[int, int], int] = {}
 
-    def scan(self, record: ScanRecord) -> None:
-        self.scans.append(record.duration)
-
-    def attempt(self, record: AttemptRecord) -> None: ...
-
-    def frame(self, record: FrameRecord) -> None: ...
+    def take(self, record: Record) -> None:
+        if isinstance(record, ScanRecord):
+            self.scans.append(record.duration)
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None: ...
-
-    def note(self, record: NoteRecord) -> None: ...
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         del bus

@@ -52,7 +52,7 @@ class Fake:
             is_dead = self.dead is not None and self.dead[0] <= now < self.dead[1]
             if is_dead != flagged and self.dead is not None:
                 kind = "fault" if is_dead else "fault_over"
-                sink.note(NoteRecord(now, kind, "press2", "power_off press2", {"name": "power_off-0"}))
+                sink.take(NoteRecord(now, kind, "press2", "power_off press2", {"name": "power_off-0"}))
             length = self.plain + chance.randint(-self.jitter, self.jitter)
             repeats = 6 if is_dead else (1 if chance.random() < self.loss else 0)
             length += repeats * 50 * TICKS_PER_MS
@@ -61,17 +61,17 @@ class Fake:
             for repeat in range(repeats):
                 sink.failed(bus, now + (repeat + 1) * 50 * TICKS_PER_MS, 1, 1)
             if is_dead and not flagged:
-                sink.note(
+                sink.take(
                     NoteRecord(now + length, "station_error", SEATS[0], "station 1 lost", {"station": 1})
                 )
             elif flagged and not is_dead:
-                sink.note(
+                sink.take(
                     NoteRecord(now + length, "recovered", SEATS[0], "station 1 is back", {"station": 1})
                 )
             flagged = is_dead
             failures, errors, polls = failures + repeats, errors + is_dead, polls + 2
             if number == 2:
-                sink.note(NoteRecord(now, "healthy", bus, "all stations answer", {}))
+                sink.take(NoteRecord(now, "healthy", bus, "all stations answer", {}))
             if sink.traced:
                 self._trace(sink, now)
             for seat in range(3):
@@ -81,7 +81,7 @@ class Fake:
                 else:
                     sink.refreshed(bus, seat, now + seat + 1, None)
             cause = f"station 1 (press2): {repeats} attempts, all 01" if repeats else ""
-            sink.scan(ScanRecord(bus, number, now, length, 2 + repeats, repeats, int(is_dead), cause))
+            sink.take(ScanRecord(bus, number, now, length, 2 + repeats, repeats, int(is_dead), cause))
             now, number = now + length, number + 1
         link = LinkTotals(
             bus=bus,
@@ -107,11 +107,11 @@ class Fake:
 
     def _trace(self, sink: Sink, now: int) -> None:
         poll = b"\x0510" + b"91"
-        sink.frame(
+        sink.take(
             FrameRecord(self.bus, now, now + 93_750, "press1", "poll", 1, 0, poll, (3,), {}, False, False)
         )
-        sink.attempt(AttemptRecord(self.bus, now, now + 700_000, 1, 1, "ok", 0, 30_060))
-        sink.attempt(AttemptRecord(self.bus, now + 700_000, now + 4_300_000, 2, 1, "no reply", 1, None))
+        sink.take(AttemptRecord(self.bus, now, now + 700_000, 1, 1, "ok", 0, 30_060))
+        sink.take(AttemptRecord(self.bus, now + 700_000, now + 4_300_000, 2, 1, "no reply", 1, None))
 
     def run(
         self, *, traced: bool = False, rows: Rows | None = None, name: str = "three presses"
@@ -156,26 +156,24 @@ class Feeder:
                 for attempt in (1, 2):
                     attempts += 1
                     record = self._attempt(chance, poll, function, attempt, now, attempts)
-                    sink.transaction(record)
+                    sink.take(record)
                     now = record.taken
                     error = record.error
                     if error in errors:
                         errors[error] += 1
                     if error is None:
                         break
-                sink.poll_turn(
-                    PollRecord(self.bus, self.node, poll, begun, now, attempt, error, begun - start)
-                )
-            sink.cycle(CycleRecord(self.bus, self.node, number, start, now - start))
-            sink.free(FreeRecord("scan", "scanner", "", "sent", now, now + 9000, b"A1\r", "", 0))
+                sink.take(PollRecord(self.bus, self.node, poll, begun, now, attempt, error, begun - start))
+            sink.take(CycleRecord(self.bus, self.node, number, start, now - start))
+            sink.take(FreeRecord("scan", "scanner", "", "sent", now, now + 9000, b"A1\r", "", 0))
             came = number % 10 != 9
-            sink.free(
+            sink.take(
                 FreeRecord(
                     "scan", "press2.COM3", "code", "received", now if came else None, now + 9000,
                     b"A1\r" if came else b"", "end character" if came else "timeout", int(number % 10 == 4),
                 )
             )  # fmt: skip
-            sink.value(DeviceValueRecord(now, "press1", "D400", number % 65536))
+            sink.take(DeviceValueRecord(now, "press1", "D400", number % 65536))
             if sink.traced:
                 sink.ends("press1", [start, now])
             number += 1

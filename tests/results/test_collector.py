@@ -40,7 +40,7 @@ def scan(start: int, duration: int, cause: str = "", *, in_error: int = 0, bus: 
 def test_of_equal_longest_scans_the_first_is_told() -> None:
     collector = Collector()
     for start, duration, cause in ((0, 500, "a"), (500, 900, "b"), (1400, 900, "c"), (2300, 100, "d")):
-        collector.scan(scan(start, duration, cause))
+        collector.take(scan(start, duration, cause))
     times = collector.links(TOTALS)["link"].scan_times
     assert (times.last, times.longest_at, times.longest_cause) == (100, 500, "b")
     assert (times.histogram.minimum, times.histogram.maximum) == (100, 900)
@@ -48,12 +48,12 @@ def test_of_equal_longest_scans_the_first_is_told() -> None:
 
 def test_after_startup_counts_scans_that_began_when_the_link_was_healthy() -> None:
     collector = Collector()
-    collector.scan(scan(0, 1000, "late station"))
-    collector.note(NoteRecord(1500, "healthy", "link", "", {}))
-    collector.scan(scan(1000, 800))  # began before
-    collector.note(NoteRecord(2600, "healthy", "link", "", {}))  # only the first time counts
-    collector.scan(scan(1800, 700, "noise"))
-    collector.scan(scan(2500, 600))
+    collector.take(scan(0, 1000, "late station"))
+    collector.take(NoteRecord(1500, "healthy", "link", "", {}))
+    collector.take(scan(1000, 800))  # began before
+    collector.take(NoteRecord(2600, "healthy", "link", "", {}))  # only the first time counts
+    collector.take(scan(1800, 700, "noise"))
+    collector.take(scan(2500, 600))
     after = collector.links(TOTALS)["link"].after_startup
     assert after.histogram.count == 2
     assert (after.histogram.maximum, after.longest_at, after.longest_cause) == (700, 1800, "noise")
@@ -61,14 +61,14 @@ def test_after_startup_counts_scans_that_began_when_the_link_was_healthy() -> No
 
 def test_a_scan_that_begins_at_the_very_tick_is_after_startup() -> None:
     collector = Collector()
-    collector.note(NoteRecord(1800, "healthy", "link", "", {}))
-    collector.scan(scan(1800, 700))
+    collector.take(NoteRecord(1800, "healthy", "link", "", {}))
+    collector.take(scan(1800, 700))
     assert collector.links(TOTALS)["link"].after_startup.histogram.count == 1
 
 
 def test_a_link_that_never_was_healthy_has_nothing_after_startup() -> None:
     collector = Collector()
-    collector.scan(scan(0, 1000))
+    collector.take(scan(0, 1000))
     assert collector.links(TOTALS)["link"].after_startup.histogram.count == 0
 
 
@@ -77,15 +77,15 @@ def test_failed_attempts_are_counted_by_scan_and_code() -> None:
     for number, codes in enumerate(([1, 1, 4], [], [1, 1], [4])):
         for code in codes:
             collector.failed("link", 0, 1, code)
-        collector.scan(scan(1000 * number, 1000))
+        collector.take(scan(1000 * number, 1000))
     assert collector.links(TOTALS)["link"].failed_per_scan == {1: {2: 2}, 4: {1: 2}}
 
 
 def test_buses_are_kept_apart() -> None:
     other = replace(LINK, bus="other")
     collector = Collector()
-    collector.scan(scan(0, 100))
-    collector.scan(scan(0, 300, bus="other"))
+    collector.take(scan(0, 100))
+    collector.take(scan(0, 300, bus="other"))
     links = collector.links(RunTotals(TICKS_PER_SECOND, (LINK, other), ()))
     assert links["link"].scan_times.histogram.maximum == 100
     assert links["other"].scan_times.histogram.maximum == 300
@@ -93,29 +93,29 @@ def test_buses_are_kept_apart() -> None:
 
 def test_flags_are_those_that_the_master_reports() -> None:
     collector = Collector(bus_of=dict.fromkeys(SEATS, "link"))
-    collector.note(NoteRecord(100, "station_error", "press1", "", {"station": 1}))
-    collector.note(NoteRecord(120, "station_error", "press3", "", {"station": 2}))
-    collector.note(NoteRecord(400, "recovered", "press1", "", {"station": 1}))
-    collector.note(NoteRecord(500, "station_error", "press1", "", {"station": 2}))
+    collector.take(NoteRecord(100, "station_error", "press1", "", {"station": 1}))
+    collector.take(NoteRecord(120, "station_error", "press3", "", {"station": 2}))
+    collector.take(NoteRecord(400, "recovered", "press1", "", {"station": 1}))
+    collector.take(NoteRecord(500, "station_error", "press1", "", {"station": 2}))
     assert collector.links(TOTALS)["link"].in_error == {1: [(100, 400)], 2: [(500, None)]}
 
 
 def test_flags_that_went_with_the_master_end_with_the_next_scan_without_one() -> None:
     collector = Collector(bus_of=dict.fromkeys(SEATS, "link"))
-    collector.note(NoteRecord(100, "station_error", "press1", "", {"station": 1}))
-    collector.scan(scan(0, 100, in_error=1))
-    collector.scan(scan(1000, 100))
-    collector.scan(scan(1100, 100))
+    collector.take(NoteRecord(100, "station_error", "press1", "", {"station": 1}))
+    collector.take(scan(0, 100, in_error=1))
+    collector.take(scan(1000, 100))
+    collector.take(scan(1100, 100))
     assert collector.links(TOTALS)["link"].in_error == {1: [(100, 1100)]}
 
 
 def test_faults_are_always_kept_and_other_notes_up_to_a_bound() -> None:
     collector = Collector()
     for tick in range(MOST_NOTES + 500):
-        collector.note(NoteRecord(tick, "watchdog", "press2", "", {}))
+        collector.take(NoteRecord(tick, "watchdog", "press2", "", {}))
     for tick in range(50):
-        collector.note(NoteRecord(10_000 + tick, "fault", "f", "", {}))
-        collector.note(NoteRecord(10_000 + tick, "fault_over", "f", "", {}))
+        collector.take(NoteRecord(10_000 + tick, "fault", "f", "", {}))
+        collector.take(NoteRecord(10_000 + tick, "fault_over", "f", "", {}))
     kinds = [note.kind for note in collector.notes]
     assert kinds.count("watchdog") == MOST_NOTES
     assert kinds.count("fault") == kinds.count("fault_over") == 50

@@ -66,7 +66,7 @@ def port_of(collector: Collector, duration: int = TICKS_PER_SECOND, **changes: A
 def after(*records: TransactionRecord) -> dict[str, Any]:
     collector = Collector()
     for record in records:
-        collector.transaction(record)
+        collector.take(record)
     return port_of(collector)
 
 
@@ -134,9 +134,9 @@ def test_what_never_arrived_is_as_old_as_the_run_and_a_write_has_no_age() -> Non
 def test_turns_and_cycles() -> None:
     collector = Collector()
     for late, error in ((0, None), (5 * MS, 9), (3 * MS, None)):
-        collector.poll_turn(PollRecord("feeder", NODE, "p", 10, 20, 1, error, late))
+        collector.take(PollRecord("feeder", NODE, "p", 10, 20, 1, error, late))
     for number in range(1000):
-        collector.cycle(CycleRecord("feeder", NODE, number, 0, (100 + number % 10) * MS))
+        collector.take(CycleRecord("feeder", NODE, number, 0, (100 + number % 10) * MS))
     port = port_of(collector)
     poll = port["polls"]["p"]
     assert (poll["turns"], poll["failed_turns"], poll["late_ms"]) == (3, 1, {"max": 5.0})
@@ -179,7 +179,7 @@ def test_keys_by_protocol() -> None:
 def test_a_master_that_was_only_listened_to_has_its_place() -> None:
     collector = Collector()
     for record in (GOOD, CRC):
-        collector.transaction(record)
+        collector.take(record)
     run = collector.run(RunTotals(TICKS_PER_SECOND, (), ()), scenario="ttyUSB0", seed=0)
     port = run.summary["ports"][NODE]
     assert (port["protocol"], port["bus"], port["transactions"], port["crc_errors"]) == (None, "feeder", 2, 1)
@@ -189,8 +189,8 @@ def test_a_master_that_was_only_listened_to_has_its_place() -> None:
 
 def test_a_port_that_was_changed_tells_all_it_has_been() -> None:
     collector = Collector()
-    collector.transaction(EXCEPTION)
-    collector.free(FreeRecord("feeder", NODE, "", "sent", 0, 9, b"12", "", 0))
+    collector.take(EXCEPTION)
+    collector.take(FreeRecord("feeder", NODE, "", "sent", 0, 9, b"12", "", 0))
     port = port_of(collector, protocol="modbus-rtu-slave", requests=4, answered=4, exceptions={2: 1, 3: 2})
     assert port["transactions"] == 1
     assert port["requests"] == 4
@@ -207,7 +207,7 @@ def test_free_protocol_counts() -> None:
         FreeRecord("feeder", NODE, "c", "received", 0, 9, b"9", "timeout", 1),
         FreeRecord("feeder", NODE, "c", "received", None, 9, b"", "timeout", 0),
     ):
-        collector.free(record)
+        collector.take(record)
     assert port_of(collector, protocol="free") == {
         "protocol": "free", "bus": "feeder", "sent": 1, "received": 2, "timeouts": 2, "damaged": 3,
         "bytes": {"sent": 3, "received": 8}, "errors": {},

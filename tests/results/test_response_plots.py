@@ -32,7 +32,7 @@ def many(polls: int) -> RunRecord:
     collector = Collector()
     for number in range(polls):
         for times in range(polls - number):
-            collector.transaction(
+            collector.take(
                 GOOD._replace(
                     poll=f"a poll with a long name, number {number}", asked=(20 - times) * TICKS_PER_MS
                 )
@@ -130,7 +130,7 @@ def test_what_cannot_be_drawn_is_said() -> None:
     with pytest.raises(UsageError, match="it has none"):
         response_time_histogram([Fake(duration=TICKS_PER_SECOND).run()], NODE)
     collector = Collector()
-    collector.transaction(TIMEOUT)
+    collector.take(TIMEOUT)
     silent = record_of(RunTotals(TICKS_PER_SECOND, (), (), ports=(port_totals(),)), collector)
     assert masters(silent) == []
     with pytest.raises(UsageError, match=r"press1\.COM3 had no response"):

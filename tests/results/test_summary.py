@@ -96,7 +96,7 @@ def numbers(*durations_ms: float) -> dict[str, Any]:
     collector, start = Collector(), 0
     for number, duration in enumerate(durations_ms):
         ticks = round(duration * TICKS_PER_MS)
-        collector.scan(ScanRecord("link", number, start, ticks, 2, 0, 0, "noise" if ticks > 4e6 else ""))
+        collector.take(ScanRecord("link", number, start, ticks, 2, 0, 0, "noise" if ticks > 4e6 else ""))
         start += ticks
     totals = RunTotals(60 * TICKS_PER_SECOND, (LINK,), ())
     result: dict[str, Any] = collector.run(totals, scenario="s", seed=1).summary
@@ -157,7 +157,7 @@ def test_healthy_and_notes_do_not_disturb_the_order_of_links() -> None:
     other = replace(LINK, bus="a second one", healthy_at=TICKS_PER_SECOND // 2)
     totals = RunTotals(TICKS_PER_SECOND, (LINK, other), ())
     collector = Collector()
-    collector.note(NoteRecord(1, "healthy", "a second one", "", {}))
+    collector.take(NoteRecord(1, "healthy", "a second one", "", {}))
     summary = collector.run(totals, scenario="s", seed=1).summary
     assert list(summary["links"]) == ["link", "a second one"]
     assert summary["links"]["a second one"]["healthy_at_s"] == 0.5

@@ -23,6 +23,7 @@ from bussim.trace.records import (
     LinkTotals,
     NoteRecord,
     PollRecord,
+    Record,
     RunTotals,
     ScanRecord,
     TransactionRecord,
@@ -89,38 +90,31 @@ class Recorder:
     inputs: list[InputRecord] = field(default_factory=list)
     all_ends: dict[str, list[int]] = field(default_factory=dict)
 
-    def scan(self, record: ScanRecord) -> None:
-        self.scans.append(record)
-
-    def attempt(self, record: AttemptRecord) -> None:
-        self.attempts.append(record)
-
-    def frame(self, record: FrameRecord) -> None:
-        self.frames.append(record)
+    def take(self, record: Record) -> None:
+        match record:
+            case ScanRecord():
+                self.scans.append(record)
+            case AttemptRecord():
+                self.attempts.append(record)
+            case FrameRecord():
+                self.frames.append(record)
+            case NoteRecord():
+                self.notes.append(record)
+            case TransactionRecord():
+                self.transactions.append(record)
+            case PollRecord():
+                self.turns.append(record)
+            case CycleRecord():
+                self.cycles.append(record)
+            case FreeRecord():
+                self.said.append(record)
+            case DeviceValueRecord():
+                self.values.append(record)
+            case InputRecord():
+                self.inputs.append(record)
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None:
         self.failures.append((bus, tick, station, code))
-
-    def note(self, record: NoteRecord) -> None:
-        self.notes.append(record)
-
-    def transaction(self, record: TransactionRecord) -> None:
-        self.transactions.append(record)
-
-    def poll_turn(self, record: PollRecord) -> None:
-        self.turns.append(record)
-
-    def cycle(self, record: CycleRecord) -> None:
-        self.cycles.append(record)
-
-    def free(self, record: FreeRecord) -> None:
-        self.said.append(record)
-
-    def value(self, record: DeviceValueRecord) -> None:
-        self.values.append(record)
-
-    def input(self, record: InputRecord) -> None:
-        self.inputs.append(record)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         self.all_ends.setdefault(plc, []).extend(ticks)

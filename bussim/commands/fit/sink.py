@@ -8,7 +8,7 @@ from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
 from bussim.live.sniff.heard import Heard, Protocol
 from bussim.results.collector import Collector
-from bussim.trace.records import TransactionRecord
+from bussim.trace.records import Record, TransactionRecord
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
@@ -45,9 +45,12 @@ class FitSink(Collector):
                 self._seen_bus.transaction(record)
             self._transactions.clear()
 
-    def transaction(self, record: TransactionRecord) -> None:
-        """Keep a transaction until its frames are handed over."""
-        self._transactions.append(record)
+    def take(self, record: Record) -> None:
+        """Count a record; a transaction is kept until its frames are handed over."""
+        if isinstance(record, TransactionRecord):
+            self._transactions.append(record)
+        else:
+            super().take(record)
 
     def estimates(self) -> tuple[LinkEstimate | None, BusEstimate | None]:
         """What all of it tells."""

@@ -9,7 +9,7 @@ from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
 from bussim.results.collector import Collector, Rows
 from bussim.results.meters.histogram import QUANTILES, Histogram
-from bussim.trace.records import AttemptRecord, ScanRecord, TransactionRecord
+from bussim.trace.records import AttemptRecord, Record, ScanRecord, TransactionRecord
 from bussim.units import milliseconds, seconds
 
 if TYPE_CHECKING:
@@ -54,28 +54,25 @@ class Tally(Collector):
             known = self.asked.setdefault(name, Asked())
         return known
 
-    def scan(self, record: ScanRecord) -> None:
-        """Count a link scan."""
-        self.scan_times.add(record.duration)
-        super().scan(record)
-
-    def attempt(self, record: AttemptRecord) -> None:
-        """Count an attempt of the N:N master."""
-        asked = self._asked(f"station {record.station}")
-        asked.attempts += 1
-        asked.outcomes[record.outcome] += 1
-        if record.turnaround is not None:
-            asked.response.add(max(0, record.turnaround))
-        super().attempt(record)
-
-    def transaction(self, record: TransactionRecord) -> None:
-        """Count a transaction."""
-        asked = self._asked(record.poll)
-        asked.attempts += 1
-        asked.outcomes[f"exception {record.exception:02X}" if record.exception else record.outcome] += 1
-        if record.answer_start is not None and record.asked is not None:
-            asked.response.add(max(0, record.answer_start - record.asked))
-        super().transaction(record)
+    def take(self, record: Record) -> None:
+        """Count a record."""
+        match record:
+            case ScanRecord():
+                self.scan_times.add(record.duration)
+            case AttemptRecord():
+                asked = self._asked(f"station {record.station}")
+                asked.attempts += 1
+                asked.outcomes[record.outcome] += 1
+                if record.turnaround is not None:
+                    asked.response.add(max(0, record.turnaround))
+            case TransactionRecord():
+                asked = self._asked(record.poll)
+                asked.attempts += 1
+                outcome = f"exception {record.exception:02X}" if record.exception else record.outcome
+                asked.outcomes[outcome] += 1
+                if record.answer_start is not None and record.asked is not None:
+                    asked.response.add(max(0, record.answer_start - record.asked))
+        super().take(record)
 
 
 def statistics(times: Histogram) -> dict[str, float | None]:

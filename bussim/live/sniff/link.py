@@ -117,7 +117,7 @@ class LinkDecoder:
             return
         self._poll = None
         turnaround = heard.start - end
-        self._sink.attempt(
+        self._sink.take(
             AttemptRecord(self._bus, start, heard.end, station, self._attempt, "ok", 0, turnaround)
         )
         self._refreshed(station, heard.end)
@@ -142,7 +142,7 @@ class LinkDecoder:
         start, end, station, _ = poll
         code = self._code
         self._sink.failed(self._bus, now, station, code)
-        self._sink.attempt(
+        self._sink.take(
             AttemptRecord(self._bus, start, now, station, self._attempt, codes.MEANINGS[code], code, None)
         )
         self.failed.setdefault(station, Counter())[code] += 1
@@ -170,7 +170,7 @@ class LinkDecoder:
     def _scan_begins(self, start: int) -> None:
         if self._scan is not None:
             begun, attempts = self._scan
-            self._sink.scan(
+            self._sink.take(
                 ScanRecord(
                     self._bus,
                     self.scans,
@@ -209,12 +209,12 @@ class LinkDecoder:
         else:
             master = frame.kind != DATA or frame.station == 0
             kind, name = frame.kind_name, self._names[0 if master else frame.station]
-        self._sink.frame(heard.record(self._bus, kind, name, self._baud, self._format))
+        self._sink.take(heard.record(self._bus, kind, name, self._baud, self._format))
 
     def _note(self, tick: int, kind: str, text: str, **detail: int | str) -> None:
         # Flags are the master's, whose view this is; that all is well concerns the bus.
         where = self._bus if kind == "healthy" else self._names[0]
-        self._sink.note(NoteRecord(tick, kind, where, text, dict(detail)))
+        self._sink.take(NoteRecord(tick, kind, where, text, dict(detail)))
 
     def totals(self) -> LinkTotals:
         """Counts so far. Attempts and timeout are what was seen where no parameter frame told them."""

@@ -154,7 +154,7 @@ class ModbusDecoder:
     ) -> None:
         request = asked.request
         end = answer.end if answer else asked.end if decided is None else decided
-        self._sink.transaction(
+        self._sink.take(
             TransactionRecord(
                 bus=self._bus,
                 master="master",
@@ -183,7 +183,7 @@ class ModbusDecoder:
         if not self._sink.traced:
             return
         name = "unknown" if frame is None else f"station {frame.station}" if response else "master"
-        self._sink.frame(heard.record(self._bus, kind, name, self._baud, self._format))
+        self._sink.take(heard.record(self._bus, kind, name, self._baud, self._format))
 
     def totals(self) -> BusTotals:
         """Counts so far."""

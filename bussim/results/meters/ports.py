@@ -224,21 +224,17 @@ class PortMeter:
     def __init__(self) -> None:
         self._nodes: dict[str, PortRecord] = {}
 
-    def transaction(self, record: TransactionRecord) -> None:
-        """Count an attempt of a master."""
-        self._node(record.master, record.bus).transaction(record)
-
-    def turn(self, record: PollRecord) -> None:
-        """Count a turn of a poll."""
-        self._node(record.master, record.bus).poll(record.poll).turn(record)
-
-    def cycle(self, record: CycleRecord) -> None:
-        """Count a cycle of a poll list."""
-        self._node(record.master, record.bus).cycles.add(record.duration)
-
-    def free(self, record: FreeRecord) -> None:
-        """Count a sending or a reception."""
-        self._node(record.node, record.bus).free.add(record)
+    def take(self, record: TransactionRecord | PollRecord | CycleRecord | FreeRecord) -> None:
+        """Count a record of its node."""
+        match record:
+            case TransactionRecord():
+                self._node(record.master, record.bus).transaction(record)
+            case PollRecord():
+                self._node(record.master, record.bus).poll(record.poll).turn(record)
+            case CycleRecord():
+                self._node(record.master, record.bus).cycles.add(record.duration)
+            case FreeRecord():
+                self._node(record.node, record.bus).free.add(record)
 
     def nodes(self, totals: RunTotals) -> dict[str, PortRecord]:
         """Every node that a record has come from, in the order of the totals."""

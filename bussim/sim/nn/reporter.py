@@ -74,7 +74,7 @@ class LinkReporter:
         self.warnings: list[str] = []
 
     def _note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
-        self._sink.note(NoteRecord(tick, kind, where, text, detail))
+        self._sink.take(NoteRecord(tick, kind, where, text, detail))
 
     def _warn(self, text: str) -> None:
         if text not in self.warnings:
@@ -113,7 +113,7 @@ class LinkReporter:
     def _master_event(self, event: ScanEnded | AttemptEnded | AllHealthy) -> None:
         sink = self._sink
         if isinstance(event, ScanEnded):
-            sink.scan(
+            sink.take(
                 ScanRecord(
                     self._bus,
                     self._scans,
@@ -130,7 +130,7 @@ class LinkReporter:
             if event.code:
                 sink.failed(self._bus, event.end, event.station, event.code)
             if sink.traced:
-                sink.attempt(self._attempt(event))
+                sink.take(self._attempt(event))
         else:
             if self.healthy_at is None:
                 self.healthy_at = event.tick

@@ -43,7 +43,7 @@ class SerialReporter:
 
     def note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
         """Record a note."""
-        self._sink.note(NoteRecord(tick, kind, where, text, detail))
+        self._sink.take(NoteRecord(tick, kind, where, text, detail))
 
     def warn(self, text: str) -> None:
         """Warn the user after the run, once."""
@@ -101,7 +101,7 @@ class SerialReporter:
         else:
             outcome = MEANINGS[event.error]
         true = reply is not None and not mismatched and event.error is None
-        self._sink.transaction(
+        self._sink.take(
             TransactionRecord(
                 bus=node.bus.name,
                 master=node.name,
@@ -132,7 +132,7 @@ class SerialReporter:
     def turn(self, node: SerialStation, turn: TurnEnded) -> None:
         """A poll's turn is over, and its last answer taken over."""
         code = None if turn.error is None else int(turn.error)
-        self._sink.poll_turn(
+        self._sink.take(
             PollRecord(
                 node.bus.name, node.name, turn.poll, turn.start, turn.end, turn.attempts, code, turn.late
             )
@@ -141,7 +141,7 @@ class SerialReporter:
     def cycle(self, node: SerialStation, cycle: CycleEnded) -> None:
         """Every poll of a list has had its turn."""
         begun = cycle.tick - cycle.duration
-        self._sink.cycle(CycleRecord(node.bus.name, node.name, cycle.number, begun, cycle.duration))
+        self._sink.take(CycleRecord(node.bus.name, node.name, cycle.number, begun, cycle.duration))
 
     def port_error(self, node: SerialStation, event: PortErrorRaised) -> None:
         """A PLC's port has set M8063 and D8063 = 7xyy."""
@@ -160,13 +160,13 @@ class SerialReporter:
 
     def sent(self, node: SerialStation, sent: Sent, poll: str) -> None:
         """A node has sent bytes in the free protocol."""
-        self._sink.free(
+        self._sink.take(
             FreeRecord(node.bus.name, node.name, poll, "sent", sent.start, sent.end, sent.chars, "", 0)
         )
 
     def received(self, node: SerialStation, received: Received, poll: str, damaged: int) -> None:
         """A PLC's port has received bytes."""
         start, end, data, ended = received.start, received.tick, received.data, received.ended.value
-        self._sink.free(
+        self._sink.take(
             FreeRecord(node.bus.name, node.name, poll, "received", start, end, data, ended, damaged)
         )

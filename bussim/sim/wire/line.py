@@ -338,7 +338,7 @@ class Line(Cable):
     def _record(self, tx: Transmission) -> None:
         frame, timing = tx.frame, tx.timing
         station, counter = (None, None) if frame is None else self._numbers(frame)
-        self.sink.frame(
+        self.sink.take(
             FrameRecord(
                 bus=self.name,
                 start=tx.start,

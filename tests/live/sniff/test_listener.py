@@ -28,7 +28,7 @@ from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.results.collector import Collector
-from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
+from bussim.trace.records import AttemptRecord, FrameRecord, Record, ScanRecord, TransactionRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 LINE = LineTiming(19200, CharFormat(8, "E", 1))
@@ -44,18 +44,19 @@ class Noted(Collector):
         self.transactions: list[TransactionRecord] = []
         self.frames: list[FrameRecord] = []
 
-    def scan(self, record: ScanRecord) -> None:
-        self.scans.append(record)
-        super().scan(record)
-
-    def attempt(self, record: AttemptRecord) -> None:
-        self.attempts.append(record)
-
-    def transaction(self, record: TransactionRecord) -> None:
-        self.transactions.append(record)
-
-    def frame(self, record: FrameRecord) -> None:
-        self.frames.append(record)
+    def take(self, record: Record) -> None:
+        match record:
+            case ScanRecord():
+                self.scans.append(record)
+                super().take(record)
+            case AttemptRecord():
+                self.attempts.append(record)
+            case TransactionRecord():
+                self.transactions.append(record)
+            case FrameRecord():
+                self.frames.append(record)
+            case _:
+                super().take(record)
 
 
 @pytest.fixture(scope="module")
