@@ -141,7 +141,7 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBo
             None if path.bus is None else Route(path.bus, *path.positions, path.frame),
             str(path.reachability),
             (path.unmeasured,) if path.unmeasured else (),
-            *path.extra_scans,
+            *path.scans,
         )
         for path in signal_paths(scenario)
     ]

@@ -42,8 +42,8 @@ class Rig:
         word: bool = False,
         way: str = "direct",
         reasons: tuple[str, ...] = (),
-        source_scans: tuple[int, int] = (0, 0),
-        target_scans: tuple[int, int] = (0, 0),
+        source_scans: int = 0,
+        target_scans: int = 0,
     ) -> None:
         source, target = ("D0", "D0") if word else ("X0", "M9" if direct else "Y0")
         route = Route("link", 0, 1, FRAME)
@@ -263,7 +263,7 @@ def test_nothing_is_matched_late_where_the_level_has_come_again() -> None:
 
 
 def test_a_source_that_takes_more_scans_is_out_so_many_ends_later() -> None:
-    rig = Rig(source_scans=(0, 2))
+    rig = Rig(source_scans=2)
     rig.change(100, 1, 104, 112)
     rig.meter.ends("a", [112])
     rig.frame(113)
@@ -284,7 +284,7 @@ def test_a_source_that_takes_more_scans_is_out_so_many_ends_later() -> None:
 
 
 def test_a_target_that_takes_more_scans_follows_what_was_visible_before() -> None:
-    rig = Rig(target_scans=(1, 1))
+    rig = Rig(target_scans=1)
     rig.change(0, 1, 2, 4)
     rig.frame(10)
     rig.end(21)
@@ -297,7 +297,7 @@ def test_a_target_that_takes_more_scans_follows_what_was_visible_before() -> Non
     assert rig.record.shortest is not None
     assert rig.record.shortest.parts == (2, 1, 10, 1, 14)
     # Nothing follows sooner than its program can.
-    rig = Rig(target_scans=(1, 1))
+    rig = Rig(target_scans=1)
     rig.change(0, 1, 2, 4)
     rig.frame(10)
     rig.end(21)

@@ -182,13 +182,12 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
     if reason:
         return LatencyBound(name, word, reason=reason, notes=notes)
     counted = {Edge.RISING: (1,), Edge.FALLING: (0,), Edge.BOTH: (0, 1)}[path.entry.edge]
-    plain = [each for each in path.plain if each.level in counted]
     bound = LatencyBound(
         name,
         word,
         scan=2 * source.longest_scan if path.entry.source.startswith("X") else 0,
-        program=max(a * source.longest_scan + b * target.longest_scan for a, b in (p.scans for p in plain)),
-        gates=tuple(dict.fromkeys(gate for each in plain for gate in each.gates)),
+        program=path.scans[0] * source.longest_scan + path.scans[1] * target.longest_scan,
+        gates=tuple(dict.fromkeys(gate for level in counted for gate in path.gates[level])),
         notes=notes,
     )
     if model is None:

@@ -58,7 +58,7 @@ class LatencySpec:
     writes (or, without a ``route``, one of the source's PLC), so that it may follow at the very END at
     which a change becomes visible; else a scan lies between. ``way`` and ``reasons``: see
     :class:`LatencyRecord`. ``source_scans`` and ``target_scans`` are those that the two programs take
-    beyond these, for a change to 0 and one to 1 (the fewest where their ways differ).
+    beyond these; 0 where their texts do not say: then one that takes more may follow an earlier change.
     """
 
     name: str
@@ -73,8 +73,8 @@ class LatencySpec:
     route: Route | None  # None: both in one PLC
     way: str = ""
     reasons: tuple[str, ...] = ()
-    source_scans: tuple[int, int] = (0, 0)
-    target_scans: tuple[int, int] = (0, 0)
+    source_scans: int = 0
+    target_scans: int = 0
 
     def counts(self, level: int) -> bool:
         """Whether a change to this level is one of those to be measured."""
@@ -84,7 +84,7 @@ class LatencySpec:
 class _Change:
     """A change on its way; times that it has not come to are 0."""
 
-    __slots__ = ("at", "beside", "heard", "level", "out", "renewed", "sent", "visible", "waits")
+    __slots__ = ("at", "beside", "heard", "level", "out", "renewed", "sent", "shown", "visible", "waits")
 
     def __init__(self, at: int, out: int, level: int, waits: int) -> None:
         self.at = at
@@ -93,6 +93,8 @@ class _Change:
         self.waits = waits
         self.level = level
         self.sent = self.heard = self.visible = 0
+        #: The number of the target's END at which it became visible.
+        self.shown = 0
         #: Whether its level went and came again since it was carried, as far as the frames are known.
         self.renewed = False
         #: How long the level in front of it or the one that it began has lasted, the shorter one.
@@ -113,11 +115,10 @@ class _Bits:
         self._carried_level: int | None = None
         self._visible_level: int | None = None
         self._last: _Change | None = None  # that the source has made
-        #: Latest ENDs of the target, those before the one that is being told.
-        self._ends: deque[int] = deque(maxlen=2 + max(spec.target_scans))
+        self._ends = 0  # of the target, the one that is being recorded included
         self._heard = -1  # when the latest frame was
         self._lasted = Histogram()  # what lies beside the lost changes
-        self._new: list[int] = []  # values of the target at the END that is being told
+        self._new: list[int] = []  # values of the target at the END that is being recorded
 
     # -- what is told ------------------------------------------------------------------------------
 
@@ -145,7 +146,7 @@ class _Bits:
             self._begin(record.tick, record.tick, record.value)
 
     def _begin(self, at: int, out: int, level: int) -> None:
-        change = _Change(at, out, level, self.spec.source_scans[level])
+        change = _Change(at, out, level, self.spec.source_scans)
         last, self._last = self._last, change
         if last is not None:
             change.beside = change.at - last.at
@@ -182,6 +183,7 @@ class _Bits:
                     waiting.waits -= 1
         if plc != spec.target_plc:
             return
+        self._ends += 1
         if spec.route is None:
             self._arrive_at_home(tick)
         if not spec.direct:
@@ -195,7 +197,6 @@ class _Bits:
                 self._visible[-1].renewed = True
         if spec.direct:
             self._follow(tick)
-        self._ends.append(tick)
 
     def close(self) -> LatencyRecord:
         """The record as it is when the run ends now; may be asked for again."""
@@ -230,7 +231,7 @@ class _Bits:
 
     def _show(self, change: _Change, tick: int) -> None:
         self._visible_level = change.level
-        change.visible = tick
+        change.visible, change.shown = tick, self._ends
         self._visible.append(change)
         self._give_up(self._visible, _MOST_VISIBLE)
 
@@ -243,36 +244,19 @@ class _Bits:
             return None
         return last
 
-    def _candidate(self, level: int) -> int | None:
-        """Where the change is that the target follows now, if it follows to this level."""
-        before = self.spec.target_scans[level]
-        if not before:
-            return len(self._visible) - 1 if self._visible else None
-        if len(self._ends) <= before:
-            return None
-        by = self._ends[-1 - before]
-        places = range(len(self._visible) - 1, -1, -1)
-        return next((at for at in places if self._visible[at].visible <= by), None)
-
-    def _late(self, change: _Change) -> bool:
-        """Whether the target follows later than it can."""
-        ends = 0 if self.spec.direct else 1 + self.spec.target_scans[change.level]
-        return len(self._ends) > ends and change.visible <= self._ends[-1 - ends]
-
     def _follow(self, tick: int) -> None:
         """The target's new values at an END: each follows the latest change that can have come to it."""
+        shown = self._ends - (not self.spec.direct) - self.spec.target_scans
         for value in self._new:
-            wanted = value ^ self.spec.inverted
-            found = self._candidate(wanted)
-            if found is None or self._visible[found].level != wanted:
+            number = sum(change.shown <= shown for change in self._visible)
+            change = self._visible[number - 1] if number else None
+            if change is None or change.level != value ^ self.spec.inverted:
                 continue  # something else has moved the target, or one that was overtaken since
-            self._lose(self._visible[:found])
-            change = self._visible[found]
-            del self._visible[: found + 1]
-            if change.renewed and self._late(change):
-                self._lose([change])  # this one or a later one of its level: nothing tells which
-                continue
-            if self.spec.counts(change.level):
+            self._lose(self._visible[: number - 1])
+            del self._visible[:number]
+            if change.renewed and change.shown < shown:
+                self._lose([change])  # late: this one or a later one of its level, nothing tells which
+            elif self.spec.counts(change.level):
                 at = (change.at, change.out, change.sent, change.heard, change.visible, tick)
                 self.record.add(Sample(change.at, tuple(b - a for a, b in pairwise(at))))
         self._new.clear()

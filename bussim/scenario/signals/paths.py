@@ -9,7 +9,7 @@ why nothing is said of it: the first that is met.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -41,27 +41,15 @@ class NotPlainError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class PlainPath:
-    """A plain path for a source that takes ``level``.
-
-    ``scans`` are those that the programs of source and target take beyond the one that reads the signal:
-    one for each rung that stands in front of the one whose result it reads. ``gates`` are the contacts
-    that must let the signal through, as "X1 (feeder)".
-    """
-
-    level: int
-    scans: tuple[int, int]
-    gates: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class SignalPath:
     """The path of one entry. ``bus`` is None where source and target are of one PLC.
 
     ``positions`` are those of source and target among the PLCs on the link, ``frame`` the ticks of a data
     frame (0 without a working master). ``direct``: nothing but the link comes between the block that is
-    sent and the target. ``plain`` holds the path for a source that goes off and one that goes on, empty
-    where it is not plain: then ``reason`` says why.
+    sent and the target. ``reason`` says why the path is not plain. Where it is, ``scans`` are those that
+    the programs of source and target take beyond the one that reads the signal, one for each rung that
+    stands in front of the one whose result it reads, and ``gates`` the contacts that must let the signal
+    through, as "X1 (feeder)", for a source that goes off (0) and one that goes on (1).
     """
 
     entry: Latency
@@ -72,8 +60,9 @@ class SignalPath:
     frame: int
     direct: bool
     reachability: Reachability
-    plain: tuple[PlainPath, ...] = ()
-    reason: str = ""
+    reason: str
+    scans: tuple[int, int]
+    gates: Mapping[int, Sequence[str]]
 
     @property
     def word(self) -> bool:
@@ -84,17 +73,6 @@ class SignalPath:
     def unmeasured(self) -> str:
         """Why nothing leads from source to target, or no age can be measured of a word; else empty."""
         return self.reason if self.word or self.reachability is Reachability.NONE else ""
-
-    @property
-    def extra_scans(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """``scans`` of the plain path, of the source's program and of the target's, each by the level.
-
-        Where the path is not plain 0: nothing is known then, and the meter takes the quickest.
-        """
-        if not self.plain:
-            return (0, 0), (0, 0)
-        off, on = (path.scans for path in self.plain)
-        return (off[0], on[0]), (off[1], on[1])
 
 
 def signal_paths(scenario: Scenario) -> tuple[SignalPath, ...]:
@@ -119,8 +97,7 @@ def _signal_path(network: Network, entry: Latency, bus: str | None) -> SignalPat
     start, end = (parse_device(name, observed=True) for name in (entry.source, entry.target))
     reachability = network.reachability(source, start, target, end)
     ends = f"from {entry.source_plc}.{entry.source} to {entry.target_plc}.{entry.target}"
-    plain: tuple[PlainPath, ...] = ()
-    reason = ""
+    reason, scans, gates = "", (0, 0), dict[int, list[str]]()
     match reachability:
         case Reachability.NONE:
             reason = f"nothing leads {ends}"
@@ -131,8 +108,8 @@ def _signal_path(network: Network, entry: Latency, bus: str | None) -> SignalPat
         case Reachability.DIRECT:
             try:
                 search = _PathSearch(network, source, start, target)
-                levels = [search.back(end, level) for level in (0, 1)]
-                plain = tuple(sorted(levels, key=lambda path: path.level))
+                for wanted in (0, 1):
+                    level, scans, gates[level] = search.back(end, wanted)
             except NotPlainError as error:
                 reason = f"no age is measured {ends}: {error}" if start.is_word else str(error)
         case _:
@@ -147,8 +124,9 @@ def _signal_path(network: Network, entry: Latency, bus: str | None) -> SignalPat
         0 if network.mode is None else NN_LINE.characters(data_chars(network.mode)),
         source is target or (block is not None and block.holds(end)),
         reachability,
-        plain,
         reason,
+        scans,
+        gates,
     )
 
 
@@ -165,8 +143,8 @@ class _PathSearch:
                 if is_vague(at) or at.spec.name == "MC":
                     raise _refused(plc, at)
 
-    def back(self, end: Device, level: int) -> PlainPath:
-        """The path to a device of the target that takes ``level``."""
+    def back(self, end: Device, level: int) -> tuple[int, tuple[int, int], list[str]]:
+        """The source's level for which a device of the target takes ``level``; the path's scans and gates."""
         plc, device = self._target, end
         reader: int | None = None  # number of the instruction that reads the device; None: an END shows it
         scans, gates, passed = [0, 0], list[str](), set[tuple[str, Device]]()
@@ -192,7 +170,7 @@ class _PathSearch:
         if end.is_word and (gates or any(scans)):
             why = f"{', '.join(gates)} must let it through" if gates else "it takes more than one scan"
             raise NotPlainError(f"{end} is no copy that each scan makes: {why}")
-        return PlainPath(level, (scans[0], scans[1]), tuple(dict.fromkeys(gates)))
+        return level, (scans[0], scans[1]), list(dict.fromkeys(gates))
 
     def _sent(self, device: Device) -> Device | None:
         """The device of the source that the link copies to a device of the target."""
