@@ -10,7 +10,10 @@ import pytest
 
 from bussim import api
 from bussim.exact.latency.bounds import LatencyBound, bounds_of
+from bussim.plc.memory import Device
+from bussim.plc.ports.spec import PortSpec
 from bussim.plc.profiles import AbsentStation
+from bussim.plc.sources import Toggle
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.units import TICKS_PER_MS as MS
@@ -258,6 +261,17 @@ def test_a_second_writer_of_a_device_on_the_path_is_a_reason(send: str, show: st
     found = bound(send, show)
     assert found.reason == reason
     assert found.cases() == {}
+
+
+def test_what_writes_beside_the_program_is_told() -> None:
+    given = scenario()
+    a, b = given.plcs
+    port = PortSpec("COM3", "line", Device("D", 200), Device("M", 200))
+    (note,) = bounds_of(replace(given, plcs=(a, replace(b, ports=(port,)))))["path"].caveats
+    assert note == "holds as long as no port of b writes a device on the path"
+    driven = replace(a, sources={"M1000": Toggle(500 * MS)})
+    reason = bounds_of(replace(given, plcs=(driven, b)))["path"].reason
+    assert reason == "a source of the scenario writes M1000 too (a)"
 
 
 def test_what_else_writes_the_source_matters_between_two_of_them() -> None:

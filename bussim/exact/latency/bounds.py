@@ -178,6 +178,10 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
     name, source, target, word = path.entry.name, path.source, path.target, path.word
     model = models[path.bus] if path.bus is not None else None
     notes = model.notes if model is not None else ()
+    ports = {plc.name: plc.ports for plc in (source, target)}
+    notes += tuple(
+        f"holds as long as no port of {plc} writes a device on the path" for plc in ports if ports[plc]
+    )
     reason = path.reason or _obstacle(path, model)
     if reason:
         return LatencyBound(name, word, reason=reason, notes=notes)

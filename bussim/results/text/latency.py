@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from bussim.results.meters.latency_record import NO_WAY
@@ -39,16 +39,17 @@ def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
     return {case: bounds[case] for case in _SHOWN_BOUNDS if case in bounds}
 
 
-def bound_caveats(summary: Mapping[str, Any]) -> list[str]:
-    """What must be told beside an entry's bounds, or why it has none."""
-    # Why there is no way, or no age, is told once.
-    reasons = () if summary.get("way_reasons") else summary.get("bound_reasons", ())
-    found = [f"no bound: {reason}" for reason in reasons]
-    found += summary.get("bound_notes", ())
+def caveats(summary: Mapping[str, Any]) -> list[str]:
+    """What must be said beside an entry's numbers: why there are none, what its bounds depend on."""
+    reasons = summary.get("way_reasons") or [f"no bound: {why}" for why in summary.get("bound_reasons", ())]
+    if summary.get("way") == NO_WAY and summary["edge"] is not None and summary["delivered"]:
+        reasons = [f"these are coincidences without a bound: {reason}" for reason in reasons]
+    notes: Sequence[str] = summary.get("bound_notes", ())
+    found = [*reasons, *notes]
     bounds: Mapping[str, float] = summary.get("bound_ms", {})
     longest = summary["ms"]["max"]
     if bounds and longest is not None and longest > max(bounds.values()):
-        gated = any("let it through" in note for note in summary.get("bound_notes", ()))
+        gated = any("let it through" in note for note in notes)
         shut = "something that did not let it through, " if gated else ""
         found.append(
             f"the longest, {longest:.3f} ms, is beyond all of these cases: {shut}a fault, a link that had "
@@ -60,16 +61,6 @@ def bound_caveats(summary: Mapping[str, Any]) -> list[str]:
 def part_names(*, word: bool) -> Mapping[str, str]:
     """What the parts are called, of the age of a word or of a bit's latency."""
     return AGE_PART_NAMES if word else PART_NAMES
-
-
-def way_caveats(summary: Mapping[str, Any]) -> list[str]:
-    """What must be told of an entry's numbers: that they are coincidence, why there are none."""
-    reasons = summary.get("way_reasons") or []
-    if summary["edge"] is None:
-        return [f"no age and no bound: {reason}" for reason in reasons]
-    if summary.get("way") == NO_WAY and summary["delivered"]:
-        return [f"these are coincidences without a bound: {reason}" for reason in reasons]
-    return list(reasons)
 
 
 def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -84,31 +75,18 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         hint = lost_in_words(entry)
         if hint:
             yield f"  {hint}"
-        if times["max"] is None:
-            yield from (f"  {said}" for said in way_caveats(entry))
-            yield from _caveat_lines(entry)
-            continue
-        numbers = [("min", "min"), ("typical", "p50"), ("mean", "mean"), ("p99", "p99"), ("max", "max")]
-        shown = ", ".join(f"{word} {times[key]:.3f}" for word, key in numbers if times[key] is not None)
-        yield f"  {'age' if entry['edge'] is None else 'latency':<16} {shown} ms"
-        yield from (f"  {said}" for said in way_caveats(entry))
-        names = part_names(word=entry["edge"] is None)
-        parts = [
-            f"{names[part]} {found['mean']:.3f}" for part, found in entry["parts_ms"].items() if found["max"]
-        ]
-        if parts:
-            yield f"  on average       {', '.join(parts)} ms"
-        bounds = told_bounds(entry)
-        if bounds:
-            cases = ", ".join(f"{bound:.3f} with {case}" for case, bound in bounds.items())
-            yield f"  at worst         {cases} (ms)"
-        yield from _caveat_lines(entry)
-
-
-def _caveat_lines(entry: Mapping[str, Any]) -> Iterator[str]:
-    bounded = "bound_ms" in entry and entry["ms"]["max"] is not None
-    for number, caveat in enumerate(bound_caveats(entry)):
-        yield f"  {'' if bounded or number else 'at worst':<16} {caveat}"
+        bounds = told_bounds(entry) if times["max"] is not None else {}
+        if times["max"] is not None:
+            numbers = {"min": "min", "typical": "p50", "mean": "mean", "p99": "p99", "max": "max"}
+            shown = [f"{word} {times[key]:.3f}" for word, key in numbers.items() if times[key] is not None]
+            yield f"  {'age' if entry['edge'] is None else 'latency':<16} {', '.join(shown)} ms"
+            parts = entry["parts_ms"].items()
+            names = part_names(word=entry["edge"] is None)
+            if parts := [f"{names[part]} {found['mean']:.3f}" for part, found in parts if found["max"]]:
+                yield f"  on average       {', '.join(parts)} ms"
+        if cases := [f"{bound:.3f} with {case}" for case, bound in bounds.items()]:
+            yield f"  at worst         {', '.join(cases)} (ms)"
+        yield from (f"  {' ' * 17 if cases else ''}{said}" for said in caveats(entry))
 
 
 def edge_in_words(entry: Mapping[str, Any]) -> str:

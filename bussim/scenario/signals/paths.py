@@ -154,8 +154,7 @@ class _PathSearch:
             passed.add((plc.name, device))
             sent = self._sent(device) if plc is not self._source else None
             if sent is not None:
-                for at, _ in self._writers(plc, device):
-                    raise NotPlainError(f"{_words(at)} writes {device} too ({plc.name})")
+                self._only(plc, device, 0)
                 plc, device, reader = self._source, sent, None
                 continue
             at, condition = self._writer(plc, device)
@@ -179,11 +178,6 @@ class _PathSearch:
             return None
         return device._replace(address=device.address + (own.word - copy.word) * device.is_word)
 
-    def _linked(self, plc: Plc, device: Device) -> bool:
-        """Whether the link writes a device: it is in the block of another station."""
-        blocks = (self._network.block(other, plc) for other in self._network.plcs if other is not plc)
-        return any(block is not None and block.holds(device) for block in blocks)
-
     def _writers(self, plc: Plc, device: Device) -> list[tuple[Instruction, Condition]]:
         """The instructions that write a device, with their conditions."""
         letter = device.letter.removesuffix("N")
@@ -199,11 +193,21 @@ class _PathSearch:
         found = self._writers(plc, device)
         if not found:
             raise NotPlainError(f"nothing writes {device} ({plc.name})")
-        others = [f"{_words(at)} writes" for at, _ in found[1:]]
-        others += ["the link writes"] if self._linked(plc, device) else []
-        for other in others:
-            raise NotPlainError(f"{other} {device} too ({plc.name})")
+        self._only(plc, device, 1, link=self._linked(plc, device))
         return found[0]
+
+    def _only(self, plc: Plc, device: Device, most: int, *, link: bool = False) -> None:
+        """Refuse a device that more than so many instructions write, or a source, or as well the link."""
+        others = [_words(at) for at, _ in self._writers(plc, device)[most:]]
+        others += ["a source of the scenario"] if str(device) in plc.sources else []
+        others += ["the link"] if link else []
+        if others:
+            raise NotPlainError(f"{others[0]} writes {device} too ({plc.name})")
+
+    def _linked(self, plc: Plc, device: Device) -> bool:
+        """Whether the link writes a device: it is in the block of another station."""
+        blocks = (self._network.block(other, plc) for other in self._network.plcs if other is not plc)
+        return any(block is not None and block.holds(device) for block in blocks)
 
     def _moved(self, plc: Plc, at: Instruction, condition: Condition, device: Device) -> Device:
         """The device that a MOV copies to a device, in each scan in which its condition is on."""
