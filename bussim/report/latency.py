@@ -13,14 +13,13 @@ from bussim.report.tables import NONE, Cell, Table, found, number, pointer
 from bussim.report.text import ms
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
 from bussim.results.text.latency import (
-    bound_caveats,
+    caveats,
     counts_in_words,
     edge_in_words,
     lost_in_words,
     part_names,
     shown_bounds,
     told_bounds,
-    way_caveats,
 )
 from bussim.units import milliseconds
 
@@ -85,27 +84,19 @@ def latency_part(source: Source, drawn: Charts) -> LatencyPart | None:
 
 def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     """An entry of the summary's latencies in sentences."""
-    word, times = entry["edge"] is None, entry["ms"]
-    label = f"{_heading(name, entry)}, {edge_in_words(entry)}"
-    hint = lost_in_words(entry)
-    more = [*([f"{name}: {hint}."] if hint else []), *(f"{name}: {said}." for said in way_caveats(entry))]
-    if times["max"] is None:
-        yield f"{label}: nothing {'was read' if word else 'arrived'} ({counts_in_words(entry)})."
-        yield from more
-        yield from (f"{name}, at worst: {caveat}." for caveat in bound_caveats(entry))
-        return
-    usual = times["p50"] if times["p50"] is not None else times["mean"]
-    how = (
-        f"is typically {ms(usual)} old, at most" if word else f"typically takes {ms(usual)}, the longest took"
-    )
-    when = f"{entry['max_at_s']:.2f} s after the start"
-    yield f"{label}: it {how} {ms(times['max'])}, {when} ({counts_in_words(entry)})."
-    yield from more
-    cases = [f"{ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
+    word, times, cases = entry["edge"] is None, entry["ms"], list[str]()
+    what = f"nothing {'was read' if word else 'arrived'}"
+    if times["max"] is not None:
+        which = "mean" if times["p50"] is None else "median"
+        usual, longest = ms(times[{"mean": "mean", "median": "p50"}[which]]), ms(times["max"])
+        what = f"{which} {usual}, maximum {longest}, {entry['max_at_s']:.2f} s after the start"
+        cases = [f"{ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
+    yield f"{_heading(name, entry)}, {edge_in_words(entry)}: {what} ({counts_in_words(entry)})."
+    if hint := lost_in_words(entry):
+        yield f"{name}: {hint}."
     if cases:
         yield f"At worst {name} {'is as old as' if word else 'takes'} {', '.join(cases)}."
-    for caveat in bound_caveats(entry):
-        yield f"{name}, at worst: {caveat}."
+    yield from (f"{name}: {said}." for said in caveats(entry))
 
 
 def _heading(name: str, entry: Mapping[str, Any]) -> str:
@@ -136,21 +127,24 @@ def bounds(source: Source) -> Table:
     entries = source.summary["latency"]
     cases = list(dict.fromkeys(case for entry in entries.values() for case in entry.get("bound_ms", {})))
     cases.sort(key=lambda case: max(entry.get("bound_ms", {}).get(case, 0.0) for entry in entries.values()))
-    rows = []
-    for name, entry in entries.items():
-        known = entry.get("bound_ms", {})
-        cells = [
-            found(source.summary, "latency", name, "bound_ms", case, decimals=3)
-            if case in known
-            else Cell(NONE, title="; ".join(entry.get("bound_reasons", ["no bound in closed form"])))
-            for case in cases
-        ]
-        if cells:
-            rows.append((name, cells))
+    rows = [
+        (
+            name,
+            [
+                found(source.summary, "latency", name, "bound_ms", case, decimals=3)
+                if case in entry.get("bound_ms", {})
+                else Cell(NONE, title="; ".join(entry.get("bound_reasons", ["no such case"])))
+                for case in cases
+            ],
+        )
+        for name, entry in entries.items()
+        if cases
+    ]
     note = (
-        "In closed form, for the stretches without faults. No error: nor is an error flag still on at the "
-        "change. Every retry spent: the source is in error for one link scan and answers the last attempt of "
-        "the next, any reply of all others may be lost. A frame that only the target misses adds to it."
+        "In closed form, for the parts of a run without faults. No error: nor is an error flag still on at "
+        "the change. Every retry spent: the source is in error for one link scan and answers the last "
+        "attempt of the next, any reply of all others may be lost. A frame that only the target misses adds "
+        "to it."
     )
     return Table("At worst (ms)", ["entry", *cases], rows, note)
 

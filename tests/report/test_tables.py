@@ -221,11 +221,11 @@ def test_bits_and_words_have_a_table_each(words: Source) -> None:
 def test_latencies_in_sentences(words: Source) -> None:
     full, preset = (list(in_words(name, entry)) for name, entry in words.summary["latency"].items())
     entry = words.summary["latency"]["preset"]
-    assert full[0].startswith("full-box, packer.M1064 to line.Y0, rising edge: it typically takes ")
+    assert full[0].startswith("full-box, packer.M1064 to line.Y0, rising edge: mean ")
     assert preset == [
         (
-            f"preset, line.D0 to packer.D0, age of the word whenever it is read: it is typically "
-            f"{entry['ms']['p50']:.1f} ms old, at most {entry['ms']['max']:.1f} ms, {entry['max_at_s']:.2f} s "
+            f"preset, line.D0 to packer.D0, age of the word whenever it is read: median "
+            f"{entry['ms']['p50']:.1f} ms, maximum {entry['ms']['max']:.1f} ms, {entry['max_at_s']:.2f} s "
             f"after the start ({counts_in_words(entry)})."
         ),
         (

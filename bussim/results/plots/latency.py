@@ -29,12 +29,11 @@ from bussim.results.plots.style import (
 )
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import (
-    bound_caveats,
+    caveats,
     counts_in_words,
     part_names,
     shown_bounds,
     told_bounds,
-    way_caveats,
 )
 from bussim.units import TICKS_PER_MS, milliseconds
 
@@ -162,48 +161,41 @@ def _heading(name: str, records: Sequence[LatencyRecord]) -> str:
 
 def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[_Mark]:
     near = shown_bounds(summary, milliseconds(record.histogram.maximum or 0))
-    marks = [
-        _Mark(bound, f"at worst with {case}: {bound:.3f} ms", DISTRIBUTION, "-", 2 if number == 0 else 1)
-        for number, (case, bound) in enumerate(near.items())
+    far = {case: bound for case, bound in told_bounds(summary).items() if case not in near}
+    return [
+        *(
+            _bound_mark(case, bound, "", DISTRIBUTION, "-", 1 if number else 2)
+            for number, (case, bound) in enumerate(near.items())
+        ),
+        *(_bound_mark(case, bound, ", beyond this axis", DISTRIBUTION, "", 0) for case, bound in far.items()),
+        *_caveats([summary]),
     ]
-    return (
-        marks
-        + [
-            _Mark(bound, f"at worst with {case}: {bound:.3f} ms, beyond this axis", DISTRIBUTION, "", 0)
-            for case, bound in told_bounds(summary).items()
-            if case not in near
-        ]
-        + _caveats([summary])
-    )
-
-
-def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
-    """Lines of text: what must be told beside the bounds, each once."""
-    found = dict.fromkeys(said for summary in summaries for said in _said(summary))
-    return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), DISTRIBUTION, "", 0) for said in found]
-
-
-def _said(summary: Mapping[str, object]) -> list[str]:
-    return [*way_caveats(summary), *bound_caveats(summary)]
 
 
 def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
     """The bound without error of each run in its colour, or of all of them where it is the same."""
     bounds = [next(iter(shown_bounds(summary).items()), None) for summary in summaries]
+    numbers = {number: bound for number, bound in enumerate(bounds) if bound is not None}
     if len(set(bounds)) == 1:
-        marks = [_bound_mark(bound, GREY, "") for bound in bounds[:1] if bound is not None]
+        marks = [_bound_mark(*bound, "", GREY, "-.", 1.2) for bound in list(numbers.values())[:1]]
     else:
         marks = [
-            _bound_mark(bound, RUNS[number], f" ({number + 1})")
-            for number, bound in enumerate(bounds)
-            if bound is not None
+            _bound_mark(f"{case} ({number + 1})", at, "", RUNS[number], "-.", 1.2)
+            for number, (case, at) in numbers.items()
         ]
     return marks + _caveats(summaries)
 
 
-def _bound_mark(bound: tuple[str, float], colour: str, of: str) -> _Mark:
-    case, at = bound
-    return _Mark(at, f"at worst with {case}{of}: {at:.3f} ms", colour, "-.", 1.2)
+def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
+    """Lines of text: what must be said beside the bounds, each once."""
+    found = dict.fromkeys(said for summary in summaries for said in caveats(summary))
+    return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), DISTRIBUTION, "", 0) for said in found]
+
+
+def _bound_mark(
+    case: str, at: float, more: str, colour: str, dash: Literal["-", "-.", ""], width: float
+) -> _Mark:
+    return _Mark(at, f"at worst with {case}: {at:.3f} ms{more}", colour, dash, width)
 
 
 def _bars(

@@ -77,7 +77,7 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             yield f"  {hint}"
         bounds = told_bounds(entry) if times["max"] is not None else {}
         if times["max"] is not None:
-            numbers = {"min": "min", "typical": "p50", "mean": "mean", "p99": "p99", "max": "max"}
+            numbers = {"min": "min", "median": "p50", "mean": "mean", "p99": "p99", "max": "max"}
             shown = [f"{word} {times[key]:.3f}" for word, key in numbers.items() if times[key] is not None]
             yield f"  {'age' if entry['edge'] is None else 'latency':<16} {', '.join(shown)} ms"
             parts = entry["parts_ms"].items()
