@@ -104,15 +104,15 @@ def test_what_nothing_connects_is_told(given: dict[str, Any], said: str) -> None
         # By its current value.
         ({"b": "LD M1000\nOUT T0 K5\nLD> T0 K1\nOUT Y4\n"}, Reachability.DIRECT),
         ({"start": "a.D0", "end": "b.TN0", "b": "LD M8000\nMOV D0 T0\n"}, Reachability.DIRECT),
-        ({"b": "LD M1000\nMC N0 M5\nLD M8000\nOUT Y4\nMCR N0\n"}, Reachability.DIRECT),
-        ({"b": "LD M1000\nMC N0 M5\nLD M8000\nMC N1 M6\nLD X0\nOUT Y4\nMCR N0\n"}, Reachability.DIRECT),
+        ({"b": "LD M1000\nMC N0 M5\nLD M8000\nOUT Y4\nMCR N0\n"}, Reachability.UNKNOWN),
+        ({"b": "LD M1000\nMPS\nAND X1\nOUT Y1\nMPP\nAND X2\nOUT Y4\n"}, Reachability.DIRECT),
         ({"b": "LD M1000\nCJ P0\nLD M8000\nALT Y4\nP0\n"}, Reachability.UNKNOWN),
         ({"b": "LD M1000\nCALL P0\nFEND\nP0\nLD M8000\nALT Y4\nSRET\n"}, Reachability.UNKNOWN),
         ({"b": "LD M8000\nMOV K4M1000 Z0\nMOV K1 K1Y0Z0\n"}, Reachability.UNKNOWN),
         ({"b": "LD M8000\nADD K1M1000 K-1 D5\nLD M8020\nOUT Y4\n"}, Reachability.UNKNOWN),
         ({"b": "LD M8183\nOUT Y4\n", "a": "LD X0\nMOV K0 D8179\n"}, Reachability.UNKNOWN),
-        ({"b": "LD M1128\nOUT Y4\n", "c": RELAY}, Reachability.UNKNOWN),
-        ({"end": "a.Y4", "a": f"{SEND}LD M1128\nOUT Y4\n", "c": RELAY}, Reachability.UNKNOWN),
+        ({"b": "LD M1128\nOUT Y4\n", "c": RELAY}, Reachability.DIRECT),
+        ({"end": "a.Y4", "a": f"{SEND}LD M1128\nOUT Y4\n", "c": RELAY}, Reachability.DIRECT),
         ({"b": "LD M5\nOUT Y4\n", "a": "LD X0\nOUT M0\n"}, Reachability.NONE),
         ({"b": "LD M5\nOUT Y4\n", "c": RELAY}, Reachability.NONE),
     ],
@@ -134,10 +134,10 @@ def test_ports_may_carry_what_the_link_does_not() -> None:
 def test_a_signal_over_a_third_station_arrives_and_has_no_bound() -> None:
     found = scenario(b="LD M1128\nOUT Y4\n", c=RELAY, seconds=20)
     entry = bussim.run(found, rows=False).summary["latency"]["path"]
-    assert entry["way"] == "unknown"
+    assert entry["way"] == "direct"
     assert entry["way_reasons"] == []
     assert entry["delivered"] > 50
-    assert entry["bound_reasons"] == ["no program's text says what leads from a.X0 to b.Y4"]
+    assert entry["bound_reasons"] == ["another station writes M1128 (b)"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ registers) or where no text is (serial ports): there the answer is :attr:`Reacha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -18,74 +18,63 @@ from bussim.plc.memory import BlockPlace, Device, block_place
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.check import READ_ONLY_BITS, Extent, extents
-from bussim.plc.program.text.ladder import Condition, Contact, Control, Not, Rung, Saved
+from bussim.plc.program.text.ladder import Condition, Contact, Not, Rung, Saved
 from bussim.scenario.model import Plc
 
 #: Special devices begin here (FX programming manual).
 FIRST_SPECIAL = 8000
 _LAST = 8255
 #: Instructions that decide what is carried out, or whose data no text tells.
-_VAGUE = frozenset(("CJ", "CALL", "FOR", "RS2", "CPAVL"))
+_VAGUE = frozenset(("CJ", "CALL", "FOR", "MC", "RS2", "CPAVL"))
 
 
 class Reachability(StrEnum):
-    """How one device leads to another."""
+    """Whether one device leads to another."""
 
-    DIRECT = "direct"  # within one PLC, or over the source's own block
-    UNKNOWN = "unknown"  # over other stations, or by what no text tells
+    DIRECT = "direct"
+    UNKNOWN = "unknown"
     NONE = "none"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Node:
-    """A rung, or (with ``at``) one of its outputs.
+    """A rung, or (with ``at``) one of its outputs: what it depends on and what it may change.
 
-    It depends on the devices in ``reads`` and on the level of the rungs ``after``, and may change ``writes``.
+    The level of a rung is an extent as well, of the letter "".
     """
 
-    rung: Rung | Control
-    at: Instruction | None
     reads: list[Extent]
-    after: list[Rung | Control]
     writes: list[Extent]
-
-    @property
-    def key(self) -> Rung | Control | Node:
-        """What stands for it among the :attr:`Marks.live`."""
-        return self.rung if self.at is None else self
+    condition: Condition
+    at: Instruction | None = None
 
 
 class Marks(dict[str, bytearray]):
-    """Devices of one PLC, by letter: those reached are 1. T and C are contact and current value at once."""
+    """Devices of one PLC by letter, 1 for those reached. T and C are contact and current value at once."""
 
-    def __init__(self) -> None:
+    def __init__(self, rungs: int) -> None:
         super().__init__({letter: bytearray(_LAST + 1) for letter in "XYMSTCDZ"})
         self["V"] = self["Z"]  # a pair of 32 bits has both names
-        #: Rungs whose level depends on a device that is reached, and outputs that do.
-        self.live: set[Rung | Control | Node] = set()
+        self[""] = bytearray(rungs)
 
     def hold(self, extent: Extent) -> bool:
         """Whether any device of an extent is reached."""
         return 1 in self[extent.letter][extent.first : extent.last + 1]
 
-    def has(self, device: Device) -> bool:
-        """Whether a device is reached."""
-        return bool(self[device.letter[0]][device.address])
-
-    def spread(self, nodes: list[Node]) -> None:
+    def spread(self, nodes: Sequence[Node]) -> None:
         """Follow a program until nothing new is reached."""
         found = True
         while found:
-            found = False
-            nodes = [node for node in nodes if node.key not in self.live]
+            found, waiting = False, []
             for node in nodes:
-                if not self.live.isdisjoint(node.after) or any(map(self.hold, node.reads)):
-                    self.live.add(node.key)
+                if any(map(self.hold, node.reads)):
+                    found = True
                     for extent in node.writes:
                         count = extent.last + 1 - extent.first
                         self[extent.letter][extent.first : extent.last + 1] = b"\1" * count
-                    found = True
-            nodes.reverse()  # rungs that stand in reverse order need no pass each
+                else:
+                    waiting.append(node)
+            nodes = waiting[::-1]  # rungs that stand in reverse order need no pass each
 
 
 class Network:
@@ -107,7 +96,28 @@ class Network:
             self.numbers[plc.name] = values[D_STATION]
             if values[D_STATION] == 0 and self.mode is None:
                 self.mode, self.slaves = values[D_MODE], values[D_SLAVES]
-        self.nodes = {plc.name: list(_nodes(plc.program)) for plc in plcs}
+        self._levels: dict[Rung, Extent] = {}
+        #: Rungs and outputs of the programs by PLC, without what jumps.
+        self.nodes = {plc.name: list(self._nodes(plc.program)) for plc in plcs}
+
+    def _nodes(self, program: Program | None) -> Iterator[Node]:
+        for item in (item for block in (program.blocks if program else ()) for item in block.rungs):
+            if program is None or not isinstance(item, Rung):
+                continue
+            number = len(self._levels)
+            level = Extent("", number, number, word=False, writes=True)
+            yield Node(self.reads(item.condition), [level], item.condition)
+            self._levels[item] = level
+            for at in item.outputs:
+                touched = extents(at, both_ways=program.turns_bmov)
+                writes = [extent for extent in touched if extent.writes]
+                yield Node([*touched, level], writes, item.condition, at)
+
+    def reads(self, condition: Condition) -> list[Extent]:
+        """What the level of a condition depends on."""
+        contacts, rungs = parts(condition)
+        found = [extent for at in contacts for extent in extents(at)]
+        return found + [self._levels[rung] for rung in rungs]
 
     def block(self, owner: Plc, keeper: Plc) -> BlockPlace | None:
         """Where one station keeps the block of another or its own; None if it never receives it."""
@@ -128,28 +138,23 @@ class Network:
         words = f"D{block.word} to D{block.word + block.words - 1}"
         return f"in refresh mode {self.mode} {plc.name} shares {bits}{words}"
 
-    def reached(
-        self, source: Plc, start: Device, target: Plc | None = None, *, specials: bool = False
-    ) -> dict[str, Marks]:
-        """All that a device may reach, by PLC.
+    def reached(self, source: Plc, start: Device, *, specials: bool = False) -> dict[str, Marks]:
+        """All that a device may reach over the blocks of all stations, by PLC.
 
-        With ``target`` over the source's block to that PLC only, else over the blocks of all stations.
-        ``specials``: also by any special device but those that the clock and RUN alone set.
+        ``specials``: also what any special device may, but those that the clock and RUN alone set.
         """
-        found = {plc.name: Marks() for plc in self.plcs}
+        found = {plc.name: Marks(len(self._levels)) for plc in self.plcs}
         found[source.name][start.letter[0]][start.address] = 1
         for marks in found.values() if specials else ():
             for letter in "MD":
                 marks[letter][FIRST_SPECIAL:] = b"\1" * (_LAST + 1 - FIRST_SPECIAL)
             for address in READ_ONLY_BITS:
                 marks["M"][address] = 0
-        routes = [(a, b) for a in self.plcs for b in self.plcs if a is not b]
-        if target is not None:
-            routes = [(source, target)] if source is not target else []
         moved = True
         while moved:
             for plc in self.plcs:
                 found[plc.name].spread(self.nodes[plc.name])
+            routes = ((a, b) for a in self.plcs for b in self.plcs if a is not b)
             moved = sum(self._share(*route, found) for route in routes) > 0
         return found
 
@@ -170,46 +175,27 @@ class Network:
         return moved
 
     def reachability(self, source: Plc, start: Device, target: Plc, end: Device) -> Reachability:
-        """How a device of one PLC leads to a device of another or the same one."""
-        if self.reached(source, start, target)[target.name].has(end):
+        """Whether a device of one PLC leads to a device of another or the same one."""
+        letter, address = end.letter[0], end.address
+        if self.reached(source, start)[target.name][letter][address]:
             return Reachability.DIRECT
-        vague = any(plc.ports or any(map(is_vague, instructions(plc))) for plc in self.plcs)
-        if vague or self.reached(source, start, specials=True)[target.name].has(end):
+        vague = any(plc.ports or next(vague_instructions(plc), None) for plc in self.plcs)
+        if vague or self.reached(source, start, specials=True)[target.name][letter][address]:
             return Reachability.UNKNOWN
         return Reachability.NONE
 
 
-def is_vague(at: Instruction) -> bool:
-    """Whether an instruction jumps, or uses an index register or a serial port."""
-    return at.spec.name in _VAGUE or any(operand.index is not None for operand in at.operands)
+def vague_instructions(plc: Plc) -> Iterator[Instruction]:
+    """The instructions of a PLC that jump, switch rungs off, or use an index register or a serial port."""
+    for at in () if plc.program is None else plc.program.instructions:
+        if at.spec.name in _VAGUE or any(operand.index is not None for operand in at.operands):
+            yield at
 
 
-def instructions(plc: Plc) -> tuple[Instruction, ...]:
-    """The instructions of a PLC's program, if it has one."""
-    return () if plc.program is None else plc.program.instructions
-
-
-def _nodes(program: Program | None) -> Iterator[Node]:
-    masters: dict[int | None, Control] = {}
-    blocks = () if program is None else program.blocks
-    both_ways = program is not None and program.turns_bmov
-    for item in (item for block in blocks for item in block.rungs):
-        if item.condition is None:
-            continue  # MCR
-        contacts, after = parts(item.condition)
-        after += [masters[item.level]] if item.level in masters else []
-        yield Node(item, None, [extent for at in contacts for extent in extents(at)], after, [])
-        if isinstance(item, Control):
-            masters[item.instruction.operands[0].address] = item
-        for at in item.outputs if isinstance(item, Rung) else (item.instruction,):
-            touched = extents(at, both_ways=both_ways)
-            yield Node(item, at, touched, [item], [extent for extent in touched if extent.writes])
-
-
-def parts(condition: Condition) -> tuple[list[Instruction], list[Rung | Control]]:
+def parts(condition: Condition) -> tuple[list[Instruction], list[Rung]]:
     """The contacts of a condition, and the earlier rungs whose level it takes."""
     contacts: list[Instruction] = []
-    rungs: list[Rung | Control] = []
+    rungs: list[Rung] = []
     waiting = [condition]
     while waiting:
         part = waiting.pop()

@@ -25,9 +25,8 @@ from bussim.scenario.signals.network import (
     Marks,
     Network,
     Reachability,
-    instructions,
-    is_vague,
     parts,
+    vague_instructions,
 )
 
 #: Always on and always off (FX programming manual).
@@ -139,9 +138,8 @@ class _PathSearch:
         #: What may depend on the source, also over other stations.
         self._reached: dict[str, Marks] = network.reached(source, start)
         for plc in (source, target):
-            for at in instructions(plc):
-                if is_vague(at) or at.spec.name == "MC":
-                    raise _refused(plc, at)
+            for at in vague_instructions(plc):
+                raise _refused(plc, at)
 
     def back(self, end: Device, level: int) -> tuple[int, tuple[int, int], list[str]]:
         """The source's level for which a device of the target takes ``level``; the path's scans and gates."""
@@ -182,17 +180,18 @@ class _PathSearch:
         """The instructions that write a device, with their conditions."""
         letter = device.letter.removesuffix("N")
         return [
-            (node.at, node.rung.condition)
+            (node.at, node.condition)
             for node in self._network.nodes[plc.name]
-            if node.at is not None and node.rung.condition is not None
-            if any(extent.holds(letter, device.address, word=device.is_word) for extent in node.writes)
+            if node.at is not None
+            and any(extent.holds(letter, device.address, word=device.is_word) for extent in node.writes)
         ]
 
     def _writer(self, plc: Plc, device: Device) -> tuple[Instruction, Condition]:
         """The only instruction that writes a device, with its condition."""
         found = self._writers(plc, device)
         if not found:
-            raise NotPlainError(f"nothing writes {device} ({plc.name})")
+            by = "another station" if self._linked(plc, device) else "nothing"
+            raise NotPlainError(f"{by} writes {device} ({plc.name})")
         self._only(plc, device, 1, link=self._linked(plc, device))
         return found[0]
 
@@ -250,17 +249,14 @@ class _PathSearch:
 
     def _depends(self, plc: Plc, condition: Condition) -> bool:
         """Whether any contact of a condition may depend on the source."""
-        contacts, rungs = parts(condition)
-        marks = self._reached[plc.name]
-        read = (extent for at in contacts for extent in extents(at))
-        return not marks.live.isdisjoint(rungs) or any(map(marks.hold, read))
+        return any(map(self._reached[plc.name].hold, self._network.reads(condition)))
 
     def _gates(self, plc: Plc, conditions: list[Condition]) -> Iterator[str]:
         """The contacts of some conditions but those that are always on or off, as "X1 (feeder)"."""
         waiting = conditions[::-1]
         while waiting:
             contacts, rungs = parts(waiting.pop())
-            waiting += [rung.condition for rung in rungs if rung.condition is not None]
+            waiting += [rung.condition for rung in rungs]
             for at in contacts:
                 device = at.operands[0].device
                 special = device.address >= FIRST_SPECIAL and device.address not in _KNOWN_SPECIALS
