@@ -109,7 +109,7 @@ def test_a_known_mode_makes_other_lengths_damage() -> None:
     assert feed(reader, right.chars) == []
     assert reader.quiet() == Damage(2, ord("1"))
     # the same, told of the whole frame
-    reader.spoil(right, 77)
+    reader.reject(right, 77)
     assert (reader.open, reader.in_frame, reader.header, reader.start) == (True, False, 2, 77)
     assert feed(reader, b"0") == []
     assert reader.quiet() == Damage(2, ord("1"))
