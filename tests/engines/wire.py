@@ -1,6 +1,6 @@
 """A scripted wire in virtual time: the least driver that runs N:N engines against each other.
 
-Every seat's receiver is the real UART on the line's real level. With ``whole`` a frame that nothing
+Every node's receiver is the real UART on the line's real level. With ``whole`` a frame that nothing
 disturbs is handed over as a whole at its end; otherwise everything goes character by character. The
 driver checks the engines' hints as it goes: nothing may be asked for that was not announced.
 
@@ -40,7 +40,7 @@ SCRIPT, HEAR, DEADLINES, SEND = range(4)
 class Tx:
     """One transmission; ``number`` counts its sender's, from 0. ``sender`` None: scripted noise."""
 
-    sender: LinkAttachment | None
+    sender: Node | None
     frame: Frame | None
     chars: bytes
     start: int
@@ -50,7 +50,7 @@ class Tx:
 
 
 @dataclass(eq=False)
-class LinkAttachment:
+class Node:
     """A station on the wire."""
 
     engine: Master | Slave
@@ -100,7 +100,7 @@ class LinkAttachment:
         self._after(hints, now)
         self._armed = None
         self._pending.clear()
-        self._deaf()
+        self._stop_receiving()
         if self._sending is not None:
             tx, self._sending = self._sending, None
             self._wire.cut(tx, now)
@@ -119,7 +119,7 @@ class LinkAttachment:
         while (item := engine.poll()) is not None:
             if isinstance(item, Transmit):
                 wanted |= TRANSMIT
-                self._appoint(item, now)
+                self._schedule(item, now)
             else:
                 wanted |= EVENTS
                 self.events.append(item)
@@ -161,7 +161,7 @@ class LinkAttachment:
         assert after is None or after > now
         self._arm(after)
 
-    def _appoint(self, item: Transmit, now: int) -> None:
+    def _schedule(self, item: Transmit, now: int) -> None:
         at = item.at + (next(self.turnarounds) if item.reply else 0)
         at = max(at, now)
         self._pending.append((at, next(self._order), item.counter))
@@ -179,7 +179,7 @@ class LinkAttachment:
         self.engine.image = self.image if wanted else b""
         frame = self.engine.begin_transmit(now, counter)
         assert wanted == (frame.kind == DATA)
-        self._deaf()
+        self._stop_receiving()
         tx = Tx(self, frame, frame.chars, now, now + CHAR * len(frame.chars), len(self.sent))
         self._sending = tx
         self.sent.append(tx)
@@ -196,7 +196,7 @@ class LinkAttachment:
 
     # -- hearing -----------------------------------------------------------------------------------
 
-    def _deaf(self) -> None:
+    def _stop_receiving(self) -> None:
         self._pieces.clear()
         self._whole = self._next = None
         self._half = False
@@ -204,23 +204,23 @@ class LinkAttachment:
 
     def _listen(self, now: int) -> None:
         """From now on, also to what is on the line already."""
-        self._deaf()
+        self._stop_receiving()
         self._ready = now
-        self._pieces = [(tx, now) for tx in self._wire.air if tx.sender is not self]
+        self._pieces = [(tx, now) for tx in self._wire.on_wire if tx.sender is not self]
         self.replan()
 
     def hear(self, tx: Tx, *, whole: bool) -> None:
         """A transmission begins."""
         if tx.sender is self or self._sending is not None or not self.on:
             return
-        if whole and not self._half and not self._pieces and not self._wire.spoil(tx, self):
+        if whole and not self._half and not self._pieces and not self._wire.damage(tx, self):
             self._whole = tx
             return
-        self.spell()
+        self.receive_by_character()
         self._pieces.append((tx, tx.start))
         self.replan()
 
-    def spell(self) -> None:
+    def receive_by_character(self) -> None:
         """The frame that was to be heard whole is disturbed: character by character from its start."""
         if self._whole is not None:
             tx, self._whole = self._whole, None
@@ -235,12 +235,12 @@ class LinkAttachment:
             self._whole = None
             self._received(self.engine.receive_frame(tx.frame, tx.start, now), now, tx.frame)
         elif not self._half and self._next is None:
-            self._pieces = [(piece, since) for piece, since in self._pieces if piece in self._wire.air]
+            self._pieces = [(piece, since) for piece, since in self._pieces if piece in self._wire.on_wire]
 
     def replan(self) -> None:
         """The line has changed: find the next character anew."""
         self._line = Wave(
-            clip(low_intervals(tx.chars, NN_LINE, tx.start, self._wire.spoil(tx, self)), since, tx.cut)
+            clip(low_intervals(tx.chars, NN_LINE, tx.start, self._wire.damage(tx, self)), since, tx.cut)
             for tx, since in self._pieces
         )
         self._look()
@@ -265,7 +265,7 @@ class LinkAttachment:
         if self._sending is None and plan == self._plan:
             self._look()
             if self._next is None:
-                self._pieces = [(tx, since) for tx, since in self._pieces if tx in self._wire.air]
+                self._pieces = [(tx, since) for tx, since in self._pieces if tx in self._wire.on_wire]
         self._received(hints, char.end, frame)
 
     def _received(self, hints: int, end: int, frame: Frame | None) -> None:
@@ -284,27 +284,27 @@ class LinkAttachment:
         if not self._half or heard != self._heard or (self._next is not None and self._next.start < now):
             return
         self._half = False
-        self._pieces = [(tx, since) for tx, since in self._pieces if tx in self._wire.air]
+        self._pieces = [(tx, since) for tx, since in self._pieces if tx in self._wire.on_wire]
         self._after(self.engine.line_idle(now), now)
 
 
 class Wire:
     """The line and its clock."""
 
-    def __init__(self, *seats: LinkAttachment, whole: bool) -> None:
+    def __init__(self, *nodes: Node, whole: bool) -> None:
         self.now = 0
-        self.seats = seats
+        self.nodes = nodes
         self.whole = whole
-        self.air: list[Tx] = []
+        self.on_wire: list[Tx] = []
         self.sent: list[Tx] = []
-        #: Data frames of the first seat.
+        #: Data frames of the first node.
         self.scans = 0
-        #: Which bits of a transmission a seat hears inverted.
-        self.spoil: Callable[[Tx, LinkAttachment], Collection[int]] = lambda _tx, _seat: ()
+        #: Which bits of a transmission a node hears inverted.
+        self.damage: Callable[[Tx, Node], Collection[int]] = lambda _tx, _node: ()
         self._queue: list[tuple[int, int, int, Callable[[], None]]] = []
         self._number = count()
-        for seat in seats:
-            seat.wire = self
+        for node in nodes:
+            node.wire = self
 
     def at(self, tick: int, action: Callable[[], None], order: int = SCRIPT) -> None:
         """Do something at a tick."""
@@ -319,7 +319,7 @@ class Wire:
         self.now = until
 
     def run_scans(self, scans: int) -> None:
-        """Go on until the first seat, a master, has begun so many more data frames (at most 100 s each)."""
+        """Go on until the first node, a master, has begun so many more data frames (at most 100 s each)."""
         wanted, limit = self.scans + scans, self.now + scans * 100_000 * MS
         while self.scans < wanted:
             assert self._queue
@@ -332,31 +332,31 @@ class Wire:
         self.at(tick, lambda: self.transmit(tx), SEND)
 
     def transmit(self, tx: Tx) -> None:
-        quiet = not self.air
-        self.air.append(tx)
+        quiet = not self.on_wire
+        self.on_wire.append(tx)
         self.sent.append(tx)
-        self.scans += tx.sender is self.seats[0] and tx.chars[0] == STX
-        for seat in self.seats:
+        self.scans += tx.sender is self.nodes[0] and tx.chars[0] == STX
+        for node in self.nodes:
             if not quiet:
-                seat.spell()
-            seat.hear(tx, whole=self.whole and quiet and tx.frame is not None)
+                node.receive_by_character()
+            node.hear(tx, whole=self.whole and quiet and tx.frame is not None)
         self.at(tx.end, lambda: self._end(tx), HEAR)
 
     def cut(self, tx: Tx, now: int) -> None:
         """A transmission ends in the middle."""
         tx.cut = now
-        self.air.remove(tx)
-        for seat in self.seats:
-            seat.spell()
-            seat.replan()
+        self.on_wire.remove(tx)
+        for node in self.nodes:
+            node.receive_by_character()
+            node.replan()
 
     def _end(self, tx: Tx) -> None:
         if tx.cut is not None:
             return
-        self.air.remove(tx)
+        self.on_wire.remove(tx)
         # Everybody hears the end of it before anybody acts on it.
-        for seat in self.seats:
-            seat.ended(tx, self.now)
+        for node in self.nodes:
+            node.ended(tx, self.now)
         if tx.sender is not None:
             tx.sender.sent_all(tx, self.now)
 
@@ -364,7 +364,7 @@ class Wire:
 # -- links ------------------------------------------------------------------------------------------------
 
 
-def master_seat(
+def master_node(
     slaves: int = 2,
     *,
     mode: int = 0,
@@ -372,7 +372,7 @@ def master_seat(
     timeout: int = 5,
     probe: bool = False,
     on_edge: bool = False,
-) -> LinkAttachment:
+) -> Node:
     """A master; ``timeout`` in 10 ms."""
     config = MasterConfig(
         LinkSettings(slaves, mode, min(10, attempts - 1), timeout),
@@ -383,19 +383,19 @@ def master_seat(
         probe=probe,
         count_on_edge=on_edge,
     )
-    return LinkAttachment(Master(config, traced=True), "master", bytes([0xA0]) * MODES[mode].size)
+    return Node(Master(config, traced=True), "master", bytes([0xA0]) * MODES[mode].size)
 
 
-def slave_seat(
+def slave_node(
     station: int,
     *turnarounds: int,
     mode: int = 0,
     modes: tuple[int, ...] = (0, 1, 2, 3, 4),
     on_edge: bool = False,
-) -> LinkAttachment:
+) -> Node:
     """A slave; its first turnarounds, then the usual one."""
     config = SlaveConfig(station, modes, TIMEOUT_UNIT, TURNAROUND + 7_200, CHAR, on_edge)
-    return LinkAttachment(
+    return Node(
         Slave(config),
         f"slave{station}",
         bytes([0xA0 + station]) * MODES[mode].size,

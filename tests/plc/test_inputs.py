@@ -27,8 +27,8 @@ lists = st.lists(st.integers(0, 300), unique=True).map(lambda found: Times(tuple
 
 
 def randoms(seed: int) -> Random:
-    luck = Luck(seed)
-    return Random(7, 11, iter(luck.random, None))
+    rng = Luck(seed)
+    return Random(7, 11, iter(rng.random, None))
 
 
 # Made anew for each question: a random one forgets what lies before the latest.

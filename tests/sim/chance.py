@@ -22,43 +22,43 @@ TIMINGS = (
 )
 
 
-def _profile(luck: Random) -> Profile:
+def _profile(rng: Random) -> Profile:
     return replace(
-        PROFILES[luck.choice(["pw10", "fx2n"])],
-        attempts=luck.choice(list(Attempts)),
-        absent_station=luck.choice(list(AbsentStation)),
-        error_count=luck.choice(list(ErrorCount)),
-        reply=luck.choice([Reply.INTERRUPT, Reply.INTERRUPT, Reply.END]),
+        PROFILES[rng.choice(["pw10", "fx2n"])],
+        attempts=rng.choice(list(Attempts)),
+        absent_station=rng.choice(list(AbsentStation)),
+        error_count=rng.choice(list(ErrorCount)),
+        reply=rng.choice([Reply.INTERRUPT, Reply.INTERRUPT, Reply.END]),
         # Without jitter stations fall into step: many things at one tick.
-        turnaround=Turnaround(TURNAROUND, luck.choice([0, 7200, 7200])),
+        turnaround=Turnaround(TURNAROUND, rng.choice([0, 7200, 7200])),
     )
 
 
-def _window(luck: Random, seconds: float, *, endless: float) -> model.Window:
-    at = 0 if luck.random() < 0.3 else int(luck.random() * seconds * SECOND)
-    lasting = None if luck.random() < endless else 1 + int(luck.random() ** 2 * 0.4 * SECOND)
+def _window(rng: Random, seconds: float, *, endless: float) -> model.Window:
+    at = 0 if rng.random() < 0.3 else int(rng.random() * seconds * SECOND)
+    lasting = None if rng.random() < endless else 1 + int(rng.random() ** 2 * 0.4 * SECOND)
     return model.Window(at, lasting)
 
 
-def _noise(luck: Random, number: int, names: list[str], seconds: float) -> model.Noise:
-    station = luck.choice([None, *names])
-    target = model.Target("link", station, luck.choice(list(model.Direction)))
-    ber = 10 ** luck.uniform(-4, -1.5)
-    kind = luck.choice(
+def _noise(rng: Random, number: int, names: list[str], seconds: float) -> model.Noise:
+    station = rng.choice([None, *names])
+    target = model.Target("link", station, rng.choice(list(model.Direction)))
+    ber = 10 ** rng.uniform(-4, -1.5)
+    kind = rng.choice(
         [
             model.BitErrors(ber),
-            model.Burst(luck.randint(1, 100) * MS, luck.randint(1, 20) * MS, 0.0, 0.05),
-            model.Impulse(luck.randint(5, 40) * MS, luck.randint(2000, 80_000), 0.4),
-            model.ReplyLoss(luck.choice([0.01, 0.2])),
+            model.Burst(rng.randint(1, 100) * MS, rng.randint(1, 20) * MS, 0.0, 0.05),
+            model.Impulse(rng.randint(5, 40) * MS, rng.randint(2000, 80_000), 0.4),
+            model.ReplyLoss(rng.choice([0.01, 0.2])),
         ]
     )
-    return model.Noise(f"noise{number}", target, kind, _window(luck, seconds, endless=0.6))
+    return model.Noise(f"noise{number}", target, kind, _window(rng, seconds, endless=0.6))
 
 
-def _kind(luck: Random, name: str) -> model.FaultKind:
-    direction = luck.choice(list(model.Direction))
-    count = luck.choice([None, 1, 3])
-    return luck.choice(
+def _kind(rng: Random, name: str) -> model.FaultKind:
+    direction = rng.choice(list(model.Direction))
+    count = rng.choice([None, 1, 3])
+    return rng.choice(
         [
             model.PowerOff(name),
             model.PowerOff(name),
@@ -67,26 +67,26 @@ def _kind(luck: Random, name: str) -> model.FaultKind:
             model.DropReply(name, count),
             # The timeout is 50 or 60 ms: many of these answer the wrong attempt, or somebody else's.
             # The timeout is 50 or 60 ms: many of these answer the wrong attempt, or somebody else's.
-            model.Slow(name, luck.randint(1, 90) * MS),
-            model.Slow(name, luck.randint(48, 66) * MS),
-            model.Slow(name, luck.randint(48, 66) * MS),
-            model.Slow(name, luck.randint(48, 66) * MS),
-            model.Slow(name, luck.randint(48, 66) * MS),
+            model.Slow(name, rng.randint(1, 90) * MS),
+            model.Slow(name, rng.randint(48, 66) * MS),
+            model.Slow(name, rng.randint(48, 66) * MS),
+            model.Slow(name, rng.randint(48, 66) * MS),
+            model.Slow(name, rng.randint(48, 66) * MS),
             model.Jabber(name),
             model.CableCut("link", name),
-            model.WrongFormat(name, luck.choice(TIMINGS)),
-            model.ClockPpm(name, Fraction(luck.choice([-60_000, -200, 200, 25_000, 60_000]))),
-            model.LateRelease(name, luck.choice([1000, 20_000, 40_000, 90_000])),
-            model.LoseChar(name, direction, count, luck.choice([None, 0, 3])),
+            model.WrongFormat(name, rng.choice(TIMINGS)),
+            model.ClockPpm(name, Fraction(rng.choice([-60_000, -200, 200, 25_000, 60_000]))),
+            model.LateRelease(name, rng.choice([1000, 20_000, 40_000, 90_000])),
+            model.LoseChar(name, direction, count, rng.choice([None, 0, 3])),
             model.InsertChar(
-                name, direction, count, luck.choice([None, 0, 3]), luck.choice([None, 2, 3, 5, 0x30])
+                name, direction, count, rng.choice([None, 0, 3]), rng.choice([None, 2, 3, 5, 0x30])
             ),
             model.FlipBits(
                 name,
                 direction,
-                tuple(luck.randrange(400) for _ in range(luck.randint(1, 4))),
+                tuple(rng.randrange(400) for _ in range(rng.randint(1, 4))),
                 count,
-                luck.choice([None, "data", "poll", "parameters"]),
+                rng.choice([None, "data", "poll", "parameters"]),
             ),
             # Bits 0 and 1 of two neighbours: often neither parity nor sum tells.
             model.FlipBits("p0", model.Direction.TX, (11, 12, 21, 22), None, "poll"),
@@ -97,41 +97,41 @@ def _kind(luck: Random, name: str) -> model.FaultKind:
 
 def scenario(seed: int, seconds: float = 0.7) -> model.Scenario:
     """A random scenario, the same for the same seed."""
-    luck = Random(seed)
-    stations, profile = luck.choice([2, 3, 3, 3, 4, 5]), _profile(luck)
+    rng = Random(seed)
+    stations, profile = rng.choice([2, 3, 3, 3, 4, 5]), _profile(rng)
     others: dict[int, dict[str, Any]] = {}
     for station in range(stations):
         word = profile.word_spacing * station
         sources: dict[str, Source] = {
-            f"D{word}": Counter(luck.randint(1, 50) * MS),
-            f"M{1000 + 64 * station}": Toggle(luck.randint(1, 50) * MS),
+            f"D{word}": Counter(rng.randint(1, 50) * MS),
+            f"M{1000 + 64 * station}": Toggle(rng.randint(1, 50) * MS),
         }
-        mean = luck.randint(1, 12) * MS
+        mean = rng.randint(1, 12) * MS
         others[station] = {
             # One slave in twenty is of a family that has mode 0 only.
-            "profile": PROFILES["fx1s"] if station and luck.random() < 0.05 else profile,
-            "scan": model.Scan(mean, luck.choice([0, mean // 3])),
-            "phase": luck.choice([None, None, 0, 3 * MS]),
-            "power_on": luck.choice([0, 0, 0, luck.randint(0, 300) * MS]),
+            "profile": PROFILES["fx1s"] if station and rng.random() < 0.05 else profile,
+            "scan": model.Scan(mean, rng.choice([0, mean // 3])),
+            "phase": rng.choice([None, None, 0, 3 * MS]),
+            "power_on": rng.choice([0, 0, 0, rng.randint(0, 300) * MS]),
             "sources": sources,
         }
     more: list[model.Plc] = []
-    if luck.random() < 0.25:
-        twin = luck.randint(0, stations - 1)
+    if rng.random() < 0.25:
+        twin = rng.randint(0, stations - 1)
         registers = {"D8177": stations - 1} if twin == 0 else {}
         more.append(plc(twin, profile=profile, name="twin", registers=registers, phase=2 * MS))
     names = [f"p{k}" for k in range(stations)] + [other.name for other in more]
-    noise = [_noise(luck, number, names, seconds) for number in range(luck.choice([0, 0, 1, 2]))]
+    noise = [_noise(rng, number, names, seconds) for number in range(rng.choice([0, 0, 1, 2]))]
     faults = [
-        model.Fault(f"fault{number}", _kind(luck, luck.choice(names)), _window(luck, seconds, endless=0.2))
-        for number in range(luck.choice([0, 1, 2, 3, 5]))
+        model.Fault(f"fault{number}", _kind(rng, rng.choice(names)), _window(rng, seconds, endless=0.2))
+        for number in range(rng.choice([0, 1, 2, 3, 5]))
     ]
     return link(
         stations,
-        luck.choice([0, 0, 1, 2]),
+        rng.choice([0, 0, 1, 2]),
         seconds=seconds,
-        retries=luck.choice([0, 0, 0, 1, 2]),
-        units=luck.randint(5, 6),
+        retries=rng.choice([0, 0, 0, 1, 2]),
+        units=rng.randint(5, 6),
         profile=profile,
         seed=seed,
         others=others,

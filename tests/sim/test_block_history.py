@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from bussim.sim.nn.block_history import BlockHistory
 
-SEATS, STATIONS = 4, 2
+POSITIONS, STATIONS = 4, 2
 HORIZON = 12
 
 
@@ -32,11 +32,11 @@ class NaiveHistory:
         return found
 
 
-plc_names = st.integers(0, SEATS - 1)
+plc_names = st.integers(0, POSITIONS - 1)
 stations = st.integers(0, STATIONS - 1)
 operations = st.one_of(
     st.tuples(st.just("heard"), stations, st.just(frozenset[int]())),
-    st.tuples(st.just("heard"), stations, st.frozensets(plc_names, max_size=SEATS - 1)),
+    st.tuples(st.just("heard"), stations, st.frozensets(plc_names, max_size=POSITIONS - 1)),
     st.tuples(st.just("alone"), stations, st.frozensets(plc_names, min_size=1, max_size=1)),
     st.tuples(st.just("forget"), st.just(0), st.frozensets(plc_names, min_size=1, max_size=1)),
 )
@@ -64,7 +64,7 @@ def test_every_seat_sees_what_it_received(
         image = b"%d" % number
         if what == "heard":
             block_history.received(station, now, image, who)
-            naive.add(station, now, image, set(range(SEATS)) - who)
+            naive.add(station, now, image, set(range(POSITIONS)) - who)
         elif what == "alone":
             (position,) = who
             block_history.received_by(position, station, now, image)
@@ -94,9 +94,9 @@ def test_memory_does_not_grow(pattern: list[tuple[int, frozenset[int]]]) -> None
     for _ in range(40):
         for station, missed in pattern:
             now += 1
-            if len(missed) == SEATS:
+            if len(missed) == POSITIONS:
                 block_history.received_by(0, station, now, b"x")
             else:
                 block_history.received(station, now, b"x", missed)
         # Nobody keeps more than its longest scan's worth, twice over for those that joined late.
-        assert size() <= STATIONS * (1 + 2 * SEATS) * (HORIZON + 2)
+        assert size() <= STATIONS * (1 + 2 * POSITIONS) * (HORIZON + 2)

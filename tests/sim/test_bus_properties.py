@@ -77,7 +77,7 @@ class Line(RuleBasedStateMachine):
         if not hasattr(self, "bus"):
             return
         assert self.bus.drivers == sum(map(drivers, self.bus.ports))
-        assert len(self.bus._on_wire) == sum(map(on_air, self.bus.ports))
+        assert len(self.bus._on_wire) == sum(map(on_wire, self.bus.ports))
         assert self.bus._open_receivers == sum(port.receiver.is_open for port in self.bus.ports)
         self.bus.close(self.simulation.now)
         assert 0 <= self.bus.busy <= self.simulation.now
@@ -109,14 +109,14 @@ class Line(RuleBasedStateMachine):
         assert_ordered(self.record)
 
 
-def on_air(port: LinkPort) -> int:
+def on_wire(port: LinkPort) -> int:
     """Transmissions of a port that reach the line now."""
     tx = port.sending
     return int(tx is not None and not tx.silent and not tx.cut) + int(port.jabbering)
 
 
 def drivers(port: LinkPort) -> int:
-    return on_air(port) + int(port.tail)
+    return on_wire(port) + int(port.tail)
 
 
 def assert_ordered(record: Recorder) -> None:

@@ -205,10 +205,10 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
     scenario = _whole_scenario(seed)
     simulation, record = started(scenario)
     spacing = scenario.plcs[0].profile.word_spacing
-    luck = Random(seed)
+    rng = Random(seed)
     looked = 0
     while simulation.now < scenario.duration:
-        simulation.run(simulation.now + luck.randint(1, 80 * MS))
+        simulation.run(simulation.now + rng.randint(1, 80 * MS))
         now = simulation.now
         sent: dict[str, list[FrameRecord]] = {}
         for frame in record.frames:

@@ -86,15 +86,15 @@ def test_past_the_event_queue_things_happen_in_the_same_order(
 def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
     scenario = chance.scenario(seed, SECONDS)
     simulation, record = started(scenario, traced=False)
-    luck = Random(seed)
+    rng = Random(seed)
     now = 0
     while now < scenario.duration:
-        now = min(scenario.duration, now + luck.choice([1, 1000, 100_000, luck.randint(1, 5_000_000)]))
+        now = min(scenario.duration, now + rng.choice([1, 1000, 100_000, rng.randint(1, 5_000_000)]))
         simulation.run(now)
-        if luck.random() < 0.3:
+        if rng.random() < 0.3:
             for plc in simulation.plcs.values():
                 plc.sync(simulation.now)
-        if luck.random() < 0.1:
+        if rng.random() < 0.1:
             simulation.totals()
     other = Done(simulation, record, simulation.totals())
     assert_same(ordinary(seed), other)

@@ -1,4 +1,4 @@
-"""Random inputs: whose luck they have."""
+"""Random inputs: whose rng they have."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Noise on the line: how often it hits, whom, and that it leaves everybody else's luck alone."""
+"""Noise on the line: how often it hits, whom, and that it leaves everybody else's rng alone."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def test_without_loss_or_with_none_left_nothing_happens() -> None:
     assert run(link(3, 0, seconds=2, noise=[noise(model.BitErrors(0.0))])).record.failures == []
 
 
-# -- whose luck is whose ---------------------------------------------------------------------------
+# -- whose rng is whose ---------------------------------------------------------------------------
 
 EVERYTHING = (
     noise(model.BitErrors(5e-4), name="ber"),
@@ -241,7 +241,7 @@ def _records(done: Done) -> list[Any]:
 @pytest.mark.parametrize("how", ["listening", "in stop", "off", "refused"])
 @pytest.mark.parametrize("place", ["last", "first"])
 def test_a_silent_fourth_station_changes_nobodys_luck(how: str, place: str) -> None:
-    # Jitter of scans and turnarounds is luck as well.
+    # Jitter of scans and turnarounds is rng as well.
     others = {station: {"scan": model.Scan(8 * MS, 3 * MS)} for station in range(3)}
     scenario = link(3, 1, retries=2, seconds=8, profile=PROFILES["pw10"], others=others, noise=EVERYTHING)
     three = run(scenario)
@@ -259,7 +259,7 @@ def test_a_silent_fourth_station_changes_nobodys_luck(how: str, place: str) -> N
         assert four.registers(name) == three.registers(name)
 
 
-def lucks(done: Done) -> dict[tuple[str, str, int | None], list[tuple[int, ...]]]:
+def rngs(done: Done) -> dict[tuple[str, str, int | None], list[tuple[int, ...]]]:
     """Damage of the wire by who sends what to whom, frame after frame."""
     found: dict[tuple[str, str, int | None], list[tuple[int, ...]]] = {}
     for frame in done.record.frames:
@@ -277,13 +277,13 @@ def lucks(done: Done) -> dict[tuple[str, str, int | None], list[tuple[int, ...]]
 )
 def test_a_noise_elsewhere_leaves_the_luck_of_others(added: model.Noise) -> None:
     base = noise(model.BitErrors(2e-3), name="base")
-    one = lucks(run(link(3, 0, retries=1, seconds=10, noise=[base])))
-    two = lucks(run(link(3, 0, retries=1, seconds=10, noise=[base, added])))
-    three = lucks(run(link(3, 0, retries=1, seconds=10, noise=[added, base])))
+    one = rngs(run(link(3, 0, retries=1, seconds=10, noise=[base])))
+    two = rngs(run(link(3, 0, retries=1, seconds=10, noise=[base, added])))
+    three = rngs(run(link(3, 0, retries=1, seconds=10, noise=[added, base])))
     compared = 0
     for key, mine in one.items():
         for other in (two.get(key, []), three.get(key, [])):
-            # There may be more or fewer of them, but the nth has the same luck.
+            # There may be more or fewer of them, but the nth has the same rng.
             count = min(len(mine), len(other))
             assert mine[:count] == other[:count]
             compared += count
@@ -292,9 +292,9 @@ def test_a_noise_elsewhere_leaves_the_luck_of_others(added: model.Noise) -> None
 
 def test_a_fault_elsewhere_leaves_the_luck_of_others() -> None:
     base = noise(model.BitErrors(2e-3), name="base")
-    one = lucks(run(link(3, 0, retries=1, seconds=6, noise=[base])))
+    one = rngs(run(link(3, 0, retries=1, seconds=6, noise=[base])))
     off = fault(model.PowerOff("p2"), 2.0, 1.0)
-    two = lucks(run(link(3, 0, retries=1, seconds=6, noise=[base], faults=[off])))
+    two = rngs(run(link(3, 0, retries=1, seconds=6, noise=[base], faults=[off])))
     for key in (("p1", "data", 1), ("p0", "poll", 1), ("p0", "data", 0)):
         count = min(len(one[key]), len(two[key]))
         assert count > 50

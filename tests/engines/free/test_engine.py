@@ -12,7 +12,7 @@ from bussim.engines.free.states import FREE, FreeInput, FreeState
 from bussim.engines.modbus.codes import PortError
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.units import TICKS_PER_MS
-from tests.engines.modbus.wire import drain, spell_to
+from tests.engines.modbus.wire import drain, receive_by_character
 
 MS = TICKS_PER_MS
 LINE = LineTiming(9600, CharFormat(8, "N", 1))
@@ -55,10 +55,10 @@ def test_start_and_end_characters_are_sent_around_the_data() -> None:
 
 def test_reception_ends_at_the_last_byte() -> None:
     engine = port(4)
-    _, end = spell_to(engine, bytes((0x11, 0x12, 0x13)), 100, LINE)
+    _, end = receive_by_character(engine, bytes((0x11, 0x12, 0x13)), 100, LINE)
     assert engine.receiving
     assert engine.received == 3
-    _, end = spell_to(engine, b"\x14", end, LINE)
+    _, end = receive_by_character(engine, b"\x14", end, LINE)
     assert drain(engine) == [Received(end, 100, bytes((0x11, 0x12, 0x13, 0x14)), Ended.COUNT)]
     assert engine.complete
     assert not engine.receiving
@@ -67,35 +67,35 @@ def test_reception_ends_at_the_last_byte() -> None:
 
 def test_reception_ends_at_the_end_character() -> None:
     engine = port(200, end=0x0D)  # a bar code reader
-    _, end = spell_to(engine, b"4006381333931\x0d", 0, LINE)
+    _, end = receive_by_character(engine, b"4006381333931\x0d", 0, LINE)
     assert drain(engine) == [Received(end, 0, b"4006381333931", Ended.END_CHARACTER)]
 
 
 def test_reception_begins_with_the_start_character() -> None:
     engine = port(10, start=0x02, end=0x03)
-    spell_to(engine, b"noise", 0, LINE)
+    receive_by_character(engine, b"noise", 0, LINE)
     assert not engine.receiving
     start = 10 * CHAR
-    _, end = spell_to(engine, b"\x02AB\x03", start, LINE)
+    _, end = receive_by_character(engine, b"\x02AB\x03", start, LINE)
     assert drain(engine) == [Received(end, start, b"AB", Ended.END_CHARACTER)]
 
 
 def test_start_and_end_character_may_be_kept() -> None:
     engine = port(10, start=0x02, end=0x03, keeps_frame=True)
-    _, end = spell_to(engine, b"\x02AB\x03", 0, LINE)
+    _, end = receive_by_character(engine, b"\x02AB\x03", 0, LINE)
     assert drain(engine) == [Received(end, 0, b"\x02AB\x03", Ended.END_CHARACTER)]
     engine.reset_complete(end)
     engine.release(end)
     engine.drive(1, end)
-    spell_to(engine, b"\x02", end, LINE)
+    receive_by_character(engine, b"\x02", end, LINE)
     assert drain(engine)[-1].data == b"\x02"
 
 
 def test_timeout_counts_from_the_latest_character() -> None:
     engine = port(10)
-    _, end = spell_to(engine, b"AB", 0, LINE)
+    _, end = receive_by_character(engine, b"AB", 0, LINE)
     assert engine.deadline() == end + 100 * MS
-    hints, end = spell_to(engine, b"C", end + 99 * MS, LINE)
+    hints, end = receive_by_character(engine, b"C", end + 99 * MS, LINE)
     assert hints & DEADLINE
     assert engine.deadline() == end + 100 * MS
     engine.on_deadline(end + 100 * MS)
@@ -124,16 +124,16 @@ def test_awaits_first_counts_from_the_transmission() -> None:
 
 def test_a_complete_reception_blocks_the_next_until_reset() -> None:
     engine = port(2)
-    _, end = spell_to(engine, b"ABCD", 0, LINE)
+    _, end = receive_by_character(engine, b"ABCD", 0, LINE)
     assert [type(event) for event in drain(engine)] == [Received]
     engine.reset_complete(end)
-    _, again = spell_to(engine, b"EF", end, LINE)
+    _, again = receive_by_character(engine, b"EF", end, LINE)
     assert drain(engine) == [Received(again, end, b"EF", Ended.COUNT)]
 
 
 def test_zero_bytes_receives_nothing() -> None:
     engine = port(0)
-    assert spell_to(engine, b"ABC", 0, LINE)[0] == 0
+    assert receive_by_character(engine, b"ABC", 0, LINE)[0] == 0
     assert engine.deadline() is None
     # Nothing is awaited then, so that nothing times out.
     assert port(0, awaits_first=True).deadline() is None
@@ -166,22 +166,22 @@ def test_a_damaged_end_character_does_not_end() -> None:
 
 def test_whole_is_the_same_as_one_by_one() -> None:
     one, whole = port(200, end=0x0D), port(200, end=0x0D)
-    _, end = spell_to(one, b"1234\x0d", 7, LINE)
+    _, end = receive_by_character(one, b"1234\x0d", 7, LINE)
     whole.receive_frame(FreeFrame(b"1234\x0d"), 7, end)
     assert drain(one) == drain(whole)
 
 
 def test_not_driven_it_is_deaf_and_forgets() -> None:
     engine = port(10)
-    spell_to(engine, b"AB", 0, LINE)
+    receive_by_character(engine, b"AB", 0, LINE)
     engine.release(3 * CHAR)
     assert engine.received == 0
     assert engine.deadline() is None
-    assert spell_to(engine, b"CD", 4 * CHAR, LINE)[0] == 0
+    assert receive_by_character(engine, b"CD", 4 * CHAR, LINE)[0] == 0
     with pytest.raises(RuntimeError, match="no RS2 is driven"):
         engine.send(b"X", 6 * CHAR)
     engine.drive(2, 6 * CHAR)
-    spell_to(engine, b"EF", 7 * CHAR, LINE)
+    receive_by_character(engine, b"EF", 7 * CHAR, LINE)
     assert drain(engine)[-1].data == b"EF"
 
 
@@ -232,10 +232,10 @@ def test_nothing_to_send_is_sent_at_once() -> None:
 
 def test_stop_forgets_everything() -> None:
     engine = port(10)
-    spell_to(engine, b"AB", 0, LINE)
+    receive_by_character(engine, b"AB", 0, LINE)
     engine.stop(3 * CHAR)
     assert engine.deadline() is None
-    assert spell_to(engine, b"CD", 4 * CHAR, LINE)[0] == 0
+    assert receive_by_character(engine, b"CD", 4 * CHAR, LINE)[0] == 0
     assert drain(engine) == []
 
 

@@ -15,7 +15,7 @@ from bussim.engines.modbus.pdu import (
     Response,
 )
 from bussim.units import TICKS_PER_MS
-from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, spell_to
+from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, receive_by_character
 
 MS = TICKS_PER_MS
 RTU = Framing.rtu(RTU_LINE)
@@ -48,7 +48,7 @@ class Bench:
 
     def hear(self, chars: bytes, *, gap: int = 0, quiet: bool = True) -> list[MasterEvent]:
         """Characters from ``gap`` ticks after the latest on, then (RTU) the silence that ends them."""
-        _, end = spell_to(self.master, chars, self.now + gap, self.line)
+        _, end = receive_by_character(self.master, chars, self.now + gap, self.line)
         self.now = end
         if quiet and self.framing.mode is Mode.RTU:
             self.now += self.framing.quiet

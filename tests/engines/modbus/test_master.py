@@ -19,7 +19,7 @@ from bussim.engines.modbus.pdu import (
 from bussim.engines.modbus.states import MASTER, MasterInput, MasterState
 from tests.engines.modbus.benches import ASCII, GOOD, MS, READ, RTU, Bench, both_modes, outcome
 from tests.engines.modbus.frames import EXCHANGE_IDS, EXCHANGES, RS2_REQUESTS, Exchange
-from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, spell_to
+from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, receive_by_character
 
 
 def test_keeps_the_contract() -> None:
@@ -56,7 +56,7 @@ def test_every_printed_exchange(exchange: Exchange, mode: Mode, before: str, *, 
             hints = master.line_idle(decided)
         assert hints & EVENTS
     else:
-        spell_to(master, answer.chars, start, bench.line)
+        receive_by_character(master, answer.chars, start, bench.line)
         decided = end
         if mode is Mode.RTU:
             decided = end + framing.quiet
@@ -141,11 +141,11 @@ def test_it_hears_nothing_unless_it_waits() -> None:
     answer = encode_adu(Mode.RTU, 1, encode_response(GOOD))
     assert master.receive_frame(answer, 0, 1000) == 0
     master.start(0)
-    assert spell_to(master, answer.chars, 0, RTU_LINE)[0] == 0
+    assert receive_by_character(master, answer.chars, 0, RTU_LINE)[0] == 0
     master.submit(1, READ, 0)
-    assert spell_to(master, answer.chars, 0, RTU_LINE)[0] == 0
+    assert receive_by_character(master, answer.chars, 0, RTU_LINE)[0] == 0
     master.begin_transmit(0)
-    assert spell_to(master, answer.chars, 0, RTU_LINE)[0] == 0
+    assert receive_by_character(master, answer.chars, 0, RTU_LINE)[0] == 0
     assert [type(item) for item in drain(master)] == []
 
 
@@ -154,7 +154,9 @@ def test_it_hears_nothing_unless_it_waits() -> None:
 
 def answer_ending(bench: Bench, end: int) -> None:
     answer = bench.adu(encode_response(GOOD))
-    spell_to(bench.master, answer.chars, end - bench.line.characters(len(answer.chars)), bench.line)
+    receive_by_character(
+        bench.master, answer.chars, end - bench.line.characters(len(answer.chars)), bench.line
+    )
 
 
 def test_a_response_is_in_time_if_its_last_stop_bit_is() -> None:
@@ -172,7 +174,7 @@ def test_a_response_that_goes_on_behind_the_timeout_is_late() -> None:
     deadline = bench.asked + 100 * MS
     answer = bench.adu(encode_response(GOOD))
     begin = deadline + 1 - RTU_LINE.characters(len(answer.chars))
-    _, at = spell_to(bench.master, answer.chars[:-1], begin, RTU_LINE)
+    _, at = receive_by_character(bench.master, answer.chars[:-1], begin, RTU_LINE)
     bench.master.on_deadline(deadline)
     bench.master.receive(RxChar(answer.chars[-1]), at, deadline + 1)
     events = drain(bench.master)
@@ -184,7 +186,7 @@ def test_ascii_needs_no_silence_and_is_late_at_once() -> None:
     bench = Bench(Mode.ASCII)
     deadline = bench.asked + 100 * MS
     answer = bench.adu(encode_response(GOOD))
-    spell_to(bench.master, answer.chars[:-1], deadline - 10 * MS, ASCII_LINE)
+    receive_by_character(bench.master, answer.chars[:-1], deadline - 10 * MS, ASCII_LINE)
     bench.master.on_deadline(deadline)
     assert outcome(drain(bench.master))[0] is PortError.TIMEOUT
 
@@ -194,7 +196,7 @@ def test_begun_holds_waits_for_a_response_that_has_begun(mode: Mode) -> None:
     bench = Bench(mode, begun_holds=True)
     deadline = bench.asked + 100 * MS
     answer = bench.adu(encode_response(GOOD))
-    _, at = spell_to(bench.master, answer.chars[:3], deadline - 5 * MS, bench.line)
+    _, at = receive_by_character(bench.master, answer.chars[:3], deadline - 5 * MS, bench.line)
     assert bench.master.on_deadline(deadline) & OPEN
     bench.now = at
     assert outcome(bench.hear(answer.chars[3:])) == (None, 0, GOOD)

@@ -20,7 +20,7 @@ from bussim.engines.modbus.pdu import (
     write_registers,
 )
 from tests.engines.modbus.benches import ASCII, GOOD, MS, READ, RTU, Bench, both_modes, outcome
-from tests.engines.modbus.wire import drain, spell_to
+from tests.engines.modbus.wire import drain, receive_by_character
 
 # -- each error code by its event ------------------------------------------------------------------
 
@@ -103,9 +103,9 @@ def test_5_parity_and_8_framing(mode: Mode) -> None:
     for parity_ok, stop_ok, error in [(False, True, PortError.RECEPTION), (True, False, PortError.FRAMING)]:
         bench = Bench(mode)
         chars = bench.adu(encode_response(GOOD)).chars
-        _, at = spell_to(bench.master, chars[:5], bench.now, bench.line)
+        _, at = receive_by_character(bench.master, chars[:5], bench.now, bench.line)
         bench.master.receive(RxChar(chars[5], parity_ok, stop_ok), at, at := at + bench.line.characters(1))
-        _, bench.now = spell_to(bench.master, chars[6:], at, bench.line)
+        _, bench.now = receive_by_character(bench.master, chars[6:], at, bench.line)
         bench.master.line_idle(bench.now + RTU.quiet)
         assert outcome(drain(bench.master))[0] is error
 
@@ -132,7 +132,7 @@ def test_6_echo_of_another_value() -> None:
 def test_7_more_than_256_bytes(mode: Mode) -> None:
     bench = Bench(mode)
     stream = b"\x55" * 257 if mode is Mode.RTU else b":" + b"5" * 513
-    _, bench.now = spell_to(bench.master, stream, bench.now, bench.line)
+    _, bench.now = receive_by_character(bench.master, stream, bench.now, bench.line)
     assert outcome(drain(bench.master))[0] is PortError.OVERFLOW
     assert bench.master.idle
 

@@ -25,7 +25,7 @@ from bussim.engines.modbus.states import SLAVE, SlaveInput, SlaveState
 from bussim.units import TICKS_PER_MS
 from tests.engines.modbus.frames import ASCII_REQUEST, ASCII_RESPONSE, EXCHANGE_IDS, EXCHANGES, Exchange
 from tests.engines.modbus.maps import PlainMap
-from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, spell_to
+from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, receive_by_character
 
 MS = TICKS_PER_MS
 RTU = Framing.rtu(RTU_LINE)
@@ -52,7 +52,7 @@ class Bench:
         return encode_adu(self.framing.mode, station, pdu).chars
 
     def ask(self, request: Request | bytes, station: int = 1) -> list[SlaveEvent | Transmit]:
-        _, self.now = spell_to(self.slave, self.chars(request, station), self.now, self.line)
+        _, self.now = receive_by_character(self.slave, self.chars(request, station), self.now, self.line)
         return self.silence()
 
     def silence(self) -> list[SlaveEvent | Transmit]:
@@ -103,7 +103,7 @@ def test_every_printed_exchange(exchange: Exchange, mode: Mode, before: str, *, 
         "half a frame": asked[: len(asked) // 2],
     }[before]
     if noise:
-        _, bench.now = spell_to(slave, noise, bench.now, bench.line)
+        _, bench.now = receive_by_character(slave, noise, bench.now, bench.line)
         assert not any(isinstance(item, Transmit | RequestServed) for item in bench.silence())
     start = bench.now
     end = start + bench.line.characters(len(asked))
@@ -112,7 +112,7 @@ def test_every_printed_exchange(exchange: Exchange, mode: Mode, before: str, *, 
             encode_adu(mode, exchange.station, encode_request(exchange.request)), start, end
         )
     else:
-        hints, _ = spell_to(slave, asked, start, bench.line)
+        hints, _ = receive_by_character(slave, asked, start, bench.line)
     bench.now = end
     if mode is Mode.RTU:
         assert hints & OPEN
@@ -146,7 +146,7 @@ def test_every_printed_exchange(exchange: Exchange, mode: Mode, before: str, *, 
 def test_ascii_example_of_the_v80() -> None:
     bench = Bench(Mode.ASCII, (6,))
     bench.map.items[Space.HOLDING][107:110] = [0x63] * 3
-    spell_to(bench.slave, ASCII_REQUEST, 0, ASCII_LINE)
+    receive_by_character(bench.slave, ASCII_REQUEST, 0, ASCII_LINE)
     assert bench.slave.begin_transmit(1).chars == ASCII_RESPONSE
 
 
@@ -242,7 +242,7 @@ def test_damaged_frames_are_ignored(mode: Mode) -> None:
     bench = Bench(mode)
     chars = bytearray(bench.chars(write_register(0, 7)))
     chars[-4 if mode is Mode.RTU else -6] ^= 1
-    _, bench.now = spell_to(bench.slave, bytes(chars), bench.now, bench.line)
+    _, bench.now = receive_by_character(bench.slave, bytes(chars), bench.now, bench.line)
     items = bench.silence()
     assert [item.reason for item in items] == [Rejection.CHECK]
     assert bench.map.calls == []
@@ -323,7 +323,7 @@ def test_broadcast_reads_and_unknown_functions_are_ignored(mode: Mode, request_:
 @both_modes
 def test_delay_counts_from_the_requests_last_stop_bit(mode: Mode) -> None:
     bench = Bench(mode, delay=35 * MS)
-    _, end = spell_to(bench.slave, bench.chars(Request(3, 0, 1)), bench.now, bench.line)
+    _, end = receive_by_character(bench.slave, bench.chars(Request(3, 0, 1)), bench.now, bench.line)
     bench.now = end
     assert bench.silence()[-1] == Transmit(end + 35 * MS, reply=True, counter=1)
 
@@ -357,7 +357,9 @@ def test_a_driven_slave_says_that_a_request_waits(mode: Mode, *, whole: bool) ->
     frame = encode_adu(mode, 1, encode_request(write_register(3, 7)))
     assert frame.chars == chars
     end = bench.line.characters(len(chars))
-    hints = slave.receive_frame(frame, 0, end) if whole else spell_to(slave, chars, 0, bench.line)[0]
+    hints = (
+        slave.receive_frame(frame, 0, end) if whole else receive_by_character(slave, chars, 0, bench.line)[0]
+    )
     if mode is Mode.RTU:
         assert not hints & SERVE
         hints = slave.line_idle(end + slave.quiet)

@@ -86,7 +86,7 @@ class Wire:
             self._last_heard[other] = self.now
             self.handle(other, other.receive_frame(frame, start, self.now))
 
-        def spell(other: Any, number: int) -> None:
+        def receive_by_character(other: Any, number: int) -> None:
             self._last_heard[other] = self.now
             begun = start + timing.characters(number)
             self.handle(other, other.receive(RxChar(frame.chars[number]), begun, self.now))
@@ -96,11 +96,13 @@ class Wire:
                 self.at(ends[-1], HEARING, lambda other=other: tell(other))
             else:
                 for number, end in enumerate(ends):
-                    self.at(end, HEARING, lambda other=other, number=number: spell(other, number))
+                    self.at(
+                        end, HEARING, lambda other=other, number=number: receive_by_character(other, number)
+                    )
         self.at(ends[-1], TIMERS, lambda: self.handle(engine, engine.transmit_done(self.now)))
 
 
-def spell_to(engine: Any, chars: bytes, start: int, timing: LineTiming) -> tuple[int, int]:
+def receive_by_character(engine: Any, chars: bytes, start: int, timing: LineTiming) -> tuple[int, int]:
     """Characters back to back into one engine; returns (all hints, end of the last one)."""
     hints, end = 0, start
     for number, value in enumerate(chars):

@@ -23,7 +23,7 @@ _FORMS = {
 }
 
 
-def spell(text: str) -> str:
+def receive_by_character(text: str) -> str:
     """The bits of a frame on the line."""
     bits = ""
     for sign in text:

@@ -1,4 +1,4 @@
-"""Links on the scripted wire, what can happen to them, and what their seats have noted."""
+"""Links on the scripted wire, what can happen to them, and what their nodes have noted."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from tests.engines.wire import (
     POLL_TICKS,
     TIMEOUT_UNIT,
     TURNAROUND,
-    LinkAttachment,
+    Node,
     Tx,
     Wire,
-    master_seat,
-    slave_seat,
+    master_node,
+    slave_node,
 )
 
 #: The scan (and counter) in which the table's disturbances happen.
 SCAN = 2
-#: Entries of one seat: station -> (count, code). A station that is not named has 0 and 0.
+#: Entries of one node: station -> (count, code). A station that is not named has 0 and 0.
 Entries = dict[int, tuple[int, int]]
 HEADER, BODY = 3, 53  # a bit of the first character, one of the sixth
 
@@ -40,11 +40,11 @@ def link(
     slaves: int = 3, *, whole: bool, attempts: int = 1, probe: bool = False, on_edge: bool = False
 ) -> Wire:
     """A link on which everybody is in RUN from the start."""
-    seats = [master_seat(slaves, attempts=attempts, probe=probe, on_edge=on_edge)]
-    seats += [slave_seat(station, on_edge=on_edge) for station in range(1, slaves + 1)]
-    wire = Wire(*seats, whole=whole)
-    for seat in seats:
-        wire.at(0, lambda seat=seat: seat.start(0))
+    nodes = [master_node(slaves, attempts=attempts, probe=probe, on_edge=on_edge)]
+    nodes += [slave_node(station, on_edge=on_edge) for station in range(1, slaves + 1)]
+    wire = Wire(*nodes, whole=whole)
+    for node in nodes:
+        wire.at(0, lambda node=node: node.start(0))
     return wire
 
 
@@ -58,10 +58,10 @@ def lose(wire: Wire, station: int, *, attempts: Collection[int] = range(99)) -> 
         heard[0] += 1
         return heard[0] - 1 in attempts
 
-    wire.seats[station].vanishes = vanishes
+    wire.nodes[station].vanishes = vanishes
 
 
-def spoil(
+def damage(
     wire: Wire,
     kind: int,
     station: int,
@@ -74,18 +74,18 @@ def spoil(
 
     ``at`` names who hears them so (None: everybody), ``attempts`` which of them are meant.
     """
-    before, seen = wire.spoil, []
+    before, seen = wire.damage, []
 
-    def hook(tx: Tx, seat: LinkAttachment) -> Collection[int]:
+    def hook(tx: Tx, node: Node) -> Collection[int]:
         frame = tx.frame
         if frame is None or (frame.kind, frame.station, frame.counter) != (kind, station, SCAN):
-            return before(tx, seat)
+            return before(tx, node)
         if tx not in seen:
             seen.append(tx)
-        hit = seen.index(tx) in attempts and (at is None or seat.name in at)
-        return bits if hit else before(tx, seat)
+        hit = seen.index(tx) in attempts and (at is None or node.name in at)
+        return bits if hit else before(tx, node)
 
-    wire.spoil = hook
+    wire.damage = hook
 
 
 def in_attempt(
@@ -93,21 +93,21 @@ def in_attempt(
 ) -> None:
     """Characters from nowhere, so long after the end of this station's polls in the disturbed scan."""
     poll = encode_poll(station, SCAN).chars
-    before = wire.spoil
+    before = wire.damage
 
-    def hook(tx: Tx, seat: LinkAttachment) -> Collection[int]:
+    def hook(tx: Tx, node: Node) -> Collection[int]:
         if tx.chars == poll and tx.frame is not None and tx not in done:
             if len(done) in attempts:
                 wire.inject(tx.end + after, chars)
             done.append(tx)
-        return before(tx, seat)
+        return before(tx, node)
 
     done: list[Tx] = []
-    wire.spoil = hook
+    wire.damage = hook
 
 
-def noted(seat: LinkAttachment) -> Entries:
-    status = seat.engine.status
+def noted(node: Node) -> Entries:
+    status = node.engine.status
     return {
         station: (count, code)
         for station, (count, code) in enumerate(zip(status.counts, status.codes, strict=True))
@@ -115,19 +115,19 @@ def noted(seat: LinkAttachment) -> Entries:
     }
 
 
-def slave_of(seat: LinkAttachment) -> Slave:
-    assert isinstance(seat.engine, Slave)
-    return seat.engine
+def slave_of(node: Node) -> Slave:
+    assert isinstance(node.engine, Slave)
+    return node.engine
 
 
 def scans(wire: Wire) -> list[ScanEnded]:
-    return [event for event in wire.seats[0].events if isinstance(event, ScanEnded)]
+    return [event for event in wire.nodes[0].events if isinstance(event, ScanEnded)]
 
 
-def of(seat: LinkAttachment, kind: type) -> list[object]:
-    return [event for event in seat.events if type(event) is kind]
+def of(node: Node, kind: type) -> list[object]:
+    return [event for event in node.events if type(event) is kind]
 
 
-def silence(seat: LinkAttachment, *, on: bool) -> None:
+def silence(node: Node, *, on: bool) -> None:
     """All its replies are lost, or none."""
-    seat.vanishes = lambda _reply: on
+    node.vanishes = lambda _reply: on

@@ -21,17 +21,17 @@ from tests.engines.nn.links import (
     HEADER,
     SCAN,
     Entries,
+    damage,
     in_attempt,
     link,
     lose,
     noted,
-    spoil,
 )
 from tests.engines.wire import (
     CHAR,
     MS,
     TURNAROUND,
-    LinkAttachment,
+    Node,
     Tx,
     Wire,
 )
@@ -39,7 +39,7 @@ from tests.engines.wire import (
 
 @dataclass(frozen=True)
 class Case:
-    """What happens in the disturbed scan, and what each seat has noted in the end."""
+    """What happens in the disturbed scan, and what each node has noted in the end."""
 
     happens: Callable[[Wire], None]
     noted: dict[str, Entries]
@@ -58,28 +58,28 @@ def both(*steps: Callable[[Wire], None]) -> Callable[[Wire], None]:
 
 def late_into_the_next_exchange(wire: Wire) -> None:
     """Slave 1 answers 52 ms after its poll, when slave 2 (whose reply is lost) was polled."""
-    wire.seats[1].turnarounds = iter([TURNAROUND] * SCAN + [52 * MS] + [TURNAROUND] * 99)
+    wire.nodes[1].turnarounds = iter([TURNAROUND] * SCAN + [52 * MS] + [TURNAROUND] * 99)
     lose(wire, 2)
 
 
 def late_into_the_next_scan(wire: Wire) -> None:
     """Slave 2 answers the poll of the disturbed scan when it was polled in the next one."""
-    wire.seats[2].turnarounds = iter([TURNAROUND] * SCAN + [75 * MS] + [TURNAROUND] * 99)
+    wire.nodes[2].turnarounds = iter([TURNAROUND] * SCAN + [75 * MS] + [TURNAROUND] * 99)
     # The next scan's reply, with the usual turnaround, falls due first: that one is lost.
-    wire.seats[2].vanishes = lambda reply: reply == SCAN
+    wire.nodes[2].vanishes = lambda reply: reply == SCAN
 
 
 def next_data_frame(wire: Wire, bit: int) -> None:
     """The data frame that follows the disturbed scan is damaged."""
-    before = wire.spoil
+    before = wire.damage
 
-    def hook(tx: Tx, seat: LinkAttachment) -> Collection[int]:
+    def hook(tx: Tx, node: Node) -> Collection[int]:
         frame = tx.frame
         if frame is not None and (frame.kind, frame.station, frame.counter) == (DATA, 0, SCAN + 1):
             return [bit]
-        return before(tx, seat)
+        return before(tx, node)
 
-    wire.spoil = hook
+    wire.damage = hook
 
 
 CASES = {
@@ -97,40 +97,40 @@ CASES = {
     "nothing: the third attempt is answered": Case(
         lambda wire: lose(wire, 2, attempts=(0, 1)), {}, attempts=3, failed={2: {0x01: 2}}
     ),
-    "01, 21 of the last slave, judged at the next data frame": Case(
+    "01, 21 of the last slave, checked at the next data frame": Case(
         lambda wire: lose(wire, 3),
         {"master": {3: (1, 0x01)}, "slave1": {3: (1, 0x21)}, "slave2": {3: (1, 0x21)}},
         failed={3: {0x01: 1}},
     ),
     "04: a reply is damaged on the line": Case(
-        lambda wire: spoil(wire, DATA, 2, [BODY]),
+        lambda wire: damage(wire, DATA, 2, [BODY]),
         {"master": {2: (1, 0x04)}, "slave1": {2: (1, 0x04)}, "slave3": {2: (1, 0x04)}},
         failed={2: {0x04: 1}},
     ),
     "04: a reply's header is damaged on the line": Case(
-        lambda wire: spoil(wire, DATA, 2, [HEADER]),
+        lambda wire: damage(wire, DATA, 2, [HEADER]),
         {"master": {2: (1, 0x04)}, "slave1": {2: (1, 0x04)}, "slave3": {2: (1, 0x04)}},
         failed={2: {0x04: 1}},
     ),
     "04: a reply's last sum character is damaged on the line": Case(
-        lambda wire: spoil(wire, DATA, 2, [215]),
+        lambda wire: damage(wire, DATA, 2, [215]),
         {"master": {2: (1, 0x04)}, "slave1": {2: (1, 0x04)}, "slave3": {2: (1, 0x04)}},
         failed={2: {0x04: 1}},
     ),
     "04 in the master alone: it alone heard damage": Case(
-        lambda wire: spoil(wire, DATA, 2, [BODY], at=["master"]),
+        lambda wire: damage(wire, DATA, 2, [BODY], at=["master"]),
         {"master": {2: (1, 0x04)}},
         failed={2: {0x04: 1}},
     ),
     "04 in a slave alone": Case(
-        lambda wire: spoil(wire, DATA, 2, [BODY], at=["slave3"]), {"slave3": {2: (1, 0x04)}}
+        lambda wire: damage(wire, DATA, 2, [BODY], at=["slave3"]), {"slave3": {2: (1, 0x04)}}
     ),
     "04 in a slave alone, its header": Case(
-        lambda wire: spoil(wire, DATA, 2, [HEADER], at=["slave3"]), {"slave3": {2: (1, 0x04)}}
+        lambda wire: damage(wire, DATA, 2, [HEADER], at=["slave3"]), {"slave3": {2: (1, 0x04)}}
     ),
     "the last attempt's outcome counts: damage, then silence": Case(
         both(
-            lambda wire: spoil(wire, DATA, 2, [BODY], attempts=(0,)),
+            lambda wire: damage(wire, DATA, 2, [BODY], attempts=(0,)),
             lambda wire: lose(wire, 2, attempts=(1,)),
         ),
         {"master": {2: (1, 0x01)}, "slave1": {2: (1, 0x21)}, "slave3": {2: (1, 0x21)}},
@@ -138,14 +138,14 @@ CASES = {
         failed={2: {0x04: 1, 0x01: 1}},
     ),
     "the last attempt's outcome counts: silence, then damage": Case(
-        both(lambda wire: spoil(wire, DATA, 2, [BODY]), lambda wire: lose(wire, 2, attempts=(0,))),
+        both(lambda wire: damage(wire, DATA, 2, [BODY]), lambda wire: lose(wire, 2, attempts=(0,))),
         {"master": {2: (1, 0x04)}, "slave1": {2: (1, 0x04)}, "slave3": {2: (1, 0x04)}},
         attempts=2,
         failed={2: {0x04: 1, 0x01: 1}},
     ),
     "01 in the master alone: the slaves heard the first attempt's reply": Case(
         both(
-            lambda wire: spoil(wire, DATA, 2, [BODY], at=["master"], attempts=(0,)),
+            lambda wire: damage(wire, DATA, 2, [BODY], at=["master"], attempts=(0,)),
             lambda wire: lose(wire, 2, attempts=(1,)),
         ),
         {"master": {2: (1, 0x01)}},
@@ -154,8 +154,8 @@ CASES = {
     ),
     "04 in the master alone: the slaves heard the first attempt's reply": Case(
         both(
-            lambda wire: spoil(wire, DATA, 2, [BODY], at=["master"], attempts=(0,)),
-            lambda wire: spoil(wire, DATA, 2, [BODY], attempts=(1, 2)),
+            lambda wire: damage(wire, DATA, 2, [BODY], at=["master"], attempts=(0,)),
+            lambda wire: damage(wire, DATA, 2, [BODY], attempts=(1, 2)),
         ),
         {"master": {2: (1, 0x04)}},
         attempts=3,
@@ -178,7 +178,7 @@ CASES = {
         failed={2: {0x01: 1, 0x03: 1}},
     ),
     "14: the poll is damaged on the line": Case(
-        lambda wire: spoil(wire, POLL, 2, [23]),
+        lambda wire: damage(wire, POLL, 2, [23]),
         {
             "master": {2: (1, 0x01)},
             "slave1": {0: (1, 0x14)},  # nobody was polled, so nobody is to blame but the master
@@ -188,12 +188,12 @@ CASES = {
         failed={2: {0x01: 1}},
     ),
     "14: the poll's header is damaged on the line": Case(
-        lambda wire: spoil(wire, POLL, 2, [HEADER]),
+        lambda wire: damage(wire, POLL, 2, [HEADER]),
         {"master": {2: (1, 0x01)}, **{f"slave{k}": {0: (1, 0x14)} for k in (1, 2, 3)}},
         failed={2: {0x01: 1}},
     ),
     "14 in the polled slave alone, 21 in the others": Case(
-        lambda wire: spoil(wire, POLL, 2, [23], at=["slave2"]),
+        lambda wire: damage(wire, POLL, 2, [23], at=["slave2"]),
         {
             "master": {2: (1, 0x01)},
             "slave1": {2: (1, 0x21)},
@@ -203,12 +203,12 @@ CASES = {
         failed={2: {0x01: 1}},
     ),
     "14 in a listening slave alone: it takes the data without the poll": Case(
-        lambda wire: spoil(wire, POLL, 2, [23], at=["slave3"]), {"slave3": {0: (1, 0x14)}}
+        lambda wire: damage(wire, POLL, 2, [23], at=["slave3"]), {"slave3": {0: (1, 0x14)}}
     ),
     "14 in that slave, and nothing about a station that it heard without a poll": Case(
         both(
-            lambda wire: spoil(wire, POLL, 2, [23], at=["slave3"], attempts=(0,)),
-            lambda wire: spoil(wire, DATA, 2, [BODY], at=["master"], attempts=(0,)),
+            lambda wire: damage(wire, POLL, 2, [23], at=["slave3"], attempts=(0,)),
+            lambda wire: damage(wire, DATA, 2, [BODY], at=["master"], attempts=(0,)),
             lambda wire: lose(wire, 2, attempts=(1,)),
         ),
         {"master": {2: (1, 0x01)}, "slave3": {0: (1, 0x14)}},
@@ -216,10 +216,10 @@ CASES = {
         failed={2: {0x04: 1, 0x01: 1}},
     ),
     "14: the master's data frame is damaged": Case(
-        lambda wire: spoil(wire, DATA, 0, [BODY]), {f"slave{k}": {0: (1, 0x14)} for k in (1, 2, 3)}
+        lambda wire: damage(wire, DATA, 0, [BODY]), {f"slave{k}": {0: (1, 0x14)} for k in (1, 2, 3)}
     ),
     "14: the header of the master's data frame is damaged": Case(
-        lambda wire: spoil(wire, DATA, 0, [HEADER]), {f"slave{k}": {0: (1, 0x14)} for k in (1, 2, 3)}
+        lambda wire: damage(wire, DATA, 0, [HEADER]), {f"slave{k}": {0: (1, 0x14)} for k in (1, 2, 3)}
     ),
     "04: that header again, while a poll is pending": Case(
         both(lambda wire: lose(wire, 3), lambda wire: next_data_frame(wire, HEADER)),
@@ -324,21 +324,21 @@ def test_who_notes_what(name: str, whole: bool) -> None:
     wire = link(case.slaves, attempts=case.attempts, whole=whole)
     case.happens(wire)
     wire.run_scans(SCAN + 1)
-    for seat in wire.seats:
-        assert noted(seat) == {}
+    for node in wire.nodes:
+        assert noted(node) == {}
     wire.run_scans(5)
-    for seat in wire.seats:
-        assert noted(seat) == case.noted.get(seat.name, {}), seat.name
+    for node in wire.nodes:
+        assert noted(node) == case.noted.get(node.name, {}), node.name
         # Everything was over in a scan or two: flags are off again, counts and codes stay.
-        assert not any(seat.engine.status.flags)
-        backs = [event.station for event in seat.events if isinstance(event, StationBack)]
-        new = [event.station for event in seat.events if isinstance(event, StationLost) and event.new]
+        assert not any(node.engine.status.flags)
+        backs = [event.station for event in node.events if isinstance(event, StationBack)]
+        new = [event.station for event in node.events if isinstance(event, StationLost) and event.new]
         assert backs == new
-        assert set(new) == set(case.noted.get(seat.name, {}))
+        assert set(new) == set(case.noted.get(node.name, {}))
         # Nobody says anything about itself.
-        own = wire.seats.index(seat)
+        own = wire.nodes.index(node)
         assert own not in new
-        assert seat.engine.status.running
-    master = wire.seats[0].engine
+        assert node.engine.status.running
+    master = wire.nodes[0].engine
     assert isinstance(master, Master)
     assert master.failed_attempts == case.failed

@@ -31,8 +31,8 @@ from tests.engines.wire import (
     QUIET,
     TIMEOUT_UNIT,
     Wire,
-    master_seat,
-    slave_seat,
+    master_node,
+    slave_node,
 )
 
 pytestmark = pytest.mark.parametrize("whole", [True, False], ids=["whole", "characters"])
@@ -44,7 +44,7 @@ pytestmark = pytest.mark.parametrize("whole", [True, False], ids=["whole", "char
 def test_11_when_the_master_stops_once_and_the_next_interval_is_not_measured(whole: bool) -> None:
     wire = link(2, whole=whole)
     wire.run_scans(4)
-    master, *slaves = wire.seats
+    master, *slaves = wire.nodes
     last = master.sent[-2]  # the data frame that has just begun is cut by the stop
     assert last.frame is not None
     assert last.frame.kind == POLL
@@ -52,46 +52,46 @@ def test_11_when_the_master_stops_once_and_the_next_interval_is_not_measured(who
     master.stop(wire.now)
     expiry = last.end + WATCHDOG
     wire.run(expiry - 1)
-    for seat in slaves:
+    for node in slaves:
         # the cut frame began with a clean header: that is damage of the master's
-        assert seat.engine.status.running
-        assert not of(seat, MasterWatchdog)
+        assert node.engine.status.running
+        assert not of(node, MasterWatchdog)
     wire.run(expiry)
-    for seat in slaves:
-        status = seat.engine.status
-        assert of(seat, MasterWatchdog) == [MasterWatchdog(expiry)]
+    for node in slaves:
+        status = node.engine.status
+        assert of(node, MasterWatchdog) == [MasterWatchdog(expiry)]
         assert (status.codes[0], status.flags[0], status.running) == (0x11, True, False)
-        assert seat.engine.deadline() is None
-    counts = [seat.engine.status.counts[0] for seat in slaves]
-    measured = [seat.engine.status.current for seat in slaves]
+        assert node.engine.deadline() is None
+    counts = [node.engine.status.counts[0] for node in slaves]
+    measured = [node.engine.status.current for node in slaves]
     wire.run(wire.now + 60_000 * MS)
-    for seat in slaves:
-        assert len(of(seat, MasterWatchdog)) == 1
-    assert [seat.engine.status.counts[0] for seat in slaves] == counts
+    for node in slaves:
+        assert len(of(node, MasterWatchdog)) == 1
+    assert [node.engine.status.counts[0] for node in slaves] == counts
     # The master comes back: the flag goes off at its first frame, the code stays.
     master.start(wire.now)
     begun = wire.now
     wire.run(begun + GAP + PARAMETERS_TICKS)
-    for seat in slaves:
-        status = seat.engine.status
+    for node in slaves:
+        status = node.engine.status
         assert (status.codes[0], status.flags[0], status.running) == (0x11, False, False)
-        assert seat.events[-1] == StationBack(wire.now, 0)
-        assert seat.engine.deadline() == wire.now + WATCHDOG
+        assert node.events[-1] == StationBack(wire.now, 0)
+        assert node.engine.deadline() == wire.now + WATCHDOG
     wire.run_scans(1)
     wire.run(wire.now + DATA_TICKS)
-    assert [seat.engine.status.current for seat in slaves] == measured
-    assert [seat.engine.status.longest for seat in slaves] == measured
+    assert [node.engine.status.current for node in slaves] == measured
+    assert [node.engine.status.longest for node in slaves] == measured
     wire.run_scans(1)
-    for seat in slaves:
-        assert seat.engine.status.running
+    for node in slaves:
+        assert node.engine.status.running
     wire.run(wire.now + DATA_TICKS)
-    assert [seat.engine.status.current for seat in slaves] == [FIXED + 2 * SLOT] * 2
+    assert [node.engine.status.current for node in slaves] == [FIXED + 2 * SLOT] * 2
     assert of(slaves[0], ParametersTaken)[1:] == []
 
 
 def test_the_interval_over_a_silence_is_not_measured_even_if_its_counters_follow(whole: bool) -> None:
     wire = link(1, whole=whole)
-    master, slave = wire.seats
+    master, slave = wire.nodes
     wire.run_scans(16)
     wire.run(wire.now + DATA_TICKS + GAP)  # the data frame with counter 15 is heard
     longest = slave.engine.status.longest
@@ -108,8 +108,8 @@ def test_the_interval_over_a_silence_is_not_measured_even_if_its_counters_follow
 def test_the_watchdog_follows_every_valid_master_frame(whole: bool) -> None:
     wire = link(2, whole=whole)
     wire.run_scans(3)
-    slave = wire.seats[1]
-    frames = [tx for tx in wire.seats[0].sent if tx.end <= wire.now]
+    slave = wire.nodes[1]
+    frames = [tx for tx in wire.nodes[0].sent if tx.end <= wire.now]
     assert slave.engine.deadline() == frames[-1].end + WATCHDOG
     wire.run(frames[-1].end + 1_000 * MS)
     assert not of(slave, MasterWatchdog)
@@ -117,10 +117,10 @@ def test_the_watchdog_follows_every_valid_master_frame(whole: bool) -> None:
 
 
 def test_another_timeout_moves_the_watchdog(whole: bool) -> None:
-    wire = Wire(master_seat(1, timeout=20), slave_seat(1), whole=whole)
-    master, slave = wire.seats
-    for seat in wire.seats:
-        wire.at(0, lambda seat=seat: seat.start(0))
+    wire = Wire(master_node(1, timeout=20), slave_node(1), whole=whole)
+    master, slave = wire.nodes
+    for node in wire.nodes:
+        wire.at(0, lambda node=node: node.start(0))
     wire.run_scans(2)
     wire.run(wire.now + DATA_TICKS)
     assert slave_of(slave).watchdog == WATCHDOG + 2 * 15 * TIMEOUT_UNIT
@@ -128,9 +128,9 @@ def test_another_timeout_moves_the_watchdog(whole: bool) -> None:
     assert slave.engine.deadline() == heard + slave_of(slave).watchdog
     # A master with a shorter timeout takes its place, says so and falls silent.
     master.stop(wire.now)
-    other = master_seat(1)
+    other = master_node(1)
     other.wire = wire
-    wire.seats = (other, slave)
+    wire.nodes = (other, slave)
     other.start(wire.now)
     wire.run(wire.now + GAP + PARAMETERS_TICKS)
     other.stop(wire.now)
@@ -147,7 +147,7 @@ def test_14_counts_once_until_the_next_valid_master_frame(whole: bool) -> None:
     wire = link(1, whole=whole)
     wire.run_scans(2)
     wire.run(wire.now + DATA_TICKS)
-    master, slave = wire.seats
+    master, slave = wire.nodes
     status = slave.engine.status
     wire.run_scans(1)
     master.stop(wire.now)  # cut at its first tick: nothing was sent
@@ -177,12 +177,12 @@ def test_14_counts_once_until_the_next_valid_master_frame(whole: bool) -> None:
 
 def test_m8183_is_on_from_the_damage_to_the_next_valid_frame(whole: bool) -> None:
     wire = link(1, whole=whole)
-    wire.spoil = lambda tx, _seat: (
+    wire.damage = lambda tx, _node: (
         [BODY] if tx.frame and (tx.frame.kind, tx.frame.station, tx.frame.counter) == (DATA, 0, 2) else []
     )
     wire.run_scans(3)
     data = wire.sent[-1]
-    slave = wire.seats[1]
+    slave = wire.nodes[1]
     # The gap before the poll (0.4175 ms) is shorter than two characters (0.5208 ms): its header ends it.
     assert GAP < QUIET < GAP + CHAR
     wire.run(data.end + GAP + CHAR)
@@ -196,4 +196,4 @@ def test_m8183_is_on_from_the_damage_to_the_next_valid_frame(whole: bool) -> Non
     wire.run_scans(1)
     wire.run(wire.now + DATA_TICKS)
     assert slave.engine.status.current == FIXED + SLOT
-    assert wire.seats[0].engine.status.counts == [0] * 8
+    assert wire.nodes[0].engine.status.counts == [0] * 8

@@ -97,7 +97,7 @@ class SecondDecoder:
     """The independent receiver on the same."""
 
     def __init__(self, station: int, counter: int) -> None:
-        bits = independent.spell(independent.poll_text(station, counter))
+        bits = independent.receive_by_character(independent.poll_text(station, counter))
         assert len(bits) == BITS
         self._line = bytearray(bits.encode())
         self._verdicts: dict[tuple[independent.Char, ...], Verdicts] = {}
@@ -121,12 +121,12 @@ def undetected_by_enumeration(station: int, counter: int) -> list[tuple[int, str
     characters with idle bits before and between, all low bits within the 50; it is an undetected pattern
     if it differs from what was sent in one to four bits. Returns (bits, poll) of each.
     """
-    sent = independent.spell(independent.poll_text(station, counter))
+    sent = independent.receive_by_character(independent.poll_text(station, counter))
     found = []
     for other in range(1, 8):
         for number in range(16):
             text = independent.poll_text(other, number)
-            chars = [independent.spell(sign) for sign in text]
+            chars = [independent.receive_by_character(sign) for sign in text]
             slack = len(chars[-1]) - len(chars[-1].rstrip("1"))
             for idle in compositions(slack, CHARS):
                 line = "".join("1" * gap + char for gap, char in zip(idle, chars, strict=True))
@@ -176,13 +176,13 @@ UNDETECTED = 11
 @pytest.mark.parametrize(("station", "counter"), [(1, 0), (2, 9), (4, 12), (7, 15)])
 def test_enumerated_patterns_do_pass(station: int, counter: int) -> None:
     """The patterns of other polls that must pass, one by one, through both receivers."""
-    sent = independent.spell(independent.poll_text(station, counter))
+    sent = independent.receive_by_character(independent.poll_text(station, counter))
     real, second = RealChain(station, counter), SecondDecoder(station, counter)
     passed = []
     for other in range(1, 8):
         for number in range(16):
             text = independent.poll_text(other, number)
-            line = independent.spell(text)
+            line = independent.receive_by_character(text)
             flips = tuple(bit for bit in range(BITS) if line[bit] != sent[bit])
             assert real.judge(flips) == second.judge(flips) == (("frame", text),)
             if 1 <= len(flips) <= 4:

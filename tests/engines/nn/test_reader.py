@@ -88,15 +88,15 @@ def test_a_frame_without_its_end_is_damage_by_quiet_or_by_the_next_header(name: 
 @pytest.mark.parametrize("flaw", ["parity", "stop"])
 def test_a_damaged_character_spoils_the_frame_wherever_it_is(name: str, flaw: str) -> None:
     frame, chars = GOLDEN[name]
-    for spoilt in range(len(chars)):
+    for damaged in range(len(chars)):
         reader = FrameReader()
         for number, char in enumerate(chars):
-            bad = number == spoilt
+            bad = number == damaged
             rx = (char, not (bad and flaw == "parity"), not (bad and flaw == "stop"))
             assert reader.character(rx, CHAR * number) is None
-            assert reader.in_frame == (number < spoilt)
-        header = chars[0] if spoilt else None
-        first = chars[1] if spoilt > 1 else None
+            assert reader.in_frame == (number < damaged)
+        header = chars[0] if damaged else None
+        first = chars[1] if damaged > 1 else None
         assert reader.quiet() == Damage(header, first)
         assert feed(reader, chars) == [frame]
 
@@ -209,7 +209,9 @@ def verdict(heard: Heard) -> independent.Verdict:
 def test_the_second_decoder_agrees_on_golden_frames() -> None:
     for frame, chars in GOLDEN.values():
         text = chars.decode()
-        assert independent.verdicts(independent.characters(independent.spell(text))) == [("frame", text)]
+        assert independent.verdicts(independent.characters(independent.receive_by_character(text))) == [
+            ("frame", text)
+        ]
         if frame == encode_poll(frame.station or 1, frame.counter):
             assert independent.poll_text(frame.station, frame.counter) == text
     assert encode_parameters(6, LinkSettings(2, 1, 5, 100)).chars.decode()[-2:] == independent.checksum(

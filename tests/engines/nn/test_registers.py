@@ -33,11 +33,11 @@ from tests.engines.wire import (
     PARAMETERS_TICKS,
     POLL_TICKS,
     TURNAROUND,
-    LinkAttachment,
+    Node,
     Tx,
     Wire,
-    master_seat,
-    slave_seat,
+    master_node,
+    slave_node,
 )
 
 pytestmark = pytest.mark.parametrize("whole", [True, False], ids=["whole", "characters"])
@@ -50,7 +50,7 @@ def test_a_healthy_scan_takes_what_its_parts_take(slaves: int, whole: bool) -> N
     wire = link(slaves, whole=whole)
     wire.run_scans(4)
     wire.run(wire.now + DATA_TICKS)
-    master = wire.seats[0]
+    master = wire.nodes[0]
     first = master.sent[:2]
     assert [tx.frame.kind for tx in first if tx.frame] == [PARAMETERS, DATA]
     assert [tx.start for tx in first] == [GAP, 2 * GAP + PARAMETERS_TICKS]
@@ -62,7 +62,7 @@ def test_a_healthy_scan_takes_what_its_parts_take(slaves: int, whole: bool) -> N
     assert of(master, AllHealthy) == [AllHealthy(first[1].end + slaves * SLOT)]
     # The counter counts scans, modulo 16, and a reply carries its poll's.
     wire.run_scans(16)
-    data = [tx.frame for seat in wire.seats for tx in seat.sent if tx.frame and tx.frame.kind == DATA]
+    data = [tx.frame for node in wire.nodes for tx in node.sent if tx.frame and tx.frame.kind == DATA]
     for station in range(slaves + 1):
         counters = [frame.counter for frame in data if frame.station == station]
         assert counters == [number % 16 for number in range(len(counters))]
@@ -73,16 +73,16 @@ def test_everybody_stores_everybody_s_block_and_measures_the_same(whole: bool) -
     wire = link(3, whole=whole)
     wire.run_scans(3)
     wire.run(wire.now + DATA_TICKS)
-    for seat in wire.seats:
-        own = wire.seats.index(seat)
-        latest = {station: data for _, station, data in seat.stored}
-        assert latest == {k: other.image for k, other in enumerate(wire.seats) if k != own}
-        status = seat.engine.status
+    for node in wire.nodes:
+        own = wire.nodes.index(node)
+        latest = {station: data for _, station, data in node.stored}
+        assert latest == {k: other.image for k, other in enumerate(wire.nodes) if k != own}
+        status = node.engine.status
         assert status.current == status.longest == FIXED + 3 * SLOT
-        assert noted(seat) == {}
+        assert noted(node) == {}
     # In the order of the wire, once each: a slave stores at the end of each frame.
     ends = [tx.end for tx in wire.sent if tx.frame and tx.frame.kind == DATA]
-    assert [end for end, _, _ in wire.seats[3].stored][:3] == ends[:3]
+    assert [end for end, _, _ in wire.nodes[3].stored][:3] == ends[:3]
 
 
 # -- M8191 -------------------------------------------------------------------------------------------------
@@ -90,7 +90,7 @@ def test_everybody_stores_everybody_s_block_and_measures_the_same(whole: bool) -
 
 def test_running_comes_on_with_the_first_data_frame_and_the_first_reply(whole: bool) -> None:
     wire = link(1, whole=whole)
-    master, slave = wire.seats
+    master, slave = wire.nodes
     start = 2 * GAP + PARAMETERS_TICKS
     replied = start + DATA_TICKS + GAP + POLL_TICKS + TURNAROUND + DATA_TICKS
     wire.run(start - 1)
@@ -101,17 +101,17 @@ def test_running_comes_on_with_the_first_data_frame_and_the_first_reply(whole: b
     assert not slave.engine.status.running
     wire.run(replied)
     assert slave.engine.status.running
-    for seat in wire.seats:
-        seat.stop(wire.now)
-        assert not seat.engine.status.running
+    for node in wire.nodes:
+        node.stop(wire.now)
+        assert not node.engine.status.running
 
 
 # -- 31 ----------------------------------------------------------------------------------------------------
 
 
 def test_31_is_a_slave_s_own_without_count_or_flag(whole: bool) -> None:
-    wire = Wire(master_seat(2), slave_seat(1), slave_seat(2), whole=whole)
-    master, first, late = wire.seats
+    wire = Wire(master_node(2), slave_node(1), slave_node(2), whole=whole)
+    master, first, late = wire.nodes
     wire.at(0, lambda: master.start(0))
     wire.at(0, lambda: first.start(0))
     wire.at(10 * MS, lambda: late.start(10 * MS))  # after the parameters
@@ -127,8 +127,8 @@ def test_31_is_a_slave_s_own_without_count_or_flag(whole: bool) -> None:
     assert noted(master) == {2: (1, 0x01)}
     assert noted(first) == {2: (1, 0x21)}
     wire.run_scans(3)
-    for seat in wire.seats:
-        assert not any(seat.engine.status.flags)
+    for node in wire.nodes:
+        assert not any(node.engine.status.flags)
     assert noted(late) == {2: (0, 0x31)}  # survives
     assert late.engine.status.running
     assert len(of(master, AllHealthy)) == 1
@@ -136,10 +136,10 @@ def test_31_is_a_slave_s_own_without_count_or_flag(whole: bool) -> None:
 
 
 def test_a_slave_that_hears_no_poll_of_its_own_has_nothing_to_say(whole: bool) -> None:
-    wire = Wire(master_seat(2), slave_seat(1), slave_seat(2), slave_seat(3), whole=whole)
-    for seat in wire.seats[:3]:
-        wire.at(0, lambda seat=seat: seat.start(0))
-    deaf = wire.seats[3]
+    wire = Wire(master_node(2), slave_node(1), slave_node(2), slave_node(3), whole=whole)
+    for node in wire.nodes[:3]:
+        wire.at(0, lambda node=node: node.start(0))
+    deaf = wire.nodes[3]
     wire.at(10 * MS, lambda: deaf.start(10 * MS))
     wire.run_scans(5)
     assert noted(deaf) == {}
@@ -156,7 +156,7 @@ def test_a_dead_station_costs_its_attempts_instead_of_its_slot(
     attempts: int, probe: bool, on_edge: bool, whole: bool
 ) -> None:
     wire = link(2, attempts=attempts, probe=probe, on_edge=on_edge, whole=whole)
-    master, first, dead = wire.seats
+    master, first, dead = wire.nodes
     silence(dead, on=True)
     wire.run_scans(5)
     silence(dead, on=False)
@@ -199,23 +199,23 @@ def test_a_dead_station_costs_its_attempts_instead_of_its_slot(
 
 def test_the_last_station_that_comes_back_makes_all_healthy_again(whole: bool) -> None:
     wire = link(3, whole=whole)
-    master = wire.seats[0]
+    master = wire.nodes[0]
     for station in (2, 3):
-        silence(wire.seats[station], on=True)
+        silence(wire.nodes[station], on=True)
     wire.run_scans(2)
     assert of(master, AllHealthy) == []  # two have not answered yet
     for station in (3, 2):
-        silence(wire.seats[station], on=False)
+        silence(wire.nodes[station], on=False)
         wire.run_scans(1)
     wire.run_scans(1)
     tail = [event for event in master.events if isinstance(event, (StationBack, AllHealthy))]
-    ends = [tx.end for station in (3, 2) for tx in wire.seats[station].sent[:1]]
+    ends = [tx.end for station in (3, 2) for tx in wire.nodes[station].sent[:1]]
     assert tail == [StationBack(ends[0], 3), StationBack(ends[1], 2), AllHealthy(ends[1])]
 
 
 def test_on_edge_counts_every_loss_anew(whole: bool) -> None:
     wire = link(2, on_edge=True, whole=whole)
-    master, first, dead = wire.seats
+    master, first, dead = wire.nodes
     for _ in range(3):
         silence(dead, on=True)
         wire.run_scans(3)
@@ -227,7 +227,7 @@ def test_on_edge_counts_every_loss_anew(whole: bool) -> None:
 
 def test_with_probe_the_first_loss_takes_all_attempts_every_time(whole: bool) -> None:
     wire = link(1, attempts=3, probe=True, whole=whole)
-    dead = wire.seats[1]
+    dead = wire.nodes[1]
     for _ in range(2):
         silence(dead, on=True)
         wire.run_scans(3)
@@ -242,7 +242,7 @@ def test_with_probe_the_first_loss_takes_all_attempts_every_time(whole: bool) ->
 def test_counters_stop_at_32767(whole: bool) -> None:
     assert COUNT_LIMIT == 32767
     wire = link(2, whole=whole)
-    master, first, dead = wire.seats
+    master, first, dead = wire.nodes
     silence(dead, on=True)
     wire.run_scans(2)
     wire.run(wire.now + DATA_TICKS)  # the slave judges at the end of that data frame
@@ -270,15 +270,15 @@ def test_every_code_has_a_meaning(whole: bool) -> None:
 
 def test_a_slave_does_not_measure_over_a_data_frame_that_it_missed(whole: bool) -> None:
     wire = link(1, whole=whole)
-    wire.spoil = _missed
+    wire.damage = _missed
     wire.run_scans(5)
     wire.run(wire.now + DATA_TICKS)
-    slave = wire.seats[1]
+    slave = wire.nodes[1]
     assert slave.engine.status.longest == FIXED + SLOT
     assert noted(slave) == {0: (1, 0x14)}
 
 
-def _missed(tx: Tx, seat: LinkAttachment) -> list[int]:
+def _missed(tx: Tx, node: Node) -> list[int]:
     frame = tx.frame
     meant = frame is not None and (frame.kind, frame.station, frame.counter) == (DATA, 0, 2)
-    return [HEADER] if meant and seat.name != "master" else []
+    return [HEADER] if meant and node.name != "master" else []

@@ -95,7 +95,7 @@ def test_nobody_judges_itself() -> None:
 
 
 def test_the_master_moves_on_by_another_station_counter_or_its_data_but_not_by_parameters() -> None:
-    def judged(step: int) -> bool:
+    def checked(step: int) -> bool:
         slave = linked()
         hear_poll(slave, 3, 4)
         if step == 0:
@@ -110,7 +110,7 @@ def test_the_master_moves_on_by_another_station_counter_or_its_data_but_not_by_p
             hear_poll(slave, 3, 4)
         return slave.status.counts[3] == 1
 
-    assert [judged(step) for step in range(5)] == [True, True, True, False, False]
+    assert [checked(step) for step in range(5)] == [True, True, True, False, False]
 
 
 def test_an_exchange_that_was_answered_once_is_good_whatever_follows() -> None:

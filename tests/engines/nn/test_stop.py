@@ -28,8 +28,8 @@ from tests.engines.wire import (
     PARAMETERS_TICKS,
     QUIET,
     Wire,
-    master_seat,
-    slave_seat,
+    master_node,
+    slave_node,
 )
 
 pytestmark = pytest.mark.parametrize("whole", [True, False], ids=["whole", "characters"])
@@ -40,7 +40,7 @@ pytestmark = pytest.mark.parametrize("whole", [True, False], ids=["whole", "char
 
 def test_a_slave_in_stop_is_silent_and_deaf_and_loses_its_parameters(whole: bool) -> None:
     wire = link(2, whole=whole)
-    master, first, second = wire.seats
+    master, first, second = wire.nodes
     silence(first, on=True)
     wire.run_scans(3)
     silence(first, on=False)
@@ -67,7 +67,7 @@ def test_a_slave_in_stop_is_silent_and_deaf_and_loses_its_parameters(whole: bool
 
 def test_a_master_that_starts_again_begins_from_nothing(whole: bool) -> None:
     wire = link(2, whole=whole)
-    master, _, second = wire.seats
+    master, _, second = wire.nodes
     silence(second, on=True)
     wire.run_scans(4)
     master.stop(wire.now)
@@ -99,7 +99,7 @@ def test_a_master_that_starts_again_begins_from_nothing(whole: bool) -> None:
 def test_a_frame_that_is_cut_by_stop_is_damage(whole: bool) -> None:
     wire = link(2, whole=whole)
     wire.run_scans(2)
-    master, first, second = wire.seats
+    master, first, second = wire.nodes
     while not second.sent or second.sent[-1].start < wire.now - DATA_TICKS or second._sending is None:
         wire.run(wire.now + 100)
     wire.run(second.sent[-1].start + 4 * CHAR + 1_000)
@@ -121,12 +121,12 @@ def test_a_frame_that_is_cut_by_stop_is_damage(whole: bool) -> None:
 
 def test_a_slave_refuses_a_mode_that_it_does_not_have(whole: bool) -> None:
     wire = Wire(
-        master_seat(2, mode=4), slave_seat(1, mode=4), slave_seat(2, mode=4, modes=(0, 1, 2)), whole=whole
+        master_node(2, mode=4), slave_node(1, mode=4), slave_node(2, mode=4, modes=(0, 1, 2)), whole=whole
     )
-    for seat in wire.seats:
-        wire.at(0, lambda seat=seat: seat.start(0))
+    for node in wire.nodes:
+        wire.at(0, lambda node=node: node.start(0))
     wire.run_scans(3)
-    master, first, foreign = wire.seats
+    master, first, foreign = wire.nodes
     wanted = LinkSettings(2, 4, 0, 5)
     assert foreign.events == [ParametersRefused(GAP + PARAMETERS_TICKS, wanted)]
     assert foreign.engine.state is SlaveState.REFUSING
@@ -142,15 +142,15 @@ def test_a_slave_refuses_a_mode_that_it_does_not_have(whole: bool) -> None:
 def test_a_reply_that_was_pending_when_the_mode_was_refused_does_not_count_as_an_exchange(
     whole: bool,
 ) -> None:
-    foreign = slave_seat(1, 90 * MS, modes=(0,))
-    wire = Wire(master_seat(1), foreign, whole=whole)
-    for seat in wire.seats:
-        wire.at(0, lambda seat=seat: seat.start(0))
+    foreign = slave_node(1, 90 * MS, modes=(0,))
+    wire = Wire(master_node(1), foreign, whole=whole)
+    for node in wire.nodes:
+        wire.at(0, lambda node=node: node.start(0))
     wire.run(30 * MS)
-    wire.seats[0].stop(wire.now)
-    other = master_seat(1, mode=2)
+    wire.nodes[0].stop(wire.now)
+    other = master_node(1, mode=2)
     other.wire = wire
-    wire.seats = (other, foreign)
+    wire.nodes = (other, foreign)
     other.start(wire.now)
     wire.run(wire.now + 200 * MS)
     assert len(foreign.sent) == 1

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bussim.engines.nn.events import ScanEnded
 from bussim.engines.nn.frames import DATA
 from bussim.engines.nn.master import Master
-from tests.engines.wire import CHAR, GAP, MS, TURNAROUND, LinkAttachment, Tx, Wire, master_seat, slave_seat
+from tests.engines.wire import CHAR, GAP, MS, TURNAROUND, Node, Tx, Wire, master_node, slave_node
 
 SLAVES, SCANS = 3, 6
 #: At most three bits: fewer than it takes for one frame to become another (see test_patterns).
@@ -49,25 +49,25 @@ def run(plan: dict[str, object], *, whole: bool) -> Wire:
     assert isinstance(damaged, dict)
     assert isinstance(lost, dict)
     assert isinstance(slow, dict)
-    seats = [master_seat(SLAVES, attempts=attempts, probe=probe, on_edge=on_edge)]
-    seats += [slave_seat(k, *slow[k], on_edge=on_edge) for k in range(1, SLAVES + 1)]
-    wire = Wire(*seats, whole=whole)
+    nodes = [master_node(SLAVES, attempts=attempts, probe=probe, on_edge=on_edge)]
+    nodes += [slave_node(k, *slow[k], on_edge=on_edge) for k in range(1, SLAVES + 1)]
+    wire = Wire(*nodes, whole=whole)
 
-    def spoil(tx: Tx, seat: LinkAttachment) -> Collection[int]:
+    def damage(tx: Tx, node: Node) -> Collection[int]:
         who, bits = damaged.get(wire.sent.index(tx), ("nobody", ()))
-        return bits if who in (None, seat.name) else ()
+        return bits if who in (None, node.name) else ()
 
-    wire.spoil = spoil
-    for k, seat in enumerate(seats):
-        wire.at(0, lambda seat=seat: seat.start(0))
+    wire.damage = damage
+    for k, node in enumerate(nodes):
+        wire.at(0, lambda node=node: node.start(0))
         if k:
-            seat.vanishes = lost[k].__contains__
+            node.vanishes = lost[k].__contains__
     stops = plan["stops"]
     assert isinstance(stops, list)
     for k, at, off in stops:
-        seat = seats[k]
-        wire.at(at * MS, lambda seat=seat: seat.stop(wire.now) if seat.on else None)
-        wire.at((at + off) * MS, lambda seat=seat: None if seat.on else seat.start(wire.now))
+        node = nodes[k]
+        wire.at(at * MS, lambda node=node: node.stop(wire.now) if node.on else None)
+        wire.at((at + off) * MS, lambda node=node: None if node.on else node.start(wire.now))
     noise = plan["noise"]
     assert isinstance(noise, list)
     for at, chars in noise:
@@ -84,10 +84,10 @@ def test_whole_frames_and_characters_come_to_the_same_on_a_whole_link(plan: dict
     assert [(tx.start, tx.end, tx.chars, tx.cut) for tx in one.sent] == [
         (tx.start, tx.end, tx.chars, tx.cut) for tx in other.sent
     ]
-    for seat, same in zip(one.seats, other.seats, strict=True):
-        assert seat.events == same.events
-        assert seat.stored == same.stored
-        a, b = seat.engine.status, same.engine.status
+    for node, same in zip(one.nodes, other.nodes, strict=True):
+        assert node.events == same.events
+        assert node.stored == same.stored
+        a, b = node.engine.status, same.engine.status
         assert (a.counts, a.codes, a.flags, a.running) == (b.counts, b.codes, b.flags, b.running)
         assert (a.current, a.longest, a.longest_at) == (b.current, b.longest, b.longest_at)
 
@@ -96,17 +96,17 @@ def test_whole_frames_and_characters_come_to_the_same_on_a_whole_link(plan: dict
 @given(plan=links())
 def test_what_holds_on_every_link(plan: dict[str, object]) -> None:
     wire = run(plan, whole=True)
-    master = wire.seats[0]
+    master = wire.nodes[0]
     sent = {(tx.frame.station, tx.frame.data) for tx in wire.sent if tx.frame and tx.frame.kind == DATA}
     scans = {event.duration for event in master.events if isinstance(event, ScanEnded)}
-    for number, seat in enumerate(wire.seats):
-        status = seat.engine.status
+    for number, node in enumerate(wire.nodes):
+        status = node.engine.status
         # Nobody counts or flags itself; what is stored was sent by its station.
         assert status.counts[number] == 0
         assert not status.flags[number]
         assert status.codes[number] in ((0, 0x31) if number else (0,))
-        assert all((station, data) in sent for _, station, data in seat.stored)
-        assert number not in {station for _, station, _ in seat.stored}
+        assert all((station, data) in sent for _, station, data in node.stored)
+        assert number not in {station for _, station, _ in node.stored}
         # A slave measures the master's scans, or nothing.
         assert status.current is None or status.current in scans
         assert status.longest is None or status.longest in scans

@@ -33,7 +33,7 @@ def refused(code: int) -> bytes:
     return RTU.encode(1, encode_exception(3, code)).chars
 
 
-def spoilt(**flags: bool) -> list[RxChar]:
+def damaged(**flags: bool) -> list[RxChar]:
     chars = [RxChar(value) for value in GOOD]
     chars[4] = RxChar(GOOD[4], **flags)
     return chars
@@ -61,10 +61,10 @@ ANSWERED = [
     pytest.param(2, refused(2), id="exception 02"),
     pytest.param(3, GOOD[:-1] + bytes((GOOD[-1] ^ 1,)), id="CRC wrong"),
     pytest.param(4, refused(1), id="exception 01"),
-    pytest.param(5, spoilt(parity_ok=False), id="parity"),
+    pytest.param(5, damaged(parity_ok=False), id="parity"),
     pytest.param(6, refused(3), id="exception 03"),
     pytest.param(7, b"\x01\x03" + bytes(RTU_MAX - 1), id="more than 256 bytes"),
-    pytest.param(8, spoilt(stop_ok=False), id="framing"),
+    pytest.param(8, damaged(stop_ok=False), id="framing"),
     pytest.param(9, b"", id="nothing"),
 ]
 

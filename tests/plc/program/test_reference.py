@@ -48,17 +48,17 @@ def test_a_random_program_does_the_same_compiled_and_interpreted(seed: int) -> N
     memory, reference = Memory(), Reference(text)
     run = ProgramRun(Program.parse(text, "random"), memory)
     run.run(0)
-    luck = random.Random(seed)
+    rng = random.Random(seed)
     now = 0
     for number in range(SCANS):
         for point in range(8):
-            bit = luck.getrandbits(1)
+            bit = rng.getrandbits(1)
             memory.bits("X")[point] = bit
             reference.bits["X", point] = bit
         run.scan(now)
         reference.scan(now)
         assert state(memory) == expected(reference), f"scan {number} of\n{text}"
-        now += luck.choice((1, 5, 30, 100)) * TICKS_PER_MS + luck.randrange(1000)
+        now += rng.choice((1, 5, 30, 100)) * TICKS_PER_MS + rng.randrange(1000)
 
 
 def test_the_random_programs_are_no_trifles() -> None:
