@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 
+import pytest
 from hypothesis import settings
 
 # How long an example takes is no test's verdict. Every run draws other examples: fewer at a time keep the
@@ -16,3 +18,12 @@ settings.load_profile("untimed")
 def pytest_xdist_auto_num_workers() -> int:
     """One worker more than processors: tests of ports and processes wait for most of their time."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.fixture
+def pictures_undrawn() -> Iterator[None]:
+    """Pictures are files of a few bytes during a test."""
+    from tests.undrawn import undrawn
+
+    with undrawn():
+        yield

@@ -61,7 +61,9 @@ def test_check_imports_no_results_and_no_plots() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows finds its folders without HOME")
 @pytest.mark.parametrize("home", ["", "/dev/null/nobody"])
 def test_without_a_home_a_run_draws_and_complains_of_nothing(home: str, tmp_path: Path) -> None:
-    code = "import sys; from bussim.cli import main; sys.exit(main(['run', '--duration', '1s', '--out', 'o']))"
+    code = (
+        "import sys; from bussim.cli import main; sys.exit(main(['run', '--duration', '1s', '--out', 'o']))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,

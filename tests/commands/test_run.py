@@ -17,7 +17,6 @@ from bussim.cli import main
 from bussim.results.store.folder import MARKER
 from bussim.results.store.load import FolderRows, load_run
 from bussim.trace.records import AttemptRecord, ScanRecord
-from tests.undrawn import undrawn
 
 ROOT = Path(__file__).parents[2]
 FILES = {
@@ -65,6 +64,7 @@ def test_without_arguments_the_built_in_scenario_runs(here: Path, capsys: pytest
     assert load_run(here / "runs" / "press_line").summary["duration_s"] == 3.0
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_later_runs_have_numbers(here: Path) -> None:
     for _ in range(3):
         assert main(["run", "press_line", "--duration", "1s", "--no-rows"]) == 0
@@ -80,6 +80,7 @@ def test_json_is_the_summary_and_nothing_else(here: Path, capsys: pytest.Capture
     assert json.loads(said.out)["seed"] == 11
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_set_changes_the_scenario(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--duration", "1s", "--set", "plcs.press1.nn.retries=2", "--out", "o"]) == 0
     assert "2 retries = 3 attempts a poll" in capsys.readouterr().out
@@ -89,6 +90,7 @@ def test_set_changes_the_scenario(here: Path, capsys: pytest.CaptureFixture[str]
     assert "duration: 1 s" in text
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_the_scenario_in_the_folder_gives_the_same_run_again(here: Path) -> None:
     assert main(["run", "--duration", "2s", "--seed", "5", "--trace", "--out", "first"]) == 0
     assert main(["run", "first/scenario.yaml", "--trace", "--out", "second"]) == 0
@@ -96,6 +98,7 @@ def test_the_scenario_in_the_folder_gives_the_same_run_again(here: Path) -> None
         assert path.read_bytes() == (here / "second" / path.name).read_bytes(), path.name
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_trace_rows_and_format(here: Path) -> None:
     assert main(["run", "--duration", "1s", "--trace", "--format", "parquet", "--out", "o"]) == 0
     assert names(here / "o") == FILES - {"link_scans.csv"} | {
@@ -111,6 +114,7 @@ def test_trace_rows_and_format(here: Path) -> None:
     assert names(here / "p") == FILES - {"link_scans.csv"}
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_an_existing_folder_needs_force(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["run", "--duration", "1s", "--out", "o"]
     assert main(arguments) == 0
@@ -180,6 +184,7 @@ def test_two_runs_at_once_take_different_folders(tmp_path: Path) -> None:
     assert names(tmp_path / "runs") == {"press_line", "press_line-2"}
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_ports_in_words_and_as_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "nn_with_modbus", "--duration", "3s", "--out", "o"]) == 0
     said = capsys.readouterr().out
@@ -187,8 +192,7 @@ def test_ports_in_words_and_as_files(here: Path, capsys: pytest.CaptureFixture[s
     assert "feeder1: stepper, station 1 on feeder" in said
     assert f"picture: {Path('o') / 'response_time_press1.COM3.png'}" in said
     assert "modbus.csv" in names(here / "o")
-    with undrawn():
-        assert main(["run", "nn_with_modbus", "--duration", "3s", "--no-rows", "--out", "p"]) == 0
+    assert main(["run", "nn_with_modbus", "--duration", "3s", "--no-rows", "--out", "p"]) == 0
     assert not {name for name in names(here / "p") if name.endswith(".csv")}
     capsys.readouterr()
     assert main(["run", "barcode_reader", "--duration", "9s", "--json", "--out", "q"]) == 0

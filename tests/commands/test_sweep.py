@@ -213,6 +213,7 @@ def test_help_has_an_example_a_line(capsys: pytest.CaptureFixture[str]) -> None:
         Plan("press_line", [example], sets=["noise=[{bus: link, ber: 0}]"]).check()
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_modbus_masters_have_a_table_and_pictures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,6 +27,7 @@ from bussim.trace.records import (
     TransactionRecord,
 )
 from tests.export.samples import FEEDER, LINK, exported, frame, link_frames, trace
+from tests.undrawn import undrawn
 
 NUMBER, TEXT = {"type": "number"}, {"type": "string"}
 COMMON = {
@@ -132,7 +133,8 @@ def lengths(records: list[Record]) -> list[tuple[int, int]]:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     folder = tmp_path_factory.mktemp("run") / "traced"
-    bussim.run(bussim.load("nn_with_modbus", ["duration=4s"]), out=folder, trace=True)
+    with undrawn():
+        bussim.run(bussim.load("nn_with_modbus", ["duration=4s"]), out=folder, trace=True)
     return read_trace(folder)
 
 

@@ -97,6 +97,7 @@ def decoded(path: Path, lanes: str, uart: str, side: str) -> list[list[str]]:
     return frames
 
 
+@pytest.mark.slow
 @FORMATS
 def test_modbus_gives_the_frames_of_the_bus(tmp_path: Path, to: str) -> None:
     done = exchanges(120, seed=9)

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import RunError, UsageError
-from bussim.results.plots.style import Picture
 from bussim.results.store.folder import MARKER, RunFolder, free_folder
 from bussim.results.store.load import load_run
 from bussim.results.store.rows import FileRows
@@ -271,6 +270,7 @@ def test_killed_at_any_moment_a_folder_is_whole_or_marked(tmp_path: Path, mode: 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a closed file is all that Windows renames")
 @pytest.mark.parametrize("mode", ["new", "force"])
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_killed_between_any_two_changes_of_the_disk(
     tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -307,8 +307,6 @@ def test_killed_between_any_two_changes_of_the_disk(
                 return False
         return True
 
-    # What a picture shows is of no matter here, and drawing takes its time.
-    monkeypatch.setattr(Picture, "_bytes", lambda *_, **__: b"picture")
     for allowed in range(100):
         target = tmp_path / "run"
         if mode == "force" and not target.exists():

@@ -141,7 +141,7 @@ def test_a_scenario_that_no_loader_made_cannot_be_written() -> None:
 
 
 #: How long an example takes is no verdict.
-PATIENT = settings(suppress_health_check=[HealthCheck.too_slow], deadline=None, max_examples=50)
+PATIENT = settings(suppress_health_check=[HealthCheck.too_slow])
 
 # Scenarios without mistakes, with most of what the form allows.
 

@@ -168,7 +168,9 @@ def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) ->
     picture = lines(plan, points, "latency.door")
     share = panels(picture)[LATENCY_PANELS["lost_share"]]
     assert list(share.lines[0].get_ydata()) == pytest.approx([0.005, 0.025, 0.045, 0.065, 0.085])
-    bounds = [line for line in panels(picture)[LATENCY_PANELS["ms.max"]].lines if line.get_color() == DISTRIBUTION]
+    bounds = [
+        line for line in panels(picture)[LATENCY_PANELS["ms.max"]].lines if line.get_color() == DISTRIBUTION
+    ]
     assert [list(line.get_ydata()) for line in bounds] == [[70.5] * 5]
     assert has(picture, "at worst with no error")
     assert not has(lines(plan, points, "latency.age"), "at worst with no error")

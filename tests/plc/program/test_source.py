@@ -323,7 +323,7 @@ def test_random_lines_never_raise(text: str, registers: list[int]) -> None:
     survives(text, registers)
 
 
-@settings(max_examples=800)
+@settings(max_examples=300)
 @given(driven_instructions(), REGISTERS)
 def test_random_instructions_never_raise(text: str, registers: list[int]) -> None:
     survives(text, registers)
