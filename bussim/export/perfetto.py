@@ -17,20 +17,8 @@ from typing import Any
 from bussim.errors import UsageError
 from bussim.export.source import Job, Selection, Written, nothing_there
 from bussim.line.protocols import BusProtocol
-from bussim.trace.records import (
-    AttemptRecord,
-    CycleRecord,
-    DeviceValueRecord,
-    EndsRecord,
-    FrameRecord,
-    FreeRecord,
-    InputRecord,
-    NoteRecord,
-    PollRecord,
-    Record,
-    ScanRecord,
-    TransactionRecord,
-)
+from bussim.trace import records
+from bussim.trace.records import Record
 from bussim.units import TICKS_PER_US
 from bussim.version import __version__
 
@@ -142,7 +130,7 @@ class _Events:
         self._selection = selection
         self._tracks = tracks
         self._last_end: dict[str, int] = {}
-        self._faults: dict[str, NoteRecord] = {}
+        self._faults: dict[str, records.NoteRecord] = {}
 
     def all(self) -> Iterator[tuple[int, Event]]:
         chosen, until = self._selection, 0
@@ -155,38 +143,38 @@ class _Events:
 
     def _of(self, record: Record) -> Iterator[tuple[int, Event]]:
         match record:
-            case FrameRecord():
+            case records.FrameRecord():
                 yield from self._frame(record)
-            case ScanRecord():
+            case records.ScanRecord():
                 yield self._scan(record)
-            case AttemptRecord():
+            case records.AttemptRecord():
                 yield from self._attempt(record)
-            case TransactionRecord():
+            case records.TransactionRecord():
                 yield from self._transaction(record)
-            case PollRecord():
+            case records.PollRecord():
                 late = microseconds(record.late)
                 args = {"attempts": record.attempts, "error": record.error, "late_us": late}
                 track, name = f"{record.master} polls", record.poll or "poll"
                 yield self._on_bus(record, track, "poll", name, record.start, record.end, args)
-            case CycleRecord():
+            case records.CycleRecord():
                 end = record.start + record.duration
                 track, name = f"{record.master} poll lists", f"poll list {record.number}"
                 yield self._on_bus(record, track, "cycle", name, record.start, end, {})
-            case FreeRecord():
+            case records.FreeRecord():
                 yield from self._free(record)
-            case DeviceValueRecord():
+            case records.DeviceValueRecord():
                 pid, value = self._tracks.plc(record.plc), {"value": record.value}
                 yield record.tick, _event("C", record.device, "register", record.tick, pid, 0, value)
-            case InputRecord():
+            case records.InputRecord():
                 pid, level = self._tracks.plc(record.plc), {"value": record.level}
                 name = f"{record.device} (wire)"
                 yield record.tick, _event("C", name, "input", record.tick, pid, 0, level)
-            case EndsRecord():
+            case records.EndsRecord():
                 yield from self._ends(record)
-            case NoteRecord():
+            case records.NoteRecord():
                 yield from self._note(record)
 
-    def _frame(self, frame: FrameRecord) -> Iterator[tuple[int, Event]]:
+    def _frame(self, frame: records.FrameRecord) -> Iterator[tuple[int, Event]]:
         pid = self._tracks.bus(frame.bus)
         tid = self._tracks.thread(pid, frame.sender)
         name = frame.kind if frame.station is None else f"{frame.kind} {frame.station}"
@@ -210,7 +198,7 @@ class _Events:
             what = next(iter(wrong))
             yield frame.end, _instant(f"{name}: {what}", frame.end, pid, tid, wrong)
 
-    def _scan(self, scan: ScanRecord) -> tuple[int, Event]:
+    def _scan(self, scan: records.ScanRecord) -> tuple[int, Event]:
         args = {
             "attempts": scan.attempts,
             "failed": scan.failed,
@@ -220,7 +208,7 @@ class _Events:
         end = scan.start + scan.duration
         return self._on_bus(scan, "link scans", "scan", f"link scan {scan.number}", scan.start, end, args)
 
-    def _attempt(self, attempt: AttemptRecord) -> Iterator[tuple[int, Event]]:
+    def _attempt(self, attempt: records.AttemptRecord) -> Iterator[tuple[int, Event]]:
         name = f"station {attempt.station}, attempt {attempt.number}"
         turnaround = None if attempt.turnaround is None else microseconds(attempt.turnaround)
         args = {"outcome": attempt.outcome, "code": f"{attempt.code:02X}", "turnaround_us": turnaround}
@@ -231,7 +219,7 @@ class _Events:
             text = f"code {attempt.code:02X}: {attempt.outcome}"
             yield attempt.end, _instant(text, attempt.end, pid, tid, {"station": attempt.station})
 
-    def _transaction(self, done: TransactionRecord) -> Iterator[tuple[int, Event]]:
+    def _transaction(self, done: records.TransactionRecord) -> Iterator[tuple[int, Event]]:
         track = f"{done.master} transactions"
         name = f"{done.poll or 'program'}: station {done.station}, function {done.function:02X}"
         args = {
@@ -250,14 +238,14 @@ class _Events:
             text = f"error {done.error}: {done.outcome}"
             yield done.end, _instant(text, done.end, pid, tid, {"poll": done.poll})
 
-    def _free(self, record: FreeRecord) -> Iterator[tuple[int, Event]]:
+    def _free(self, record: records.FreeRecord) -> Iterator[tuple[int, Event]]:
         args = {"bytes": record.data.hex(" ").upper(), "ended": record.ended, "damaged": record.damaged}
         begin = record.end if record.start is None else record.start
         track = f"{record.node} free protocol"
         name = f"{record.poll} {record.direction}".strip()
         yield self._on_bus(record, track, "free", name, begin, record.end, args)
 
-    def _ends(self, record: EndsRecord) -> Iterator[tuple[int, Event]]:
+    def _ends(self, record: records.EndsRecord) -> Iterator[tuple[int, Event]]:
         pid = self._tracks.plc(record.plc)
         tid = self._tracks.thread(pid, "program scans")
         last = self._last_end.get(record.plc)
@@ -268,7 +256,7 @@ class _Events:
         if last is not None:
             self._last_end[record.plc] = last
 
-    def _note(self, note: NoteRecord) -> Iterator[tuple[int, Event]]:
+    def _note(self, note: records.NoteRecord) -> Iterator[tuple[int, Event]]:
         if note.kind == "fault":
             self._faults[note.where] = note
         elif note.kind == "fault_over" and note.where in self._faults:
@@ -288,14 +276,19 @@ class _Events:
             args = {"where": note.where, **note.detail}
             yield note.tick, _instant(text, note.tick, pid, tid, args, note.kind)
 
-    def _fault(self, note: NoteRecord, until: int) -> tuple[int, Event]:
+    def _fault(self, note: records.NoteRecord, until: int) -> tuple[int, Event]:
         pid = self._tracks.faults()
         tid = self._tracks.thread(pid, note.where)
         return note.tick, _slice(note.text, "fault", note.tick, until, pid, tid, dict(note.detail))
 
     def _on_bus(
         self,
-        record: ScanRecord | AttemptRecord | TransactionRecord | PollRecord | CycleRecord | FreeRecord,
+        record: records.ScanRecord
+        | records.AttemptRecord
+        | records.TransactionRecord
+        | records.PollRecord
+        | records.CycleRecord
+        | records.FreeRecord,
         track: str,
         category: str,
         name: str,

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from bussim.report.trace_window import TraceWindow, in_words, parts_of_scan
+from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan
 from bussim.results.meters.timeline import Span
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
-from bussim.units import milliseconds, seconds
+from bussim.units import seconds
 
 #: Most lanes of devices that changed; the least busy ones are left out.
 MOST_DEVICES = 8
@@ -276,11 +276,6 @@ def scene_of(window: TraceWindow) -> Scene:
         list(_why(window)),
         left_out,
     )
-
-
-def ms(ticks: int | float) -> str:
-    """``51.719 ms``."""
-    return f"{milliseconds(ticks):.3f} ms"
 
 
 def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int, str]]:

@@ -127,12 +127,12 @@ def in_words(parts: Sequence[Part]) -> list[str]:
     """The parts in words: neighbours in which nothing was lost as one, attempts that failed alike as well."""
     words = []
     for group in _grouped(parts):
-        first, total = group[0], _ms(sum(part.ticks for part in group))
+        first, total = group[0], ms(sum(part.ticks for part in group))
         if len(group) == 1:
             words.append(f"{total} ({_named(first)})")
         elif first.lost:
             attempts = f"attempts {first.attempt} to {group[-1].attempt}"
-            words.append(f"{len(group)} × {_ms(first.ticks)} ({attempts} {first.what})")
+            words.append(f"{len(group)} × {ms(first.ticks)} ({attempts} {first.what})")
         else:
             answered = sum(part.answered for part in group)
             names = [_named(part) for part in group if not part.answered]
@@ -157,7 +157,7 @@ def _grouped(parts: Sequence[Part]) -> Iterator[list[Part]]:
 def _alike(one: Part, other: Part) -> bool:
     if one.lost or other.lost:
         # To the microsecond that is shown: two attempts seldom end on the same tick.
-        return one.lost and other.lost and one.what == other.what and _ms(one.ticks) == _ms(other.ticks)
+        return one.lost and other.lost and one.what == other.what and ms(one.ticks) == ms(other.ticks)
     return True
 
 
@@ -165,5 +165,6 @@ def _named(part: Part) -> str:
     return f"attempt {part.attempt} {part.what}" if part.attempt else part.what
 
 
-def _ms(ticks: int) -> str:
+def ms(ticks: float) -> str:
+    """``51.719 ms``."""
     return f"{milliseconds(ticks):.3f} ms"

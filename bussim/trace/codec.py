@@ -16,22 +16,8 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple, get_args, get_type_hints
 
 from bussim.line.protocols import BusProtocol
-from bussim.trace.records import (
-    AttemptRecord,
-    CycleRecord,
-    DeviceValueRecord,
-    EndsRecord,
-    FrameRecord,
-    FreeRecord,
-    InputRecord,
-    NoteRecord,
-    PollRecord,
-    Record,
-    ScanRecord,
-    TraceBus,
-    TraceHeader,
-    TransactionRecord,
-)
+from bussim.trace import records
+from bussim.trace.records import Record, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_SECOND
 
 #: Version of the trace's lines; rises when a key changes its meaning.
@@ -41,17 +27,17 @@ Line = dict[str, Any]
 
 #: The ``type`` of each record's lines.
 _TYPES: dict[type[Record], str] = {
-    FrameRecord: "frame",
-    ScanRecord: "scan",
-    AttemptRecord: "attempt",
-    TransactionRecord: "transaction",
-    PollRecord: "poll",
-    CycleRecord: "cycle",
-    FreeRecord: "free",
-    DeviceValueRecord: "value",
-    InputRecord: "input",
-    EndsRecord: "ends",
-    NoteRecord: "note",
+    records.FrameRecord: "frame",
+    records.ScanRecord: "scan",
+    records.AttemptRecord: "attempt",
+    records.TransactionRecord: "transaction",
+    records.PollRecord: "poll",
+    records.CycleRecord: "cycle",
+    records.FreeRecord: "free",
+    records.DeviceValueRecord: "value",
+    records.InputRecord: "input",
+    records.EndsRecord: "ends",
+    records.NoteRecord: "note",
 }
 #: Keys of fields that are not called as the field; by its name and type.
 _KEYS: dict[tuple[str, Any], str] = {("start", int): "tick", ("protocol", BusProtocol): "nn"}
@@ -168,7 +154,7 @@ _WRITTEN = {
     record: [
         (field.key, field.place, field.write)
         for field in sorted(fields, key=lambda field: field.key != "tick")
-        if record is not FrameRecord or field.name not in (*_OF_THE_BUS, "ppm")
+        if record is not records.FrameRecord or field.name not in (*_OF_THE_BUS, "ppm")
     ]
     for record, fields in _FIELDS.items()
 }
@@ -186,7 +172,7 @@ def to_line(record: Record, buses: Mapping[str, TraceBus]) -> Line:
     for key, place, write in _WRITTEN[kind]:
         value = record[place]
         line[key] = value if write is None else write(value)
-    if isinstance(record, FrameRecord):
+    if isinstance(record, records.FrameRecord):
         bus = buses.get(record.bus)
         if bus is None or record.baud != bus.baud:
             line["baud"] = record.baud
@@ -205,11 +191,11 @@ def from_line(line: Line, buses: Mapping[str, TraceBus]) -> Record | None:
     record = _RECORDS.get(_read(line, "type", _text))
     if record is None:
         return None
-    if record is FrameRecord:
+    if record is records.FrameRecord:
         bus = buses.get(_read(line, "bus", _text))
         of_the_bus = {} if bus is None else {"baud": bus.baud, "format": bus.format}
         line = of_the_bus | line
-        return FrameRecord(**_values(line, _FIELDS[record], required=_OF_THE_BUS))
+        return records.FrameRecord(**_values(line, _FIELDS[record], required=_OF_THE_BUS))
     return record(**_values(line, _FIELDS[record]))
 
 
