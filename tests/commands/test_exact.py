@@ -85,7 +85,7 @@ def test_poll_lists_stand_beside_the_links() -> None:
     assert press["cycle_ms"]["max"] < press["worst_case_ms"]
     assert press["dead"]["feeder1"]["lost_ms"] == 2 * 200 * 2
     said = invoke(exact, "nn_with_modbus").stdout
-    assert "1 retry = 2 attempts × 200 ms on 2 polls (position, running): 800 ms when feeder1 is off" in said
+    assert "1 retry = 2 attempts × 200 ms on 2 polls (position, running): 800 ms when feeder1 is dead" in said
     assert "at worst" in said
     assert "44.375" in said
 

@@ -371,7 +371,7 @@ def test_a_dead_slave(every: int) -> None:
     assert (dead.device, [poll.name for poll in dead.polls]) == ("feeder", list("abcd"))
     assert dead.lost == 1600 * MS  # (1 + 3 retries) × 100 ms on 4 polls
     assert found.in_words()[0].startswith(
-        "3 retries = 4 attempts × 100 ms on 4 polls (a, b, c, d): 1.6 s when feeder is off; "
+        "3 retries = 4 attempts × 100 ms on 4 polls (a, b, c, d): 1.6 s when feeder is dead; "
     )
     off = replace(scenario, faults=(fault(model.PowerOff("feeder")),))
     done = run(off)
@@ -409,7 +409,7 @@ def test_one_of_two_slaves_dead() -> None:
     assert words[1].startswith(
         "no retries = 1 attempt × 200 ms on 1 poll (b) + 2 retries = 3 attempts × 200 ms on"
     )
-    assert "1.2 s when every slave is off" in words[2]
+    assert "1.2 s when every slave is dead" in words[2]
 
 
 def disturbances(seed: int, scenario: model.Scenario) -> model.Scenario:
@@ -569,7 +569,7 @@ def test_two_masters() -> None:
     scenario = serial_bus(
         [station(), hmi("panel", poll())], [plc("press", port("COM3", MASTER), polls=[ask()])]
     )
-    assert "panel also asks on bus: requests and answers collide" in reasons(scenario)
+    assert "panel also asks on bus: requests and responses collide" in reasons(scenario)
     assert "press.COM3 also asks" in reasons(scenario, "panel")
     # One without polls is silent.
     quiet = replace(scenario, plcs=(replace(scenario.plcs[0], polls=()),))
@@ -605,7 +605,7 @@ def test_a_program() -> None:
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"number": 9}, "no slave on bus answers as station 9"),
+        ({"number": 9}, "no slave on bus responds as station 9"),
         ({"count": 126}, "it cannot be sent (data)"),
         ({"function": 7}, "it cannot be sent (unsupported function)"),
         (
@@ -639,17 +639,18 @@ def test_slaves_that_cannot_serve_it() -> None:
     go = ask(function=5, address=7, count=1, to=None, values=(1,))
     assert only(with_polls(go, devices=(stepper,))).model.valid
     twice = (station(), station("twin"))
-    assert "feeder, twin both answer as station 1" in reasons(with_polls(ask(), devices=twice))
+    assert "feeder, twin both respond as station 1" in reasons(with_polls(ask(), devices=twice))
     fast = station(timing=LineTiming(19200, CharFormat(8, "N", 1)))
-    assert "no slave on bus answers as station 1, feeder speaks otherwise" in reasons(
+    assert "no slave on bus responds as station 1, feeder has another format or mode" in reasons(
         with_polls(ask(), devices=(fast,))
     )
 
 
 def test_a_timeout_too_short() -> None:
     stepper = device("drive", "stepper")
-    assert "the answer of drive takes 44.375 ms from the request's end on: it never comes in time" in reasons(
-        with_polls(ask(), devices=(stepper,), timeout=4)
+    assert (
+        "the response of drive takes 44.375 ms from the request's end on: it never comes in time"
+        in reasons(with_polls(ask(), devices=(stepper,), timeout=4))
     )
     some = station(delay=30 * MS, jitter=20 * MS)
     assert "it may come too late" in reasons(with_polls(ask(), devices=(some,), timeout=5))

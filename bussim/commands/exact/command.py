@@ -38,9 +38,13 @@ _POINTS = 1200
 )
 @click.option("--deadline", "deadlines", metavar="T", multiple=True, help="Also P(link scan > T).")
 @click.option(
-    "--mission", metavar="T", default="1y", show_default=True, help="Time for the law of the maximum D8202."
+    "--mission",
+    metavar="T",
+    default="1y",
+    show_default=True,
+    help="Time in which D8202, the longest scan, is asked for.",
 )
-@click.option("--ignore-faults", is_flag=True, help="The law of the time without faults.")
+@click.option("--ignore-faults", is_flag=True, help="Leave out what acts only for a part of the run.")
 @set_option
 @click.option("--plot", is_flag=True, help="Draw law and simulated histogram, as PNG and SVG.")
 @click.option("--out", metavar="DIR", help="Folder for the pictures (default: this one).")
@@ -162,18 +166,20 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
         ("  without errors", f"{_ms(figures.shortest)} to {_ms(figures.longest_clean)} ms"),
         ("  at worst", f"{_ms(figures.worst_case)} ms (every attempt of every station spent)"),
     ]
-    rows += [(f"  exceeded with {key}", f"{_ms(x)} ms") for key, x in figures.quantiles.items()]
     rows += [
-        (f"  longest in {_span(request.mission)}", f"{_ms(x)} ms ({key})")
-        for key, x in figures.maximum.items()
+        (f"  exceeded by 1 scan in {about(1 / request.levels[key])}", f"{_ms(x)} ms")
+        for key, x in figures.quantiles.items()
     ]
+    middle, high = figures.maximum.values()
+    longest = f"median {_ms(middle)}, with a chance of 1 % above {_ms(high)} ms"
+    rows.append((f"  longest in {_span(request.mission)}", longest))
     for station, chance in figures.error_per_scan.items():
         year = figures.error_per_year[station]
         text = f"{about(chance)} a scan, {about(year)} at least once a year"
         rows.append((f"error flag of {model.name(station)}", text))
     if figures.silence is not None and figures.corruption is not None:
         text = f"silence of {_ms(figures.silence)} ms, corruption of {_ms(figures.corruption)} ms"
-        rows.append(("rides through", text))
+        rows.append(("ride-through", text))
     if figures.one_dead is not None:
         rows.append(("one station dead", f"link scan {_ms(figures.one_dead)} ms"))
     if figures.two_dead is not None:

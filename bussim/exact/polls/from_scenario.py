@@ -1,7 +1,7 @@
 """A scenario's poll lists as :class:`~bussim.exact.polls.model.PollListModel` values.
 
 The figures are those without errors: noise and faults are left out (and named), except that a slave which a
-fault makes slow is as slow as that, and one that is off for the whole run is named.
+fault makes slow is as slow as that, and one that is dead for the whole run is named.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class _Reader:
         order = [port.node for port in self.ports] + [device.name for device in scenario.devices]
         return {node: found[node] for node in order if node in found}
 
-    # -- who is there ------------------------------------------------------------------------------
+    # -- nodes ------------------------------------------------------------------------------
 
     def _port(self, port: _Port) -> None:
         plc, settings = port.plc, port.settings
@@ -105,7 +105,7 @@ class _Reader:
             if polls:
                 self._no_list(
                     port,
-                    "it speaks a free protocol: when an exchange is over depends on what the others send",
+                    "it speaks a free protocol: when an exchange is over depends on what the other nodes send",
                 )
             return
         if plc.program is not None and protocol.endswith("-master") and (polls or plc.program.uses_ports):
@@ -273,7 +273,7 @@ class _Reader:
         if others:
             found.append(
                 f"{names(others)} also {'asks' if len(others) == 1 else 'ask'} on {master.bus}: "
-                "requests and answers collide"
+                "requests and responses collide"
             )
         scripted = self.scripted.get(master.bus, [])
         if scripted:
@@ -285,7 +285,7 @@ class _Reader:
         if any(poll.waits for poll in polls):
             waiting = dict.fromkeys(poll.device for poll in polls if poll.waits)
             notes.append(
-                f"{names(waiting)} answers at END: how its scans drift against the requests decides the "
+                f"{names(waiting)} responds at END: how its scans drift against the requests decides the "
                 "mean, so that only bounds are given"
             )
         elif master.plc and master.master_timing.mean(exactly(1)) is None:

@@ -48,7 +48,7 @@ class OnePoll:
 
 @dataclass(frozen=True, slots=True)
 class Dead:
-    """What follows if a slave is off (``device``), or if all are (``device`` is "").
+    """What follows if a slave is dead (``device``), or if all are (``device`` is "").
 
     ``lost`` is what its attempts would cost if nothing but the timeout counted: attempts times timeout
     over the polls that ask it. ``cycle`` is what the whole cycle takes then.
@@ -176,7 +176,7 @@ def _one_poll(model: PollListModel, clean: Round | None, poll: PollModel) -> One
 
 
 def _dead(model: PollListModel, device: str) -> Dead:
-    """A slave is off; "": all are."""
+    """The figures with a dead slave; "": with all of them dead."""
     hit = tuple(poll for poll in model.cyclic if poll.device and device in ("", poll.device))
     costs = [failing(model, poll) if poll in hit else Cost(poll, 1, poll.need) for poll in model.cyclic]
     lost = sum(poll.attempts for poll in hit) * model.timeout

@@ -14,7 +14,7 @@ class PollModel:
     ``device`` is who answers, "" for a broadcast. ``served``, ``answer`` and ``need`` are from the
     request's first edge: to the moment when the slave takes its values, to the last stop bit of the answer
     (of a broadcast: to the end of the turnaround), and to the master's decision; ``after`` is the longest
-    time from the first of them to the last. ``waits`` says that the slave answers at its END, so that
+    time from the first of them to the last. ``waits`` says that the slave responds at its END, so that
     nothing is uniform about them. ``request`` and ``response`` are how long the two frames last. For
     ``every``, ``at``, ``times`` and ``retries`` see :class:`~bussim.plc.ports.spec.PollSpec`.
     """

@@ -68,13 +68,13 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     asked = [slave for slave in slaves if slave.station == spec.station]
     heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
     if not heard:
-        why = f", {names(slave.name for slave in asked)} speaks otherwise" if asked else ""
-        return f"no slave on {master.bus} answers as station {spec.station}{why}"
+        why = f", {names(slave.name for slave in asked)} has another format or mode" if asked else ""
+        return f"no slave on {master.bus} responds as station {spec.station}{why}"
     if len(heard) > 1:
-        return f"{names(slave.name for slave in heard)} both answer as station {spec.station} and collide"
+        return f"{names(slave.name for slave in heard)} both respond as station {spec.station} and collide"
     slave = heard[0]
     if slave.programmed:
-        return f"{slave.name} answers at END, and its program makes its scans longer by no known time"
+        return f"{slave.name} responds at END, and its program makes its scans longer by no known time"
     refused = slave.refuses(request, valued=bool(spec.values) and not is_bits(spec.function))
     if refused:
         return f"{slave.name} refuses it every time: {refused}"
@@ -85,7 +85,7 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
         always = answer.least - (answered if master.begun_holds else 0) > sent + master.timeout
         span = _ms_span(Span(answer.least - sent, answer.most - sent))
         late = "never comes in time" if always else "may come too late"
-        return f"the answer of {slave.name} takes {span} from the request's end on: it {late}"
+        return f"the response of {slave.name} takes {span} from the request's end on: it {late}"
     quiet = exactly(master.framing.closing)
     # Who takes its values early waits for its delay to be over.
     early = max(served.least, sent + slave.delay) - served.least

@@ -12,7 +12,7 @@ from bussim.wording import about, names
 
 
 def when_off(device: str, polls: Sequence[PollModel], timeout: int, lost: int, cycle: Span) -> str:
-    """Attempts multiplied out: ``3 retries = 4 attempts × 100 ms on 4 polls (…): 1.6 s when feeder is off``.
+    """Attempts multiplied out: ``3 retries = 4 attempts × 100 ms on 4 polls (…): 1.6 s when feeder is dead``.
 
     ``device`` "" stands for all slaves.
     """
@@ -24,7 +24,7 @@ def when_off(device: str, polls: Sequence[PollModel], timeout: int, lost: int, c
         attempts = f"{_count(retries, 'retry', 'retries')} = {_count(retries + 1, 'attempt', 'attempts')}"
         on = f"{_count(len(group), 'poll', 'polls')} ({names(group)})"
         parts.append(f"{attempts} × {ms(timeout)} ms on {on}")
-    who = f"{device} is off" if device else "every slave is off"
+    who = f"{device} is dead" if device else "every slave is dead"
     return (
         f"{' + '.join(parts)}: {duration(lost)} when {who}; "
         f"with the rest of the cycle {duration(cycle.least)}{_to(cycle)}"
@@ -73,7 +73,7 @@ def remarks(model: PollListModel, *, fits: bool, continuous: bool) -> tuple[str,
         said.append(f"turns of {names(poll.name for poll in model.commands)} come on top of the cycle")
     if model.off:
         said.append(
-            f"{names(model.off)} off for the whole run: the figures without errors are those with it on"
+            f"{names(model.off)} dead for the whole run: the figures without errors are those with it alive"
         )
     return tuple(said)
 
