@@ -37,20 +37,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "BussimError": "bussim.errors",
-    "Result": "bussim.api",
-    "RunError": "bussim.errors",
-    "Scenario": "bussim.scenario.model",
-    "ScenarioError": "bussim.errors",
-    "UsageError": "bussim.errors",
-    "load": "bussim.api",
-    "open_run": "bussim.api",
-    "run": "bussim.api",
+    "bussim.api": ("Result", "load", "open_run", "run"),
+    "bussim.errors": ("BussimError", "RunError", "ScenarioError", "UsageError"),
+    "bussim.scenario.model": ("Scenario",),
 }
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
+    home = next((module for module, names in _HOMES.items() if name in names), None)
     if home is None:
         raise AttributeError(f"module 'bussim' has no attribute {name!r}")
     value = getattr(import_module(home), name)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import busy, checked_target, write_text
-from bussim.commands.common.recording import PROTOCOLS, is_recording, line_of
+from bussim.commands.common.recording import is_recording, line_of, line_options
 from bussim.commands.common.scenario_options import code_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
@@ -28,15 +28,7 @@ _LONGEST_SIMULATED = "10 min"
 @click.option("--scenario", "base", metavar="FILE", help="Put the estimates into this scenario.")
 @click.option("-o", "--output", metavar="FILE", help="Write the scenario with the estimates.")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
-@click.option(
-    "--protocol", type=click.Choice(PROTOCOLS), default="auto", help="What is spoken (auto: recognised)."
-)
-@click.option("-b", "baud", metavar="N", type=click.IntRange(1, 4_000_000), help="Rate, of what is no trace.")
-@click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits, of what is no trace.")
-@click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits, of what is no trace.")
-@click.option("-P", "parity", metavar="P", help="Parity, of what is no trace: none, even or odd.")
-@click.option("--bus", metavar="NAME", help="Bus of a trace (default: the first), or what to call the line.")
-@click.option("--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file.")
+@line_options
 @click.option("--tolerance", metavar="T", help="Silence inside a frame that the system may have made.")
 @click.option("--seed", metavar="N", type=click.IntRange(0), default=1, show_default=True)
 @click.option(

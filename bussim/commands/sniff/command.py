@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.port_options import options_of, port_options
-from bussim.commands.common.recording import PROTOCOLS, bus_of, is_recording, line_of, read
+from bussim.commands.common.recording import bus_of, is_recording, line_of, line_options, read
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
@@ -27,21 +27,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("source", metavar="URL|FILE")
-@click.option(
-    "--protocol",
-    type=click.Choice(PROTOCOLS),
-    default="auto",
-    show_default=True,
-    help="What is spoken; auto: what is recognised.",
-)
-@click.option(
-    "-b", "baud", metavar="N", type=click.IntRange(1, 4_000_000), help="Rate (38400; Modbus 19200)."
-)
-@click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits (7; RTU 8).")
-@click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits (1).")
-@click.option("-P", "parity", metavar="P", help="Parity: none, even (default) or odd.")
-@click.option("--bus", metavar="NAME", help="Name of the bus (line); in a trace: which one (the first).")
-@click.option("--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file.")
+@line_options
 @click.option("--bridge", metavar="URL", help="Hand every byte on to this port, and back: listen in between.")
 @click.option("--for", "--duration", "duration", metavar="T", help="Listen so long (default: until Ctrl-C).")
 @click.option("--out", metavar="DIR", help="Record: write a folder as of a run, with its trace.")

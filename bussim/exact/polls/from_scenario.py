@@ -105,7 +105,7 @@ class _Reader:
             if polls:
                 self._no_list(
                     port,
-                    "it speaks a free protocol: when an exchange is over depends on what the other nodes send",
+                    "it speaks a free protocol: an exchange ends when the other nodes let it",
                 )
             return
         if plc.program is not None and protocol.endswith("-master") and (polls or plc.program.uses_ports):

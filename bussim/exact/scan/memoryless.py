@@ -22,9 +22,13 @@ import numpy as np
 
 from bussim.exact.bursts.exchange import poll_path, reply_path
 from bussim.exact.link import CHAR_BITS, MASTER, LinkModel, NoiseSource, Station
-from bussim.exact.scan.mixture import FLOOR, Distribution
-from bussim.exact.scan.turnaround_sums import Codes, Floats, TurnaroundSums, spread_of
+from bussim.exact.scan.mixture import FLOOR, Distribution, merged
+from bussim.exact.scan.turnaround_sums import DIGIT, MAX_KINDS, Codes, Floats, TurnaroundSums, spread_of
 from bussim.plc.profiles import AbsentStation
+
+#: Above the counts of a code: where the timeouts waited for (at most 77) and a flag begin.
+_WAITS = DIGIT * MAX_KINDS
+_FLAG = _WAITS + 8
 
 
 class AttemptProbabilities(NamedTuple):
@@ -224,33 +228,12 @@ def _combined(one: _Part, two: _Part, floor: float) -> _Part:
     weight = (one.weight[:, None] * two.weight).reshape(-1)
     keep = np.nonzero(weight >= floor)[0]
     i, j = np.divmod(keep, two.weight.size)
-    if one.weight.size == 1:
-        return _Part(
-            one.waits[i] + two.waits[j],
-            one.fixed[i] + two.fixed[j],
-            one.code[i] + two.code[j],
-            one.flagged[i] | two.flagged[j],
-            weight[keep],
-        )
-    # Equal components become one; what tells them apart goes through one pair of keys.
-    flagged = one.flagged[i] | two.flagged[j]
-    waits = 2 * (one.waits[i] + two.waits[j]) + flagged
-    fixed = one.fixed[i] + two.fixed[j]
-    code = one.code[i] + two.code[j]
-    order = np.lexsort((code, fixed, waits))
-    keys = (waits[order], fixed[order], code[order])
-    new = np.ones(order.size, dtype=bool)
-    new[1:] = False
-    for key in keys:
-        new[1:] |= key[1:] != key[:-1]
-    starts = np.nonzero(new)[0]
-    return _Part(
-        keys[0][starts] >> 1,
-        keys[1][starts],
-        keys[2][starts],
-        (keys[0][starts] & 1).astype(bool),
-        np.add.reduceat(weight[keep][order], starts),
-    )
+    # Equal components become one; what tells them apart but for the time goes into one number.
+    flagged = (one.flagged[i] | two.flagged[j]).astype(np.int64)
+    key = one.code[i] + two.code[j] + ((one.waits[i] + two.waits[j]) << _WAITS) + (flagged << _FLAG)
+    fixed, key, weight = merged(one.fixed[i] + two.fixed[j], key, weight[keep])
+    waits = (key >> _WAITS) & ((1 << _FLAG - _WAITS) - 1)
+    return _Part(waits, fixed, key & ((1 << _WAITS) - 1), (key >> _FLAG).astype(bool), weight)
 
 
 def _group(

@@ -57,15 +57,14 @@ def proportion(hits: int, trials: int) -> Estimate:
     tail = (1 - CONFIDENCE) / 2
     low, high = 0.0, 1.0
     if hits:
-        low = _solve(lambda p: beta_distribution(p, hits, trials - hits + 1) - tail)
+        low = _root(lambda p: beta_distribution(p, hits, trials - hits + 1) - tail)
     if hits < trials:
-        high = _solve(lambda p: beta_distribution(p, hits + 1, trials - hits) - (1 - tail))
+        high = _root(lambda p: beta_distribution(p, hits + 1, trials - hits) - (1 - tail))
     return Estimate(hits / trials, low, high, trials)
 
 
-def _solve(rising: Callable[[float], float]) -> float:
-    """Where a function that rises over 0…1 crosses zero."""
-    low, high = 0.0, 1.0
+def _root(rising: Callable[[float], float], low: float = 0.0, high: float = 1.0) -> float:
+    """Where a rising function crosses zero."""
     for _ in range(_STEPS):
         middle = (low + high) / 2
         if rising(middle) < 0:
@@ -150,14 +149,8 @@ def _highest(function: Callable[[float], float], low: float, high: float) -> flo
 
 
 def _crossing(rising: Callable[[float], float], low: float, high: float) -> float:
-    a, b = log(low), log(high)
-    for _ in range(_STEPS):
-        middle = (a + b) / 2
-        if rising(exp(middle)) < 0:
-            a = middle
-        else:
-            b = middle
-    return exp((a + b) / 2)
+    """Where a rising function crosses zero, searched on a logarithmic scale."""
+    return exp(_root(lambda x: rising(exp(x)), log(low), log(high)))
 
 
 @dataclass(frozen=True, slots=True)
