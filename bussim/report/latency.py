@@ -100,8 +100,8 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _heading(name: str, entry: Mapping[str, Any]) -> str:
-    way = f"{entry['from']} to {entry['to']}"
-    return way if name == way else f"{name}, {way}"
+    ends = f"{entry['from']} to {entry['to']}"
+    return ends if name == ends else f"{name}, {ends}"
 
 
 # -- tables --------------------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ def parts_data(name: str, record: LatencyRecord, summary: Mapping[str, Any]) -> 
         rows.append((what, [*cells, Cell(number(milliseconds(sum(ticks)), 3))]))
     most = [found(summary, "latency", name, "parts_ms", part, "max", decimals=3) for part in PARTS]
     rows.append(("most of each part", [*most, Cell("")]))
-    head = ["", *(part_names(word=record.word)[part] for part in PARTS), "together"]
+    head = ["", *(part_names(word=record.word)[part] for part in PARTS), "sum"]
     return Table(f"What {name} is made of (ms)", head, rows)
 
 
@@ -173,8 +173,7 @@ def compared(
     """What several runs are compared by, of each entry that two of them have: label, keys, decimals."""
     every = [name for source in sources for name in source.summary.get("latency") or {}]
     for name in dict.fromkeys(every):
-        told = [(source.summary.get("latency") or {}).get(name) for source in sources]
-        entries = [entry for entry in told if entry is not None]
+        entries = [entry for source in sources if (entry := (source.summary.get("latency") or {}).get(name))]
         if len(entries) < 2:
             continue
         at = ("latency", name)

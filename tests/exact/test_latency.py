@@ -44,35 +44,35 @@ def scenario(seed: int, *, noisy: bool = False, quiet: bool = False, seconds: fl
     ``noisy``: replies are lost, of all stations or of some, a few or most. ``quiet``: nothing varies but
     phases, which random steps of the inputs run through.
     """
-    luck = random.Random(seed)
-    stations = luck.randint(2, 4 if quiet else 8)
-    mode = luck.choice((1, 2)) if quiet else luck.choice((0, 1, 1, 2, 2, 3, 4))
+    generator = random.Random(seed)
+    stations = generator.randint(2, 4 if quiet else 8)
+    mode = generator.choice((1, 2)) if quiet else generator.choice((0, 1, 1, 2, 2, 3, 4))
     timeouts = (50, 60, 100) if noisy or quiet else (60, 100, 150)
     settings = {
         "slaves": stations - 1,
         "mode": mode,
-        "retries": luck.choice((0, 0, 1, 2, 3, 10)),
-        "timeout": f"{max(luck.choice(timeouts), 80 if mode == 4 else 50)} ms",
+        "retries": generator.choice((0, 0, 1, 2, 3, 10)),
+        "timeout": f"{max(generator.choice(timeouts), 80 if mode == 4 else 50)} ms",
     }
     profile = {
         "base": "pw10",
-        "reply": "interrupt" if quiet else luck.choice(("interrupt", "interrupt", "end")),
-        "absent_station": luck.choice(("full", "full", "probe")),
+        "reply": "interrupt" if quiet else generator.choice(("interrupt", "interrupt", "end")),
+        "absent_station": generator.choice(("full", "full", "probe")),
     }
     # The shorter the scans, the nearer a latency comes to what the link alone makes of it.
-    longest = luck.choice((0.6, 3, 18))
+    longest = generator.choice((0.6, 3, 18))
     seconds *= 0.4 if longest < 1 else 1  # tiny ones cost the most to simulate
     plcs: list[dict[str, Any]] = []
     for number, text in enumerate(programs(stations, bits=mode > 0)):
-        mean = luck.uniform(0.5, 1) * longest
-        every = luck.uniform(400, 600) * (1 if noisy or quiet else 2)
+        mean = generator.uniform(0.5, 1) * longest
+        every = generator.uniform(400, 600) * (1 if noisy or quiet else 2)
         plcs.append(
             {
                 "name": f"p{number}",
                 "profile": profile,
                 "scan": {
                     "mean": f"{mean:.3f} ms",
-                    "jitter": f"{0.0 if quiet else mean * luck.uniform(0, 0.3):.4f} ms",
+                    "jitter": f"{0.0 if quiet else mean * generator.uniform(0, 0.3):.4f} ms",
                 },
                 "nn": {"bus": "link", "port": "COM4", "station": number, **(settings if not number else {})},
                 "program": text,
@@ -80,18 +80,18 @@ def scenario(seed: int, *, noisy: bool = False, quiet: bool = False, seconds: fl
             }
         )
     pairs = [(a, b) for a in range(stations) for b in range(stations) if a != b]
-    chosen = luck.sample(pairs, min(5, len(pairs)))
+    chosen = generator.sample(pairs, min(5, len(pairs)))
     latency = [{"name": f"l{a}{b}", "from": f"p{a}.X0", "to": f"p{b}.Y{a}"} for a, b in chosen if mode > 0]
     a, b = chosen[0]
     latency.append({"name": "word", "from": f"p{a}.D{32 * a}", "to": f"p{b}.D{32 * a}"})
     latency.append({"name": "home", "from": "p0.X0", "to": "p0.M1000", "edge": "rising"})
     noise: list[dict[str, Any]] = []
     if noisy:
-        those = luck.choice(([], range(1, stations), luck.sample(range(1, stations), 1)))
+        those = generator.choice(([], range(1, stations), generator.sample(range(1, stations), 1)))
         losses = (0.05, 0.2, 0.5, 0.7)
-        noise = [{"bus": "link", "station": f"p{n}", "reply_loss": luck.choice(losses)} for n in those] or [
-            {"bus": "link", "reply_loss": luck.choice(losses[:3])}
-        ]
+        noise = [
+            {"bus": "link", "station": f"p{n}", "reply_loss": generator.choice(losses)} for n in those
+        ] or [{"bus": "link", "reply_loss": generator.choice(losses[:3])}]
     return from_data(
         {
             "schema": 1,

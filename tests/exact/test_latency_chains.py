@@ -44,14 +44,14 @@ class Case:
 
 
 def case(seed: int) -> Case:
-    luck = random.Random(seed)
-    source, target = luck.choice([(s, t) for s in range(4) for t in range(4) if s + t])
-    inverts = luck.random() < 0.3
+    generator = random.Random(seed)
+    source, target = generator.choice([(s, t) for s in range(4) for t in range(4) if s + t])
+    inverts = generator.random() < 0.3
     # With a station that is missing a link scan takes about 490 ms, without it about 60 ms.
-    missing = luck.random() < 0.5
-    scan = luck.choice((3, 8, 20))
-    period = luck.uniform(0.7, 2.6) * (490 if missing else 70)
-    number, others = luck.choice(((0, 1), (1, 0)))
+    missing = generator.random() < 0.5
+    scan = generator.choice((3, 8, 20))
+    period = generator.uniform(0.7, 2.6) * (490 if missing else 70)
+    number, others = generator.choice(((0, 1), (1, 0)))
     link = {"slaves": 2 if missing else 1, "mode": 2, "retries": 2, "timeout": "150 ms"}
     plcs: list[dict[str, Any]] = []
     own = 1000 + 64 * number
@@ -59,7 +59,7 @@ def case(seed: int) -> Case:
         ("b", number, chain("X0", f"M{own}", source)),
         ("a", others, chain(f"M{own}", "Y1", target, "LDI" if inverts else "LD")),
     ):
-        mean = scan * luck.uniform(0.7, 1.3)
+        mean = scan * generator.uniform(0.7, 1.3)
         plcs.append(
             {
                 "name": name,

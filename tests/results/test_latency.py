@@ -31,7 +31,7 @@ FRAME = 10
 
 
 class Rig:
-    """One entry from a.X0 to b.Y0 over a link on which a has seat 0 and b seat 1."""
+    """One entry from a.X0 to b.Y0 over a link on which a has position 0 and b position 1."""
 
     def __init__(
         self,

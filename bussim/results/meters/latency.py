@@ -15,7 +15,7 @@ A change of the source goes through stages, and at each a later one may overtake
 
 A change that leaves the level as the target's side knew it (on, off and on again between two frames)
 is lost with the one before. What the target's program takes longer than one scan shows in the last part,
-and so does what the source's takes longer than its text tells.
+and so does what the source's takes longer than its text says.
 
 Of words the age is measured: whenever the target's PLC begins a scan, the time since the END at which
 the source's PLC left the image that the target's PLC holds. Where ``reasons`` say that the image has
@@ -42,7 +42,7 @@ _MOST_ENDS = 1024
 
 
 class Route(NamedTuple):
-    """The way over a link: positions of the two PLCs in its order of seats, and a data frame's ticks."""
+    """The path over a link: positions of the two PLCs on its cable, and a data frame's ticks."""
 
     bus: str
     source: int
@@ -82,7 +82,7 @@ class LatencySpec:
 
 
 class _Change:
-    """A change on its way; times that it has not come to are 0."""
+    """A change under way; times that it has not come to are 0."""
 
     __slots__ = ("at", "beside", "heard", "level", "out", "renewed", "sent", "shown", "visible", "waits")
 
@@ -120,7 +120,7 @@ class _Bits:
         self._lasted = Histogram()  # what lies beside the lost changes
         self._new: list[int] = []  # values of the target at the END that is being recorded
 
-    # -- what is told ------------------------------------------------------------------------------
+    # -- what is recorded ----------------------------------------------------------------------------
 
     def input(self, record: InputRecord) -> None:
         """The source's wire has changed."""
@@ -185,7 +185,7 @@ class _Bits:
             return
         self._ends += 1
         if spec.route is None:
-            self._arrive_at_home(tick)
+            self._show_in_one_plc(tick)
         if not spec.direct:
             self._follow(tick)
         if self._carried:
@@ -222,7 +222,7 @@ class _Bits:
         out = (at for at in range(len(waiting), 0, -1) if not waiting[at - 1].waits)
         return next((at for at in out if waiting[at - 1].out <= tick), 0)
 
-    def _arrive_at_home(self, tick: int) -> None:
+    def _show_in_one_plc(self, tick: int) -> None:
         """Source and target in one PLC: a change is visible as soon as it is out."""
         for _ in range(self._out(tick)):
             change = self._sampled.pop(0)
@@ -255,7 +255,7 @@ class _Bits:
             self._lose(self._visible[: number - 1])
             del self._visible[:number]
             if change.renewed and change.shown < shown:
-                self._lose([change])  # late: this one or a later one of its level, nothing tells which
+                self._lose([change])  # late: this one or a later one of its level, nothing says which
             elif self.spec.counts(change.level):
                 at = (change.at, change.out, change.sent, change.heard, change.visible, tick)
                 self.record.add(Sample(change.at, tuple(b - a for a, b in pairwise(at))))
@@ -341,8 +341,8 @@ class LatencyMeter:
             for plc in dict.fromkeys((spec.source_plc, spec.target_plc)):
                 self._by_plc.setdefault(plc, []).append(entry)
             if spec.route is not None:
-                bus, seat, hearer, frame = spec.route
-                self._by_frame.setdefault((bus, seat), []).append((hearer, frame, entry.heard))
+                bus, sender, receiver, frame = spec.route
+                self._by_frame.setdefault((bus, sender), []).append((receiver, frame, entry.heard))
 
     def input(self, record: InputRecord) -> None:
         """An input's wire has changed."""
@@ -356,12 +356,12 @@ class LatencyMeter:
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """A block was received, its last bit at ``tick``."""
-        for seat, frame, take in self._by_frame.get((bus, source), ()):
-            if heard is None or seat in heard:
+        for receiver, frame, take in self._by_frame.get((bus, source), ()):
+            if heard is None or receiver in heard:
                 take(tick - frame, tick)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
-        """ENDs of a PLC, each told when what it changed has been."""
+        """ENDs of a PLC, each recorded after what it changed."""
         for entry in self._by_plc.get(plc, ()):
             for tick in ticks:
                 entry.end(plc, tick)

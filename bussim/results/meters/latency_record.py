@@ -12,7 +12,7 @@ from bussim.results.meters.histogram import Histogram
 #: those that its program takes), for the station's turn on the link, the frame on the wire, waiting for the
 #: destination's END, and for its output.
 PARTS = ("scan", "turn", "wire", "destination", "output")
-#: The way of an entry to whose target nothing leads.
+#: ``way`` of an entry to whose target nothing leads.
 NO_WAY = "none"
 
 
@@ -24,7 +24,7 @@ class Sample(NamedTuple):
 
     @property
     def total(self) -> int:
-        """All parts together."""
+        """The sum of all parts."""
         return sum(self.parts)
 
 
@@ -36,10 +36,10 @@ class LatencyRecord:
     ``changes`` counts those of the source, ``delivered`` the scans at which an age was measured.
     ``sums`` and ``longest_parts`` are of each part; ``shortest`` and ``longest`` whole latencies.
 
-    ``way`` is how the programs' texts and the link lead from source to target: "direct", "over other
-    stations", "unknown" or "none" (empty: not asked). With "none" what is matched of a bit is
-    coincidence. ``reasons`` tell why there is no way, or no age of a word. ``longest_gap`` is between two
-    data frames of the source's that the target's PLC heard (None: there were no two), and ``lost_short``
+    ``way`` says whether programs and link lead from source to target: "direct", "unknown" or "none" (empty:
+    not asked; older runs also "over other stations"). With "none" what is matched of a bit is coincidence.
+    ``reasons`` say why nothing leads there, or why no age of a word is measured. ``longest_gap`` is between
+    two data frames of the source's that the target's PLC heard (None: there were no two), and ``lost_short``
     how many of the lost changes began or ended a level that did not last so long.
     """
 
@@ -65,7 +65,7 @@ class LatencyRecord:
 
     @property
     def coincidence(self) -> bool:
-        """Whether what was matched of a bit says nothing: no way leads from source to target."""
+        """Whether what was matched of a bit says nothing: nothing leads from source to target."""
         return self.way == NO_WAY and not self.word
 
     def add(self, sample: Sample) -> None:
@@ -120,23 +120,25 @@ class LatencyRecord:
     def from_json(cls, data: Mapping[str, Any]) -> LatencyRecord:
         """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
         parts = [data["parts"][name] for name in PARTS]
-        record = cls(
-            str(data["from"]), str(data["to"]), str(data["edge"]), bool(data["inverted"]), bool(data["word"])
-        )
-        record.changes, record.delivered = int(data["changes"]), int(data["delivered"])
-        record.lost, record.unseen, record.open = int(data["lost"]), int(data["unseen"]), int(data["open"])
-        # Runs of before lack these.
-        record.way = str(data.get("way", ""))
-        record.reasons = tuple(map(str, data.get("reasons", ())))
-        record.lost_short = int(data.get("lost_short", 0))
         gap = data.get("longest_gap")
-        record.longest_gap = None if gap is None else int(gap)
-        record.histogram = Histogram.from_json(data)
-        record.sums = [int(total) for total, _ in parts]
-        record.longest_parts = [int(longest) for _, longest in parts]
-        record.shortest = _sample_from_json(data["shortest"])
-        record.longest = _sample_from_json(data["longest"])
-        return record
+        return cls(
+            source=str(data["from"]),
+            target=str(data["to"]),
+            edge=str(data["edge"]),
+            inverted=bool(data["inverted"]),
+            word=bool(data["word"]),
+            **{key: int(data[key]) for key in ("changes", "delivered", "lost", "unseen", "open")},
+            # Runs of before lack these.
+            way=str(data.get("way", "")),
+            reasons=tuple(map(str, data.get("reasons", ()))),
+            lost_short=int(data.get("lost_short", 0)),
+            longest_gap=None if gap is None else int(gap),
+            histogram=Histogram.from_json(data),
+            sums=[int(total) for total, _ in parts],
+            longest_parts=[int(longest) for _, longest in parts],
+            shortest=_sample_from_json(data["shortest"]),
+            longest=_sample_from_json(data["longest"]),
+        )
 
 
 def _sample_to_json(sample: Sample | None) -> list[Any] | None:

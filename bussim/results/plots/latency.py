@@ -39,7 +39,7 @@ from bussim.units import TICKS_PER_MS, milliseconds
 
 #: Longest label of a run beside its bars.
 _LONGEST_LABEL = 22
-#: Characters in a line of what must be told beside the bounds.
+#: Characters in a line of what must be said beside the bounds.
 _CAVEAT_WIDTH = 60
 #: The columns of a picture where a few latencies lie far from the others.
 _USUAL, _ALL = "the usual ones", "all"
@@ -47,7 +47,7 @@ _USUAL, _ALL = "the usual ones", "all"
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """The line of a bound: where (ms), and how it is told from the others; without a dash none is drawn."""
+    """The line of a bound: where (ms), and how it differs from the others; without a dash none is drawn."""
 
     at: float
     text: str
@@ -154,9 +154,8 @@ def _height(bars: int, several: Sequence[str] | None) -> float:
 
 
 def _heading(name: str, records: Sequence[LatencyRecord]) -> str:
-    ways = dict.fromkeys(f"{record.source} to {record.target}" for record in records)
-    way = next(iter(ways))
-    return name if name == way or len(ways) > 1 else f"{name}, {way}"
+    ends = list(dict.fromkeys(f"{record.source} to {record.target}" for record in records))
+    return name if name == ends[0] or len(ends) > 1 else f"{name}, {ends[0]}"
 
 
 def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[_Mark]:

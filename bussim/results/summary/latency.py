@@ -11,7 +11,7 @@ from bussim.results.summary.statistics import statistics
 
 
 class LatencyBounds(NamedTuple):
-    """What an entry may be at worst, by case, in ticks, and what is to be told with it; or why it is not."""
+    """What an entry may be at worst, by case, in ticks, and what must be said with it; or why it is not."""
 
     cases: Mapping[str, int]
     reasons: Sequence[str] = ()
@@ -22,7 +22,7 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
     """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, if known."""
     parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
     delivered = record.delivered
-    split = bool(delivered) and not record.coincidence  # no way, no parts
+    split = bool(delivered) and not record.coincidence  # without a path no parts
     summary: dict[str, Any] = {
         "from": record.source,
         "to": record.target,

@@ -18,7 +18,7 @@ PART_NAMES = {
 }
 #: The same of the age of a word.
 AGE_PART_NAMES = PART_NAMES | {"destination": "since the frame came, until it was read"}
-#: Of the cases of a bound those that are told in words.
+#: Of the cases of a bound those that stand in words.
 _SHOWN_BOUNDS = ("no error", "1 lost reply", "every retry spent")
 
 
@@ -34,7 +34,7 @@ def shown_bounds(summary: Mapping[str, Any], longest: float = 0.0) -> dict[str, 
 
 
 def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
-    """The bounds of an entry of the summary that are told in words (ms), by case."""
+    """The bounds of an entry of the summary that stand in words (ms), by case."""
     bounds: Mapping[str, float] = summary.get("bound_ms", {})
     return {case: bounds[case] for case in _SHOWN_BOUNDS if case in bounds}
 
@@ -66,8 +66,8 @@ def part_names(*, word: bool) -> Mapping[str, str]:
 def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     """A run's latencies as lines of text, from its summary."""
     for name, entry in summary.get("latency", {}).items():
-        way = f"{entry['from']} to {entry['to']}"
-        label = way if name == way else f"{name}: {way}"
+        ends = f"{entry['from']} to {entry['to']}"
+        label = ends if name == ends else f"{name}: {ends}"
         yield ""
         yield f"{label}, {edge_in_words(entry)}"
         yield f"  {counts_in_words(entry)}"

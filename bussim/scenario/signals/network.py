@@ -24,7 +24,7 @@ from bussim.scenario.model import Plc
 #: Special devices begin here (FX programming manual).
 FIRST_SPECIAL = 8000
 _LAST = 8255
-#: Instructions that decide what is carried out, or whose data no text tells.
+#: Instructions that decide what is carried out, or whose data no text says.
 _VAGUE = frozenset(("CJ", "CALL", "FOR", "MC", "RS2", "CPAVL"))
 
 
@@ -158,9 +158,9 @@ class Network:
             moved = sum(self._share(*route, found) for route in routes) > 0
         return found
 
-    def _share(self, sender: Plc, hearer: Plc, found: dict[str, Marks]) -> bool:
+    def _share(self, sender: Plc, receiver: Plc, found: dict[str, Marks]) -> bool:
         """Mark what the link copies from one PLC to another; returns whether any of it is new."""
-        own, copy = self.block(sender, sender), self.block(sender, hearer)
+        own, copy = self.block(sender, sender), self.block(sender, receiver)
         if own is None or copy is None:
             return False
         moved = False
@@ -169,7 +169,7 @@ class Network:
             ("D", own.word, copy.word, own.words),
         ):
             sent = found[sender.name][letter][first : first + count]
-            kept = found[hearer.name][letter]
+            kept = found[receiver.name][letter]
             for at in (at for at in range(count) if 1 in sent and sent[at] > kept[there + at]):
                 kept[there + at] = moved = True
         return moved
