@@ -16,6 +16,8 @@ import pytest
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.modbus.codes import Rejection
 from bussim.engines.nn.frames import LinkSettings, encode_parameters, encode_poll
+from bussim.live.options import PortOptions
+from bussim.units import TICKS_PER_SECOND
 from tests.serve.serving import HEAD, PATIENCE, SLAVES, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
@@ -113,7 +115,9 @@ def test_a_master_that_closes_in_the_middle() -> None:
 
 def test_a_request_in_pieces_is_one_request_as_long_as_its_pieces_are_late_by_the_system() -> None:
     request = encode_adu(Mode.RTU, 1, bytes((3, 0, 0, 0, 1))).chars
-    with Serving(SLAVES, "v80") as serving, opened(serving.device) as handle:
+    # However much else the machine has to do.
+    patient = PortOptions(tolerance=int(PATIENCE) * TICKS_PER_SECOND)
+    with Serving(SLAVES, "v80", options=patient) as serving, opened(serving.device) as handle:
         for at in range(len(request) - 1):
             pour(serving, handle, request[at : at + 1])
             time.sleep(0.004)  # ten times the silence that would end it

@@ -82,7 +82,7 @@ def test_a_port_that_is_silent_says_why_it_cannot_be_served() -> None:
     )
     scenario = loads(text)
     with pytest.raises(
-        UsageError, match=r"plc.COM2 cannot be served: what COM2 speaks \(hmi\) is not simulated"
+        UsageError, match=r"plc.COM2 cannot be served: the protocol of COM2 \(hmi\) is not simulated"
     ):
         targets(scenario, ["plc.COM2"], [])
     with pytest.raises(UsageError) as nobody:
