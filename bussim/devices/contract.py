@@ -113,14 +113,9 @@ class MasterSettings(DeviceSettings):
 
 
 class FreeProtocolSettings(DeviceSettings):
-    """A device with a protocol of its own."""
+    """A device with a protocol of its own, which sends when it likes."""
 
     __slots__ = ()
-
-    @property
-    @abstractmethod
-    def sends(self) -> bool:
-        """Whether it ever sends something."""
 
 
 #: The settings of a device, by the kind of its model.

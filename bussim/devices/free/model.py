@@ -28,11 +28,6 @@ class FreeSettings(FreeProtocolSettings):
 
     messages: tuple[Message, ...]
 
-    @property
-    def sends(self) -> bool:
-        """Whether it has messages."""
-        return bool(self.messages)
-
     def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
         """The messages begin anew at power-on; the streams of their jitter, one each, go on."""
         draws = [streams.uniforms("saying", device.name, number) for number in range(len(self.messages))]

@@ -35,6 +35,18 @@ class Message:
     delay: int = 0
 
 
+def _ticks(message: Message, draws: Iterator[float], now: int) -> Iterator[int]:
+    """When a message is due on its own, from ``now`` on; none for a reply."""
+    at, every, times = message.at, message.every, message.times
+    if message.reply_to or (not every and at < now):
+        return
+    turn = max(0, -((at - now) // every)) if every else 0
+    while (every or not turn) and (times is None or turn < times):
+        late = int(next(draws) * (message.jitter + 1)) if message.jitter else 0
+        yield at + turn * (every or 0) + late
+        turn += 1
+
+
 class ScriptedDevice:
     """The device's one port. See :mod:`bussim.engines.contract` for the methods.
 
@@ -58,7 +70,7 @@ class ScriptedDevice:
         self._longest = max((len(message.reply_to) for message in self._messages), default=0)
         self._tail = b""
         self._clock: list[int | None] = [None] * len(self._messages)  # when each is due next on its own
-        self._turns = [0] * len(self._messages)
+        self._ticks: list[Iterator[int]] = []  # the ticks that follow
         self._queue: deque[tuple[int, bytes]] = deque()  # (not before, data) behind what is due
         self._begun = 0
         self._out: bytes | None = None  # due or being sent
@@ -69,12 +81,8 @@ class ScriptedDevice:
     def start(self, now: int) -> int:
         """Power-on: what was due at a tick that is over begins with its next turn."""
         self._on = True
-        for number, message in enumerate(self._messages):
-            self._turns[number] = 0
-            if not message.reply_to:
-                if message.every and message.at < now:
-                    self._turns[number] = -((message.at - now) // message.every)
-                self._clock[number] = self._next(number) if message.every or message.at >= now else None
+        self._ticks = [_ticks(*pair, now) for pair in zip(self._messages, self._draws, strict=True)]
+        self._clock = [next(ticks, None) for ticks in self._ticks]
         return DEADLINE
 
     def stop(self, now: int) -> int:
@@ -87,15 +95,6 @@ class ScriptedDevice:
         self.due = -1
         self._clock = [None] * len(self._messages)
         return DEADLINE
-
-    def _next(self, number: int) -> int | None:
-        message, turn = self._messages[number], self._turns[number]
-        if message.times is not None and turn >= message.times:
-            return None
-        if turn and message.every is None:
-            return None
-        late = int(next(self._draws[number]) * (message.jitter + 1)) if message.jitter else 0
-        return message.at + turn * (message.every or 0) + late
 
     # -- listening -----------------------------------------------------------------------------
 
@@ -134,8 +133,7 @@ class ScriptedDevice:
         hints = DEADLINE
         for number, at in enumerate(self._clock):
             if at is not None and at <= now:
-                self._turns[number] += 1
-                self._clock[number] = self._next(number)
+                self._clock[number] = next(self._ticks[number], None)
                 hints |= self._send(self._messages[number].data, now)
         return hints
 

@@ -178,22 +178,17 @@ def travel(drive: Drive, pulses: int, start: int, direction: int) -> Motion:
     if not drive.ramps:
         end = Fraction(pulses) / drive.top
         return _motion(start, direction, drive, [Phase(zero, zero, drive.top, zero)], end, pulses)
-    low, high, slope = drive.start, drive.top, drive.acceleration
-    ramp = (high * high - low * low) / (2 * slope)  # pulses from start to top rate
-    up = Phase(zero, zero, low, slope)
-    if 2 * ramp <= pulses:
-        rising = (high - low) / slope
-        cruising = (pulses - 2 * ramp) / high
-        phases = [
-            up,
-            Phase(rising * TICKS_PER_SECOND, ramp, high, zero),
-            Phase((rising + cruising) * TICKS_PER_SECOND, pulses - ramp, high, -slope),
-        ]
-        return _motion(start, direction, drive, phases, 2 * rising + cruising, pulses)
-    peak = _root(low * low + slope * pulses)
-    rising = (peak - low) / slope
-    phases = [up, Phase(rising * TICKS_PER_SECOND, Fraction(pulses, 2), peak, -slope)]
-    return _motion(start, direction, drive, phases, 2 * rising, pulses)
+    low, peak, slope = drive.start, drive.top, drive.acceleration
+    ramp = (peak * peak - low * low) / (2 * slope)  # pulses from start to top rate
+    if 2 * ramp > pulses:
+        peak, ramp = _root(low * low + slope * pulses), Fraction(pulses, 2)
+    rising, cruising = (peak - low) / slope, (pulses - 2 * ramp) / drive.top
+    phases = [
+        Phase(zero, zero, low, slope),
+        Phase(rising * TICKS_PER_SECOND, ramp, peak, zero),
+        Phase((rising + cruising) * TICKS_PER_SECOND, pulses - ramp, peak, -slope),
+    ]
+    return _motion(start, direction, drive, phases, 2 * rising + cruising, pulses)
 
 
 def run(drive: Drive, start: int, direction: int) -> Motion:

@@ -179,9 +179,8 @@ class _Reader:
     def _device(self, device: BusDevice) -> None:
         name, bus = device.name, device.bus
         match device.settings:
-            case FreeProtocolSettings() as free:
-                if free.sends:
-                    self.scripted.setdefault(bus, []).append(name)
+            case FreeProtocolSettings():
+                self.scripted.setdefault(bus, []).append(name)
             case SlaveSettings() as slave:
                 extra, off = self._slowness(name), self._off(name, name)
                 found = device_model(device, slave, extra=extra, off=off)
