@@ -27,8 +27,7 @@ class Answers:
         self._nodes = nodes
         self._code = code
         self._report = report
-        self._slaves: dict[str, SlaveSettings] = {}
-        self._maps: dict[str, AreaMap] = {}
+        self._slaves: dict[str, tuple[SlaveSettings, AreaMap]] = {}
 
     def check(self, entry: Entry[TransactionIn], poll: TransactionIn, master: Node, timeout: int) -> None:
         """Check one poll of a master, whose request can be sent."""
@@ -53,52 +52,25 @@ class Answers:
                 f"speaks {_name(asked[0].mode)}",
             )
         else:
-            before = len(self._report.warnings)
-            self._check_map(entry, poll, understands[0])
-            refused = len(self._report.warnings) > before
-            self._check_time(entry, poll, master, understands[0], timeout, refused=refused)
+            slave = understands[0]
+            settings, registers = self._slave(slave)
+            refusal = _refusal(poll, registers)
+            if refusal is not None:
+                key, why, code = refusal
+                text = f"{slave.name} {why}: it answers with exception {code:02}"
+                self._report.warn((*entry.path, key), text)
+            self._check_time(entry, poll, master, slave, settings, timeout, refused=refusal is not None)
 
-    def _check_map(self, entry: Entry[TransactionIn], poll: TransactionIn, slave: Node) -> None:
-        found = self._map(slave)
-        function, address = poll.function or 0, poll.address or 0
-        count = poll.quantity
-        if function not in found.functions:
-            self._warn_exception(entry, "function", slave, f"does not have function {function}", 1)
-            return
-        limit = found.limits.of(function)
-        if count > limit:
-            self._warn_exception(entry, "count", slave, f"takes at most {limit} in function {function}", 3)
-            return
-        space = SPACES[function]
-        parts = found.parts(space, address, count)
-        names = {Space.COILS: "coil", Space.INPUTS: "input", Space.INPUT_REGISTERS: "input register"}
-        name = names.get(space, "register")
-        what = f"{name}s {address} to {address + count - 1}" if count > 1 else f"{name} {address}"
-        if parts is None:
-            lacks = f"does not have all of the {what}" if count > 1 else f"has no {what}"
-            self._warn_exception(entry, "address", slave, lacks, 2)
-        elif function not in READS and not all(part.area.writable for part in parts):
-            self._warn_exception(entry, "address", slave, f"does not let {what} be written", 2)
-
-    def _warn_exception(
-        self, entry: Entry[TransactionIn], key: str, slave: Node, what: str, code: int
-    ) -> None:
-        self._report.warn((*entry.path, key), f"{slave.name} {what}: it answers with exception {code:02}")
-
-    def _settings(self, slave: Node) -> SlaveSettings:
-        """A slave as its model has it; the port of a PLC is one of the model ``lx``."""
+    def _slave(self, slave: Node) -> tuple[SlaveSettings, AreaMap]:
+        """A slave as its model has it, and its map; the port of a PLC is one of the model ``lx``."""
         if slave.name not in self._slaves:
-            self._slaves[slave.name] = (
+            settings = (
                 slave.device.settings((), self._code.find)
                 if isinstance(slave.device, SlaveIn)
                 else LxSettings(_longest_scan(slave.member))
             )
+            self._slaves[slave.name] = settings, settings.register_map()
         return self._slaves[slave.name]
-
-    def _map(self, slave: Node) -> AreaMap:
-        if slave.name not in self._maps:
-            self._maps[slave.name] = self._settings(slave).register_map()
-        return self._maps[slave.name]
 
     def _check_time(
         self,
@@ -106,6 +78,7 @@ class Answers:
         poll: TransactionIn,
         master: Node,
         slave: Node,
+        settings: SlaveSettings,
         timeout: int,
         *,
         refused: bool,
@@ -114,9 +87,7 @@ class Answers:
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
         request = Request(poll.function or 0, poll.address or 0, poll.quantity)
-        least, most = _response_time(
-            slave, self._settings(slave), EXCEPTION_SIZE if refused else response_size(request)
-        )
+        least, most = _response_time(slave, settings, EXCEPTION_SIZE if refused else response_size(request))
         if least > timeout:
             can = f"takes at least {format_ms(least)}: it never comes in time"
         elif most > timeout:
@@ -129,6 +100,25 @@ class Answers:
             f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} to "
             f"{label} {can}",
         )
+
+
+def _refusal(poll: TransactionIn, registers: AreaMap) -> tuple[str, str, int] | None:
+    """The key for which a slave refuses a poll whatever it writes, why, and the exception; None if not."""
+    function, address, count = poll.function or 0, poll.address or 0, poll.quantity
+    limit, space = registers.limits.of(function), SPACES[function]
+    if function not in registers.functions:
+        return "function", f"does not have function {function}", 1
+    if count > limit:
+        return "count", f"takes at most {limit} in function {function}", 3
+    names = {Space.COILS: "coil", Space.INPUTS: "input", Space.INPUT_REGISTERS: "input register"}
+    name = names.get(space, "register")
+    what = f"{name}s {address} to {address + count - 1}" if count > 1 else f"{name} {address}"
+    parts = registers.parts(space, address, count)
+    if parts is None:
+        return "address", f"does not have all of the {what}" if count > 1 else f"has no {what}", 2
+    if function not in READS and not all(part.area.writable for part in parts):
+        return "address", f"does not let {what} be written", 2
+    return None
 
 
 def _name(mode: Mode | None) -> str:
