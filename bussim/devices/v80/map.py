@@ -34,25 +34,19 @@ class V80(AreaMap):
         super().__init__(
             [Area(space, 0, items, space.value, space in WRITABLE) for space in Space], FUNCTIONS, V80_LIMITS
         )
-        self._bits = {space: bytearray(items) for space in Space if space.is_bit}
-        self._words = {space: array("H", bytes(2 * items)) for space in Space if not space.is_bit}
+        self._items = {space: array("H", bytes(2 * items)) for space in Space}
 
     def get(self, space: Space, address: int) -> int:
         """One item: 0/1 or 0…65535. Raises IndexError for an address that it lacks."""
-        return self._bits[space][address] if space.is_bit else self._words[space][address]
+        return self._items[space][address]
 
     def set(self, space: Space, address: int, value: int) -> None:
         """Set one item from inside (its program): a bit (any value but 0 is 1) or the low 16 bits."""
-        if space.is_bit:
-            self._bits[space][address] = 1 if value else 0
-        else:
-            self._words[space][address] = value & 0xFFFF
+        self._items[space][address] = bool(value) if space.is_bit else value & 0xFFFF
 
     def _fetch(self, part: Part, now: int) -> Sequence[int] | ExceptionCode:
         del now
-        space, first = part.area.space, part.offset
-        items: Sequence[int] = self._bits[space] if space.is_bit else self._words[space]
-        return items[first : first + part.size]
+        return self._items[part.area.space][part.offset : part.offset + part.size]
 
     def _store(self, part: Part, values: Sequence[int], now: int) -> None:
         del now

@@ -99,18 +99,15 @@ class DeviceNode(SerialNode):
             self._attempts.append(item)
         elif isinstance(item, PollEnded):
             name = self._polls[item.index].name
-            self._record_attempts(name)
+            for number, attempt in enumerate(self._attempts, 1):
+                reporter.transaction(self, attempt, name, number, attempt.end)
+            self._attempts.clear()
             turn = TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late)
             reporter.turn(self, turn)
         elif isinstance(item, CycleEnded):
             reporter.cycle(self, item)
         elif isinstance(item, Sent):
             reporter.sent(self, item, "")
-
-    def _record_attempts(self, poll: str) -> None:
-        for number, attempt in enumerate(self._attempts, 1):
-            self.reporter.transaction(self, attempt, poll, number, attempt.end)
-        self._attempts.clear()
 
     def _record_events(self) -> None:
         for event in self._behaviour.events():
