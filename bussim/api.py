@@ -1,4 +1,4 @@
-"""The Python interface: load a scenario, run it, look at the results.
+"""The Python interface: load a scenario, run it, read the results.
 
 ::
 
@@ -66,7 +66,7 @@ def run(
     observed device, ``trace`` also every attempt, frame and event; without both the memory needed
     does not depend on the run's length. ``format`` is that of the tables, "csv" or "parquet". Where
     ``out`` exists, ``force`` replaces the folder of an earlier run and ``numbered`` takes the next
-    free of ``out-2``, ``out-3`` and so on; :attr:`Result.folder` tells which.
+    free of ``out-2``, ``out-3`` and so on; :attr:`Result.folder` is the one taken.
 
     Raises ScenarioError or UsageError for bad input, RunError if writing fails.
     """

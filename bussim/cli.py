@@ -14,7 +14,7 @@ import click
 from bussim.errors import RunError, ScenarioError, UsageError
 from bussim.version import __version__
 
-#: The commands, in the order of ``--help``, with what that says about them.
+#: The commands, in the order of ``--help``, with their one-line descriptions.
 COMMANDS = {
     "run": "Simulate a scenario and write its results.",
     "check": "Name every mistake of a scenario with its line and column.",

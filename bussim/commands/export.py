@@ -40,7 +40,7 @@ def _formats() -> str:
 @click.option(
     "--encap",
     type=click.Choice(["serial", "udp"]),
-    help="pcapng: Modbus RTU as on the line (default), or in UDP, which tells requests from answers.",
+    help="pcapng: Modbus RTU as on the line (default), or in UDP, which tells request and response apart.",
 )
 @click.option("-o", "--out", metavar="FILE", help="Where to (default: a file in the run's folder).")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
@@ -59,7 +59,7 @@ def command(
 ) -> None:
     """Export a traced run: its frames as packets, its waveform, its tracks, or a table.
 
-    Needs a run with --trace. Prints the file, and what the tool that opens it must be told.
+    Needs a run with --trace. Prints the file, and how the tool that opens it is set up.
     """
     from bussim.commands.common.output import busy, checked_target, traced_again
     from bussim.export.run import export_trace
@@ -73,7 +73,7 @@ def command(
     if not folder.exists():
         raise UsageError(f"{folder} does not exist; name the folder of a run")
     if folder.is_dir() and not (folder / TRACE).is_file():
-        load_run(folder)  # says what is wrong with a folder that is not a run's
+        load_run(folder)  # raises UsageError for a folder that is not a run's
         raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
     trace = read_trace(folder)
     place = _default(folder, fmt, trace, bus) if out is None else Path(out)

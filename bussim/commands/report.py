@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _LARGEST = 4 * 1024 * 1024
 #: The heaviest components of a distribution, and how many points each gets.
 _FINE_COMPONENTS, _FINE_POINTS = 40, 65
-#: Most runs that are told apart on one axis and in one table.
+#: Most runs on one axis and in one table.
 _MOST_RUNS = 7
 
 
@@ -51,7 +51,7 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     from bussim.results.store.load import load_run
 
     if len(runs) > _MOST_RUNS:
-        raise UsageError(f"{len(runs)} runs on one page cannot be told apart; at most {_MOST_RUNS}")
+        raise UsageError(f"{len(runs)} runs on one page cannot be distinguished; at most {_MOST_RUNS}")
     folders = [Path(run) for run in runs]
     resolved = [folder.resolve() for folder in folders]
     for folder, whole in zip(folders, resolved, strict=True):
@@ -172,9 +172,9 @@ def _distribution(figures: Figures) -> ExactDistribution:
     if figures.distribution is None:
         return ExactDistribution(figures.to_json())
     x, tail = _curve(figures.distribution)
-    said = figures.in_words()
+    sentences = figures.in_words()
     return ExactDistribution(
-        figures.to_json(), said[-1] if said else "", figures.model.notes, x.tolist(), tail.tolist()
+        figures.to_json(), sentences[-1] if sentences else "", figures.model.notes, x.tolist(), tail.tolist()
     )
 
 

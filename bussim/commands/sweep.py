@@ -173,7 +173,7 @@ def _table(result: SweepResult, name: str, title: str, shown: dict[str, str]) ->
 
 
 def _short(keys: Sequence[str]) -> list[str]:
-    """The ends of keys, as long as it takes to tell them apart."""
+    """The ends of keys, as long as it takes to distinguish them."""
     parts = [key.split(".") for key in keys]
     for length in range(1, max(map(len, parts))):
         names = [".".join(each[-length:]) for each in parts]

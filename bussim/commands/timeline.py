@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Where neither --from nor --span says how long.
 _DEFAULT_SPAN = "200ms"
-#: More frames than this in a window cannot be told apart.
+#: More frames than this in a window cannot be distinguished.
 _MOST_FRAMES = 1_000
 
 
@@ -43,7 +43,7 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Draw a window of a traced run: who sent what when, attempts, damage, ENDs, what changed.
+    """Draw a window of a traced run: what each station sent when, attempts, damage, ENDs, what changed.
 
     Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
     run with --trace. Prints the path of the picture.
@@ -74,7 +74,7 @@ def command(
         window = read_window(trace, record, name, begin, end)
     if len(window.frames) > _MOST_FRAMES:
         raise UsageError(
-            f"the window holds {len(window.frames):,} frames, which cannot be told apart; at most "
+            f"the window holds {len(window.frames):,} frames, which cannot be distinguished; at most "
             f"{_MOST_FRAMES:,}: choose a shorter --span"
         )
     scene = scene_of(window)
@@ -117,7 +117,7 @@ def _window(
         if span is not None and worst:
             raise UsageError("--worst draws the longest link scan, however long: leave --span away")
         if span is not None:
-            raise UsageError("--span says how much to draw: say from when as well, with --from")
+            raise UsageError("--span is how much to draw: name its beginning, too, with --from")
         found = worst_window(trace, record, bus)
         if found is None:
             what = "made no complete link scan" if bus in record.links else "carried nothing"

@@ -43,7 +43,7 @@ else:
 #: Errors that mean that a port is gone (SerialException is an OSError).
 LOST_ERRORS: tuple[type[Exception], ...] = (OSError, *_SETTING_ERRORS)
 
-#: Seconds between two looks at a port that cannot be waited for.
+#: Seconds between two reads of a port that cannot be waited for.
 _LOOK = 0.0005
 #: Seconds after which a write that makes no progress is given up.
 _WRITE_TIMEOUT = 1.0
@@ -152,7 +152,7 @@ class SerialEndpoint:
         return data
 
     def _look(self, timeout: float) -> bytes:
-        """For Windows and for ports that are no file: look again and again."""
+        """For Windows and for ports that are no file: read again and again."""
         until = time.perf_counter() + timeout
         while True:
             data = self._port.read(CHUNK)
@@ -194,7 +194,7 @@ def _open(url: str, line: LineTiming, *, plain: bool) -> serial.Serial:
             parity="N" if plain else fmt.parity,
             stopbits=fmt.stop_bits,
             timeout=0,
-            write_timeout=_WRITE_TIMEOUT if device else None,  # no others know it
+            write_timeout=_WRITE_TIMEOUT if device else None,  # no other kind of port has one
         )
     except ValueError as error:
         raise UsageError(f"{url!r} is no port that can be opened: {error}") from error
@@ -214,7 +214,7 @@ def _is_instant(url: str) -> bool:
 
 
 def _is_terminal(url: str) -> bool:
-    """Whether a device is the end of a pseudo-terminal, as far as its name tells."""
+    """Whether a device is the end of a pseudo-terminal, by its name."""
     return "://" not in url and os.path.realpath(url).startswith("/dev/pts/")
 
 
@@ -240,7 +240,7 @@ def why_not(url: str, error: Exception) -> str:
 
 
 def _reason(url: str, error: Exception) -> str:
-    """What the system said: pyserial repeats the name around it."""
+    """The system's message: pyserial repeats the name around it."""
     inner = error.__context__ if isinstance(error, serial.SerialException) else error
     if isinstance(inner, _SETTING_ERRORS):
         return "it is no serial port"

@@ -1,4 +1,4 @@
-"""Faults of a served slave: what happens to its next replies, as told beforehand."""
+"""Faults of a served slave: what happens to its next replies, as a test arranges it beforehand."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Turn:
 
 
 class PollTurns(Handling):
-    """Puts the attempts of a polling master together to turns; ``on_turn`` is told of each.
+    """Puts the attempts of a polling master into turns; ``on_turn`` is called with each.
 
     With ``rounds`` :attr:`done` becomes true when every poll has had so many turns.
     """

@@ -12,10 +12,10 @@ from bussim.live.wire import Wire
 class LivePort:
     """Drives one :class:`~bussim.live.wire.Wire`; a single thread calls :meth:`step` again and again.
 
-    ``on_chars`` is told what was heard, chunk by chunk. ``on_sent(first_edge, end)`` is told when a
+    ``on_chars`` gets what was received, chunk by chunk. ``on_sent(first_edge, end)`` is called when a
     transmission has left; on a wire that takes its time that is worked out from rate and format. If
-    another node is heard before, all of it had left already. ``on_lost`` and ``on_back`` are told
-    of the port itself, with the tick; what was to be sent is forgotten then.
+    another node is heard before, all of it had left already. ``on_lost`` and ``on_back`` are called
+    with the tick; what was to be sent is forgotten then.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class LivePort:
         return self._arrivals.busy_until
 
     def send(self, chars: bytes, at: int) -> None:
-        """Send at the tick ``at``, or now if that is past, after what was asked for before."""
+        """Send at the tick ``at``, or now if that is past, after what was to be sent before."""
         if chars:
             mask = self._mask
             self._queue.append((at, chars if mask == 0xFF else bytes(value & mask for value in chars)))

@@ -81,7 +81,7 @@ def _taken(link: Path) -> str:
         if not link.is_symlink():
             return "exists and is no symbolic link"
         where = link.readlink()
-    except OSError:  # what is wrong with the name is told when the link is made
+    except OSError:  # what is wrong with the name is reported when the link is made
         return ""
     if link.is_char_device():
         return f"leads to {where}, which is in use: another process may be serving there. Remove it if not"

@@ -50,7 +50,7 @@ class Handling:
 class EngineRunner:
     """An engine on a wire. One thread calls :meth:`run` or :meth:`step`.
 
-    ``quiet`` is the silence after which the engine is told that the line is quiet, by the protocol.
+    ``quiet`` is the silence after which the engine's line_idle is called, by the protocol.
     While what is open is not a whole RTU frame (``mode`` RTU), the tolerance of the wire's options is
     added: its next bytes may be held back by the system. When the port is lost the engine is
     stopped, and it is started anew when the port is back.
@@ -95,7 +95,7 @@ class EngineRunner:
         self.port.wire.close()
 
     def run(self, stopped: Callable[[], bool]) -> None:
-        """Run until ``stopped`` says so, which is asked at least twenty times a second."""
+        """Run until ``stopped`` is true, which is called at least twenty times a second."""
         while not stopped():
             self.step(self.clock.now() + PATIENCE)
 
@@ -173,7 +173,7 @@ class EngineRunner:
             else:
                 self._handling.event(item, now)
 
-    # -- what the port tells -------------------------------------------------------------------
+    # -- events of the port -------------------------------------------------------------------
 
     def _chars(self, chars: list[Timed]) -> None:
         if not self._running:

@@ -1,4 +1,4 @@
-"""Ctrl-C as a wish: what runs ends its step, and everything is closed and told in order."""
+"""Ctrl-C as a wish: what runs ends its step, and everything is closed and reported in order."""
 
 from __future__ import annotations
 

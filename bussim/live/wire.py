@@ -41,7 +41,7 @@ def _nobody(text: str) -> None:
 class Wire:
     """The bytes of one port. A lost port is reported and tried again, longer and longer apart.
 
-    ``report`` is told in words what a person should know: warnings, losses, returns. After a loss
+    ``report`` is called with messages for the user: warnings, losses, returns. After a loss
     :attr:`connected` is False until the port is back.
     """
 

@@ -95,7 +95,7 @@ def _end_with(parent: int) -> None:
     """Let this process end soon after its parent, also if that is killed.
 
     It would wait for work until it has been idle for long, and keep the terminal or pipe that both
-    write to. Windows does not tell that a parent is gone; there only being idle ends it.
+    write to. On Windows the end of a parent cannot be noticed; there only being idle ends it.
     """
 
     def watch() -> None:

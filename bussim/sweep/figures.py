@@ -90,7 +90,7 @@ def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[s
     those of bits also the shares of their changes that never arrived (``lost_share``) and that were too
     short to be seen (``unseen_share``), of all whose outcome is known: None where there is none.
 
-    Times are in ms, ``healthy_at_s`` in s. A quantile that too few scans tell is None.
+    Times are in ms, ``healthy_at_s`` in s. A quantile for which there are too few scans is None.
     ``refresh_gap_max_ms`` is the longest time that any station waited for the block of any other
     one, also if it still waited when the run ended.
     """

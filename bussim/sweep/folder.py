@@ -41,14 +41,14 @@ class SweepFolder:
                 folder.finish(write_results)
 
     All work is done in ``<target>.incomplete``. A process that is killed at any instant leaves
-    either that folder, with every finished run, or the whole one; :attr:`state` tells the next
+    either that folder, with every finished run, or the whole one; :attr:`state` is for the next
     process what it finds. Nothing is written before :meth:`begin`.
 
     ``manifest`` is what the sweep is, see :mod:`bussim.sweep.identity`. With ``force`` another
     sweep's folder is replaced, and a whole one of this sweep made again. With ``numbered`` a target
     that is something else becomes ``<target>-2``, and so on.
 
-    Raises UsageError if the target is something else (and says what differs) or is being written
+    Raises UsageError if the target is something else (the message has what differs) or is being written
     by another process.
     """
 
@@ -228,7 +228,7 @@ def _in_use(folder: Path) -> UsageError:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a sweep's folder; what says whose it is goes last."""
+    """Remove a sweep's folder; the file that identifies it goes last."""
     last = (MARKER, MANIFEST)
     for entry in folder.iterdir():
         if entry.name not in last:

@@ -19,7 +19,7 @@ _HALVINGS = 60
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """A mean and the limits of its confidence interval, None where nothing can be said about them."""
+    """A mean and the limits of its confidence interval, None where they are not known."""
 
     mean: float | None
     low: float | None = None
@@ -34,7 +34,7 @@ def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
     are never less, which takes nothing from its coverage. The repeats are independent;
     each figure is itself a mean or a count over many link scans, so that it is roughly normal.
 
-    Where a figure is None in a repeat (a quantile that too few scans tell) the mean is None as well:
+    Where a figure is None in a repeat (a quantile that takes more scans) the mean is None as well:
     the others alone would be a choice that depends on the result. One repeat has no interval. Nor
     has a count of ``events`` that is 0 in every repeat: never seen is not never.
     """

@@ -28,7 +28,7 @@ class Plan:
     """A scenario, what varies in it, and how often each point is run.
 
     ``source`` is a file or a built-in scenario, ``sets`` what is set in it at every point. The
-    scenario must be good by itself; :meth:`check` tells whether every point is.
+    scenario must be good by itself; :meth:`check` is for every point.
 
     Runs have numbers from 0: all repeats of the first point, then those of the second. Repeats are
     counted from 1. Where ``seed`` itself is varied, runs have these seeds and cannot be repeated.
@@ -82,7 +82,7 @@ class Plan:
         return point, repeat + 1
 
     def seed(self, run: int) -> int | None:
-        """The seed of a run, None where the point itself says it."""
+        """The seed of a run, None where the point itself sets it."""
         if self._own_seeds:
             return None
         point, repeat = self.place(run)
@@ -102,7 +102,7 @@ class Plan:
         )
 
     def _source(self) -> Any:
-        """The scenario as plain data, and what the files and modules say that it names."""
+        """The scenario as plain data, and the contents of the files and modules that it names."""
         data = self._template.data(self.sets)
         if isinstance(data, dict) and self._files.texts:
             data["files"] = dict(sorted(self._files.texts.items()))
@@ -158,7 +158,7 @@ class Plan:
         return self.sets + tuple(axis.override(value) for axis, value in zip(self.axes, point, strict=True))
 
     def _explained(self, found: dict[Problem, list[Point]]) -> list[Problem]:
-        """The problems, with the points at which they occur where their own text does not say it."""
+        """The problems, with the points at which they occur where their own text does not."""
         explained = []
         for problem, points in found.items():
             if self._said(problem, points):

@@ -1,4 +1,4 @@
-"""``run_sweep``: the whole way from what is to vary to the folder with the results."""
+"""``run_sweep``: from what is to vary to the folder with the results."""
 
 from __future__ import annotations
 

@@ -247,7 +247,7 @@ def _in_one_unit(parts: Sequence[str], label: str) -> tuple[list[Decimal], str]:
         units.append(unit)
     if len(set(units)) > 1 and "" in units:
         bare = shorten(parts[units.index("")].strip())
-        raise UsageError(f"{label}: {bare} has no unit, others have; allowed are {_units()}")
+        raise UsageError(f"{label}: {bare} has no unit, other values have; allowed are {_units()}")
     smallest = min(units, key=lambda unit: UNIT_TICKS.get(unit, Fraction(0)))
     if not smallest:
         return amounts, ""

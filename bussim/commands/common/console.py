@@ -38,7 +38,7 @@ def plain_table(left: Iterable[str], right: Iterable[str] = (), *, title: str = 
 
 
 def named_values(rows: Iterable[tuple[str, str]]) -> Table:
-    """A table of names and what is said of each, without headings."""
+    """A table of names, each with its text, without headings."""
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2))
     for name, text in rows:
         table.add_row(Text(name), Text(text))

@@ -39,8 +39,8 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
     if table.row_count:
         console.print(table)
     for name, bound in bounds.items():
-        for said in [f"no bound: {bound.reason}"] if bound.reason else bound.caveats:
-            console.print(Text(f"  {name}: {said}"))
+        for sentence in [f"no bound: {bound.reason}"] if bound.reason else bound.caveats:
+            console.print(Text(f"  {name}: {sentence}"))
     linked = [bound for bound in bounds.values() if bound.valid and bound.link_scan]
     if linked:
         longest = cell(max(bound.missed for bound in linked))

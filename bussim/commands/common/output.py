@@ -1,4 +1,4 @@
-"""Files that commands write at the user's word: never over an existing one unless told, never half."""
+"""Files that options of commands name: written whole, over an existing one only with --force."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def progress_bar(*, counted: bool = False) -> Iterator[Callable[[str, int, int],
 
     def progress(what: str, done: int, total: int) -> None:
         if what not in tasks:
-            # What was there already says nothing about the speed of the rest.
+            # What was there already is no measure of the speed of the rest.
             tasks[what] = bar.add_task(what, completed=done, total=total)
         bar.update(tasks[what], completed=done, total=total)
         if not bar.live.is_started and time.monotonic() - begun > _PATIENCE:

@@ -1,4 +1,4 @@
-"""Recordings of lines for commands: which bus, which line, and all that was heard in order."""
+"""Recordings of lines for commands: which bus, which line, and their frames in order."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from bussim.trace.records import TraceBus
 
 
-#: What may be spoken on a recorded line; auto: what is recognised.
+#: Protocols of a recorded line; auto: what is recognised.
 PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
 _RATES = click.IntRange(1, 4_000_000)
 
 
 def line_options(function: FuncT) -> FuncT:
-    """Add the options that say what is spoken on a line, how, and which of several it is."""
+    """Add the options for the protocol, format and name of a line."""
     for option in reversed(
         (
             click.option(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def show(console: Console, figures: PollFigures) -> None:
-    """One poll list: what there is to say of the cycle, then a line for each poll."""
+    """One poll list: the figures of the cycle, then a line for each poll."""
     from rich.text import Text
 
     from bussim.commands.common.console import named_values

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """What a recording told."""
+    """What was estimated from a recording."""
 
     bus: str
     names: dict[int, str]
@@ -45,7 +45,7 @@ def fit(
     channel: str | None = None,
     tolerance: str | None = None,
 ) -> Fitted:
-    """The estimates of a recording. Raises UsageError if it cannot be read or tells nothing."""
+    """The estimates of a recording. Raises UsageError if it cannot be read or has no exchange."""
     path, kind = Path(source), kind_of(Path(source))
     names: dict[int, str] = {}
     exact = kind in (Kind.SIGROK, Kind.PCAPNG)

@@ -103,7 +103,7 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
         kept = dict(old) if isinstance(old, dict) else {"base": old}
         if number == 0:
             new = _master_profile(link, str(kept.get("base", "pw10")))
-            if link.told and isinstance(plc.get("nn"), dict):
+            if link.settings_received and isinstance(plc.get("nn"), dict):
                 plc["nn"] |= _settings(link)
         else:
             found = next((each for each in link.stations if each.station == number), None)

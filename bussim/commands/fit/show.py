@@ -53,7 +53,7 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
             "settings": dict(
                 zip(("slaves", "mode", "retries", "timeout_ms"), _settings(fitted), strict=True)
             ),
-            "settings_heard": link.told,
+            "settings_heard": link.settings_received,
             "master_gap_ms": _time(link.master_gap),
             "scan_overhead_ms": _time(link.scan_overhead),
             "reply_loss": _plain(link.loss),
@@ -164,8 +164,8 @@ def show(fitted: Fitted, simulated: RunRecord | None, comparison: Comparison | N
     click.echo(f"{fitted.bus}: {seconds(fitted.duration):.1f} s, {source}")
     if fitted.link is not None:
         slaves, mode, retries, timeout = _settings(fitted)
-        told = "as the master said" if fitted.link.told else "as seen"
-        click.echo(f"  {slaves} slaves, mode {mode}, {retries} retries, timeout {timeout} ms ({told})")
+        origin = "by a parameter frame" if fitted.link.settings_received else "as observed"
+        click.echo(f"  {slaves} slaves, mode {mode}, {retries} retries, timeout {timeout} ms ({origin})")
     table = plain_table(["  estimate"], ["value", "95 % confidence", "from"])
     for row in _rows(fitted):
         table.add_row(*map(Text, row))

@@ -25,7 +25,7 @@ class FitSink(Collector):
         self._transactions: list[TransactionRecord] = []
 
     def heard(self, frames: list[Heard]) -> None:
-        """Take in frames, after the listener has told of what follows from them."""
+        """Take in frames, after the listener has reported what follows from them."""
         for heard in frames:
             if heard.protocol is Protocol.NN:
                 if self._seen_link is None:
@@ -53,7 +53,7 @@ class FitSink(Collector):
             super().take(record)
 
     def estimates(self) -> tuple[LinkEstimate | None, BusEstimate | None]:
-        """What all of it tells."""
+        """The estimates from all of it."""
         return (
             None if self._seen_link is None else self._seen_link.estimate(),
             None if self._seen_bus is None else self._seen_bus.estimate(),

@@ -1,4 +1,4 @@
-"""What a session of ``bussim poll`` is to do, whether options or a scenario say it."""
+"""What a session of ``bussim poll`` is to do, from options or from a scenario."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A poll as it is asked for and shown."""
+    """A poll as it is sent and shown."""
 
     poll: Poll
     name: str

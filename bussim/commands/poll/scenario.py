@@ -102,7 +102,7 @@ def _of_port(url: str, plc: Plc, port: PortSpec, rounds: int | None, options: Po
 
 
 def _with_values(spec: PollSpec, memory: Memory) -> PollSpec:
-    """A write with what its device holds, where the poll itself says nothing."""
+    """A write with what its device holds, where the poll itself has no values."""
     if spec.function not in WRITES or spec.values or spec.device is None:
         return spec
     if not fits(spec.device, spec.function, spec.count):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-#: Stations or requests that are told apart.
+#: Stations or requests that are counted by themselves.
 MOST_ASKED = 500
 
 
@@ -27,7 +27,7 @@ class Asked:
     def __init__(self) -> None:
         self.attempts = 0
         self.outcomes: Counter[str] = Counter()
-        self.response = Histogram()  # from the end of what asked to the first edge of what answered
+        self.response = Histogram()  # from the request's end to the first edge of its response
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; times in ms."""
@@ -49,7 +49,7 @@ class Tally(Collector):
     def _asked(self, name: str) -> Asked:
         known = self.asked.get(name)
         if known is None:
-            # A master that asks for something else every time must not fill the memory.
+            # A master that sends another request every time must not fill the memory.
             name = name if len(self.asked) < MOST_ASKED else "others"
             known = self.asked.setdefault(name, Asked())
         return known
@@ -132,10 +132,10 @@ def show(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> Ren
     if link is not None:
         times = link["scan_time_ms"]
         shown = ", ".join(f"{name} {times[name]:.3f}" for name in times if times[name] is not None)
-        told = "as the master said" if link["settings_heard"] else "as seen"
+        origin = "by a parameter frame" if link["settings_heard"] else "as observed"
         lines.append(
             f"mode {link['mode']}, {link['slaves']} slaves, {link['retries']} retries, "
-            f"timeout {link['timeout_ms']:g} ms ({told})"
+            f"timeout {link['timeout_ms']:g} ms ({origin})"
         )
         lines.append(f"link scan time   {shown or '–'} ms   ({link['scans']:,} scans)")
     return Group(*map(Text, lines), _table(tally, by_station=isinstance(listener.decoder, LinkDecoder)))

@@ -1,4 +1,4 @@
-"""What a recording tells of an N:N link: times of the master and of each station, loss and bit errors."""
+"""Estimates from a recording of an N:N link: times of the master and of each station, loss and bit errors."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class LinkEstimate:
     """One link. Times in ticks; ``settings`` are those of a parameter frame, or what was seen instead."""
 
     settings: LinkSettings
-    told: bool  # the settings are the master's own words
+    settings_received: bool  # in a parameter frame
     master_gap: Estimate | None
     scan_overhead: Estimate | None
     loss: Estimate | None
@@ -90,7 +90,7 @@ class LinkObserver:
         self._settings: LinkSettings | None = None
         self._blocks: Counter[int] = Counter()
         self._poll: Heard | None = None  # unanswered
-        self._hit = False  # something damaged was heard since
+        self._hit = False  # something damaged was received since
         self._before: Heard | None = None  # the sound frame right before, nothing damaged since
         self._attempt = 0
         self._most_attempts = 1
@@ -184,7 +184,7 @@ class LinkObserver:
     # -- estimating ----------------------------------------------------------------------------
 
     def estimate(self) -> LinkEstimate | None:
-        """What all that was heard tells; None where there was no poll."""
+        """The estimates; None where there was no poll."""
         if not self._stations:
             return None
         gap = median(self._gaps) if self._gaps else 0
@@ -210,7 +210,7 @@ class LinkObserver:
             overhead = Estimate(usual - gap, middle.low, middle.high, middle.count)
         return LinkEstimate(
             settings=self._settings or self._seen_settings(gap),
-            told=self._settings is not None,
+            settings_received=self._settings is not None,
             master_gap=_around(self._gaps, gap) if self._gaps else None,
             scan_overhead=overhead,
             loss=proportion(sum(lost.values()), total) if total else None,
@@ -224,7 +224,7 @@ class LinkObserver:
         )
 
     def _seen_settings(self, gap: int) -> LinkSettings:
-        """Settings that explain what was seen, where no parameter frame told them."""
+        """Settings that explain what was seen, where there was no parameter frame."""
         block = self._blocks.most_common(1)[0][0] if self._blocks else 0
         mode = next((number for number, one in enumerate(MODES) if one.size == block), 0)
         timeout = round((median(self._waits) - gap) / TIMEOUT_UNIT) if self._waits else 5

@@ -1,4 +1,4 @@
-"""What a recording tells of a bus with a Modbus master: polls, periods, answers, loss, bit errors."""
+"""Estimates from a recording of a bus with a Modbus master: polls, periods, responses, loss, bit errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bussim.trace.records import TransactionRecord
 
 #: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
 _LATE, _MOST = 0.25, 0.9
-#: Fewer distances tell nothing of a period.
+#: From fewer distances no period is concluded.
 _LEAST = 5
 
 
@@ -134,7 +134,7 @@ class BusObserver:
             self._timeout = wait if self._timeout is None else min(wait, self._timeout)
 
     def estimate(self) -> BusEstimate | None:
-        """What all that was heard tells; None where no request was heard."""
+        """The estimates; None where no request was heard."""
         if not self._polls:
             return None
         interval = max(0, self._interval) if self._interval is not None else None

@@ -25,7 +25,7 @@ _TINY = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value with its 95 % confidence interval (None where nothing tells it) and its sample size."""
+    """A value with its 95 % confidence interval (None where it is not known) and its sample size."""
 
     value: float
     low: float | None

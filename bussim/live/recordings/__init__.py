@@ -1,1 +1,1 @@
-"""Recordings of lines that others made: pcapng, sigrok, raw bytes with timestamps."""
+"""Recordings of lines by other programs: pcapng, sigrok, raw bytes with timestamps."""

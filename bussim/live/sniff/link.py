@@ -1,6 +1,6 @@
 """An N:N link as a listener sees it: link scans, attempts, stations in error.
 
-What a listener cannot know is when the master decided: a failed attempt is told at the master's
+What a listener cannot know is when the master decided: a failed attempt is recorded at the master's
 next frame, and its code is what the listener heard (01 nothing, 02 and 03 a frame of another station
 or counter, 04 damage).
 """
@@ -26,9 +26,9 @@ def station_name(number: int) -> str:
 
 
 class LinkDecoder:
-    """Tells a sink what happens on one N:N link, from the frames that are heard.
+    """Records what happens on one N:N link, from the frames that are received.
 
-    ``names`` are those of stations that are known; others are called by their number.
+    ``names`` are those of stations that are known; the others have their number as name.
     """
 
     def __init__(
@@ -217,7 +217,7 @@ class LinkDecoder:
         self._sink.take(NoteRecord(tick, kind, where, text, dict(detail)))
 
     def totals(self) -> LinkTotals:
-        """Counts so far. Attempts and timeout are what was seen where no parameter frame told them."""
+        """Counts so far. Attempts and timeout are what was seen where there was no parameter frame."""
         settings = self.settings
         slaves = settings.slaves if settings else max(self._stations, default=0)
         if settings:

@@ -1,4 +1,4 @@
-"""Everything between characters and records: recognise the protocol, watch what is spoken."""
+"""Everything between characters and records: recognise the protocol, decode its frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bussim.trace.records import BusTotals, LinkTotals, PlcTotals, RunTotals, Si
 
 
 class Listener:
-    """Listens to one bus and tells a sink. Feed it characters or, of a recording, whole frames.
+    """Listens to one bus and records what it decodes. Feed it characters or, of a recording, whole frames.
 
     ``names`` are those of stations that are known.
     """
@@ -42,7 +42,7 @@ class Listener:
 
     @property
     def protocol(self) -> Protocol | None:
-        """The protocol that is spoken, None while that is open."""
+        """The protocol on the line, None while that is open."""
         return self._settled or self._recogniser.protocol
 
     def chars(self, chars: list[Timed]) -> list[Heard]:
@@ -55,7 +55,7 @@ class Listener:
         return self._watch(self._recogniser.idle(now))
 
     def heard(self, heard: Heard) -> list[Heard]:
-        """Take in a whole frame of a recording that says itself what it is."""
+        """Take in a whole frame of a recording that names its protocol."""
         if self._settled is None:
             self._settled = heard.protocol
         self.characters += len(heard.chars)

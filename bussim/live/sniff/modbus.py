@@ -46,7 +46,7 @@ class _Open:
 
 
 class ModbusDecoder:
-    """Tells a sink of the transactions and frames on one bus."""
+    """Records the transactions and frames on one bus."""
 
     def __init__(self, bus: str, sink: Sink, *, baud: int, fmt: str) -> None:
         self._bus, self._sink = bus, sink
@@ -100,12 +100,12 @@ class ModbusDecoder:
         asked = _Open(station, request, heard.start, heard.end, len(heard.chars), attempt)
         if station == BROADCAST:
             self.ok += 1
-            self._tell(asked, None, "ok", None, 0)
+            self._transaction(asked, None, "ok", None, 0)
             return
         self._open, self._damage = asked, None
 
     def _answers(self, frame: Adu, heard: Heard, asked: _Open) -> bool:
-        """Whether a frame answers the open request; then it is told."""
+        """Whether a frame answers the open request; then it is recorded."""
         request = asked.request
         if frame.station != asked.station or frame.pdu[0] & ~EXCEPTION_BIT != request.function:
             return False
@@ -126,11 +126,11 @@ class ModbusDecoder:
         if isinstance(response, ExceptionResponse):
             self.exceptions[response.code] += 1
             self._record(heard, "exception", frame, response=True)
-            self._tell(asked, heard, "exception", None, response.code)
+            self._transaction(asked, heard, "exception", None, response.code)
         else:
             self.ok += 1
             self._record(heard, "response", frame, response=True)
-            self._tell(asked, heard, "ok", None, 0)
+            self._transaction(asked, heard, "ok", None, 0)
         return True
 
     def _unanswered(self, now: int) -> None:
@@ -140,9 +140,9 @@ class ModbusDecoder:
         self.unanswered += 1
         self._failed = (asked.station, asked.request, asked.attempt)
         error = PortError.TIMEOUT if self._damage is None else PortError.CHECK
-        self._tell(asked, None, MEANINGS[error], error, 0, decided=now)
+        self._transaction(asked, None, MEANINGS[error], error, 0, decided=now)
 
-    def _tell(
+    def _transaction(
         self,
         asked: _Open,
         answer: Heard | None,

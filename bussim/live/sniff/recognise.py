@@ -1,4 +1,4 @@
-"""Finds out which protocol is spoken, by trying all of them."""
+"""Finds out the protocol of a line by decoding with all of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _KEPT = 2000
 
 
 class Recogniser:
-    """Takes characters and gives the frames of the protocol that is spoken.
+    """Takes characters and gives the frames of the line's protocol.
 
     ``protocol`` settles it beforehand; else it is the one of which three sound frames are heard first.
     Until then nothing is given; what was heard meanwhile comes then, if it is not too much.
@@ -26,7 +26,7 @@ class Recogniser:
         }
         self._found: dict[Protocol, list[Heard]] = {one: [] for one in self._tried}
         self._sound = dict.fromkeys(self._tried, 0)
-        #: The protocol that is spoken, None while that is open.
+        #: The protocol of the line, None while that is open.
         self.protocol = protocol
 
     def chars(self, chars: list[Timed]) -> list[Heard]:

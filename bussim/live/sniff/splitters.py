@@ -20,7 +20,7 @@ from bussim.live.arrival import Timed
 from bussim.live.sniff.heard import Heard, Protocol
 from bussim.units import TICKS_PER_SECOND, round_half_up
 
-#: Characters of damage that are told at once at most; more is told in pieces.
+#: Characters of damage that are reported at once at most; more is reported in pieces.
 MOST_DAMAGE = 600
 
 
@@ -89,7 +89,7 @@ class NnSplitter:
 
 
 class AsciiSplitter:
-    """Modbus ASCII frames: from colon to LF. What is outside them is told as damage."""
+    """Modbus ASCII frames: from colon to LF. What is outside them is reported as damage."""
 
     def __init__(self, quiet: int) -> None:
         self._reader = AsciiReader(quiet)
@@ -190,7 +190,7 @@ class RtuSplitter:
         self._ends = {end: starts for end, starts in self._ends.items() if end > self._base + len(self._data)}
 
     def _expect(self, at: int) -> None:
-        """Note the frames whose size the character at a place tells."""
+        """Note the frames whose size the character at a position determines."""
         data = self._data
         value = data[at]
         sizes: list[tuple[int, int]] = []
@@ -215,8 +215,7 @@ class RtuSplitter:
                 damage = [self._take_damage(at)] if at else []
                 return [*damage, self._take(size - at)]
         if size > MOST_DAMAGE:
-            told = self._take_damage(size - modbus.RTU_MAX, whole=False, lost=True)
-            return [told]
+            return [self._take_damage(size - modbus.RTU_MAX, whole=False, lost=True)]
         return []
 
     def _resolve(self) -> list[Heard]:
@@ -264,7 +263,7 @@ class RtuSplitter:
 _READS = frozenset((1, 2, 3, 4))
 _MANY = frozenset((15, 16))
 _KNOWN = _READS | {5, 6} | _MANY
-#: Sizes of frames whose function alone tells them: requests and echoes.
+#: Sizes of frames that follow from the function alone: requests and echoes.
 _FIXED = 8
 _EXCEPTION = 5
 

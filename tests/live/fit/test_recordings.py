@@ -119,7 +119,7 @@ def test_turnaround_gap_and_overhead_are_found(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_settings_and_the_outage_are_found(seed: int) -> None:
     known, found = parameters(seed), fitted(seed)
-    assert found.told
+    assert found.settings_received
     assert found.settings == (2, known["mode"], known["retries"], 6)
     (outage,) = (o for o in found.stations[0].outages if o.start > TICKS_PER_SECOND)
     scan = TICKS_PER_SECOND  # none takes longer here
