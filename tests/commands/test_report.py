@@ -127,7 +127,7 @@ def test_several_runs_are_compared(runs: Path, tmp_path: Path, capsys: pytest.Ca
         (["{runs}/plain", "-o", "a.txt"], "ends in .txt; write a name that ends in .html or .htm"),
         (["{runs}/plain", "-o", "none/a.html"], "there is no folder none"),
         (["{runs}/plain", "-o", "."], "ends in nothing"),
-        (["{runs}/plain"] * 8, "8 runs on one page cannot be told apart"),
+        (["{runs}/plain"] * 8, "8 runs on one page cannot be distinguished"),
     ],
 )
 def test_what_cannot_be_reported_is_said(

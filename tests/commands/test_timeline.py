@@ -94,9 +94,9 @@ def test_by_itself_it_goes_into_the_runs_folder(runs: Path, capsys: pytest.Captu
         (["--from", "1s", "--span", "0ms"], "--span is '0ms', it must be above 0"),
         (
             ["--from", "0s", "--span", "25s"],
-            "which cannot be told apart; at most 1,000: choose a shorter --span",
+            "which cannot be distinguished; at most 1,000: choose a shorter --span",
         ),
-        (["--span", "1s"], "say from when as well, with --from"),
+        (["--span", "1s"], "name its beginning, too, with --from"),
         (["--worst", "--from", "1s"], "leave --from away"),
         (["--worst", "--span", "1s"], "leave --span away"),
         (["--bus", "lonk"], "has no bus 'lonk'; it has 'link'"),

@@ -113,7 +113,7 @@ def test_the_same_value_is_the_same_however_it_is_written() -> None:
         ("k=5:0:1", "steps of 1 from 5 never reach 0"),
         ("k=0:5:x", "x is not a number or a time"),
         ("k=0::1", "nothing is not a number or a time"),
-        ("k=0:5ms:1ms", "0 has no unit, others have"),
+        ("k=0:5ms:1ms", "0 has no unit, other values have"),
         ("k=0ms:5ms:1 fortnight", "has the unit 'fortnight'; allowed are ns, us, ms, s, min, h, d, y"),
         ("k=0:1:log3", "begins and ends above 0"),
         ("k=1:2:log1", "N of logN is at least 2"),
