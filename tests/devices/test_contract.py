@@ -148,11 +148,11 @@ def prepared() -> Stepper:
     return device
 
 
-def play(script: list[tuple[int, Any]], look: Callable[[Stepper, int, int], None]) -> list[Any]:
-    """Carry a script out; ``look`` may ask the device anything between its moments."""
+def play(script: list[tuple[int, Any]], ask: Callable[[Stepper, int, int], None]) -> list[Any]:
+    """Carry a script out; ``ask`` may ask the device anything between its moments."""
     device, now = prepared(), 0
     for later, (kind, number, flag) in script:
-        look(device, now, now + later)
+        ask(device, now, now + later)
         now += later
         if kind == "coil":
             serve(device, write_coil(number, on=flag), now)
@@ -162,7 +162,7 @@ def play(script: list[tuple[int, Any]], look: Callable[[Stepper, int, int], None
             put(device, 9, number & 0xFFFF, number >> 16 & 0xFFFF, now=now)
         else:
             put(device, number, flag, now=now)
-    look(device, now, now + 60 * S)
+    ask(device, now, now + 60 * S)
     device.advance(now + 60 * S)
     seen: list[Any] = [device.value(name, now + 60 * S) for name in BY_NAME]
     while (event := device.poll()) is not None:

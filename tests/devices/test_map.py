@@ -1,4 +1,4 @@
-"""Maps that somebody defines: values over time, 32 bits, limits, functions."""
+"""Maps that a scenario defines: values over time, 32 bits, limits, functions."""
 
 from __future__ import annotations
 
@@ -145,18 +145,18 @@ def test_functions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "message"),
     [
         (Computed(lambda tick: 1 // (tick - tick)), "ZeroDivisionError: integer division or modulo by zero"),
         (Computed(str), "TypeError: returned '9', not an integer"),
     ],
 )
-def test_functions_that_fail_are_a_device_failure(value: Value, said: str) -> None:
+def test_functions_that_fail_are_a_device_failure(value: Value, message: str) -> None:
     device = UserMap([Entry(HOLDING, 0, value, name="f")])
     assert code(device, Request(3, 0, 1), 9) == 4
     failed = device.poll()
     assert failed is not None
-    assert (failed.tick, failed.name, failed.error) == (9, "f", said)
+    assert (failed.tick, failed.name, failed.error) == (9, "f", message)
 
 
 def test_own_functions() -> None:
@@ -167,7 +167,7 @@ def test_own_functions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entries", "said"),
+    ("entries", "message"),
     [
         ([Entry(HOLDING, 0, count=2), Entry(HOLDING, 1)], "4xxxx address 1 overlaps 4xxxx address 0"),
         ([Entry(HOLDING, 65535, words=2)], "addresses 65535…65536, allowed 0…65535"),
@@ -176,8 +176,8 @@ def test_own_functions() -> None:
         ([Entry(HOLDING, 0, words=3)], "items of 3 words"),
     ],
 )
-def test_maps_that_cannot_be(entries: list[Entry], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_maps_that_cannot_be(entries: list[Entry], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         UserMap(entries)
 
 

@@ -1,4 +1,4 @@
-"""A device with a protocol of its own: what it says, when, and in answer to what."""
+"""A device with a protocol of its own: what it sends, when, and in reply to what."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 LINE = LineTiming(9600, CharFormat(8, "N", 1))
 
 
-def scripted(*messages: Message, luck: float = 0.0) -> ScriptedDevice:
-    draws: Sequence[Iterator[float]] = [itertools.repeat(luck) for _ in messages]
+def scripted(*messages: Message, draw: float = 0.0) -> ScriptedDevice:
+    draws: Sequence[Iterator[float]] = [itertools.repeat(draw) for _ in messages]
     return ScriptedDevice(messages, LINE, draws)
 
 
-def said(device: ScriptedDevice, until: int, now: int = 0) -> list[tuple[int, bytes]]:
+def sent(device: ScriptedDevice, until: int, now: int = 0) -> list[tuple[int, bytes]]:
     """What it sends up to a tick, with the first edge of each, on a line of its own."""
     found: list[tuple[int, bytes]] = []
     busy: int | None = None  # when what is being sent will have left
@@ -54,7 +54,7 @@ def said(device: ScriptedDevice, until: int, now: int = 0) -> list[tuple[int, by
             device.on_deadline(now)
 
 
-def hear(device: ScriptedDevice, data: bytes, at: int) -> tuple[int, int]:
+def receive(device: ScriptedDevice, data: bytes, at: int) -> tuple[int, int]:
     """It hears these bytes from a tick on; returns the hints and the end."""
     hints = 0
     for number, value in enumerate(data):
@@ -66,7 +66,7 @@ def hear(device: ScriptedDevice, data: bytes, at: int) -> tuple[int, int]:
 def test_by_the_clock() -> None:
     device = scripted(Message(b"once", at=5 * MS), Message(b"often", at=20 * MS, every=100 * MS, times=3))
     device.start(0)
-    assert said(device, 10 * S) == [
+    assert sent(device, 10 * S) == [
         (5 * MS, b"once"),
         (20 * MS, b"often"),
         (120 * MS, b"often"),
@@ -75,10 +75,10 @@ def test_by_the_clock() -> None:
 
 
 def test_without_end_and_late_by_its_jitter() -> None:
-    device = scripted(Message(b"x", at=MS, every=50 * MS, jitter=10 * MS), luck=0.5)
+    device = scripted(Message(b"x", at=MS, every=50 * MS, jitter=10 * MS), draw=0.5)
     device.start(0)
     late = int(0.5 * (10 * MS + 1))
-    assert said(device, 1000 * MS) == [(MS + late + turn * 50 * MS, b"x") for turn in range(20)]
+    assert sent(device, 1000 * MS) == [(MS + late + turn * 50 * MS, b"x") for turn in range(20)]
 
 
 def test_power_comes_back_in_the_middle_of_the_grid() -> None:
@@ -87,39 +87,39 @@ def test_power_comes_back_in_the_middle_of_the_grid() -> None:
     device.stop(3 * MS)
     assert (device.deadline(), device.due) == (None, -1)
     device.start(250 * MS)
-    # The next points of the grid; what was to be said once, and is over, is not said any more.
-    assert said(device, S, now=250 * MS) == [(301 * MS, b"a"), (401 * MS, b"a")]
+    # The next points of the grid; what was due once, and is over, is not sent any more.
+    assert sent(device, S, now=250 * MS) == [(301 * MS, b"a"), (401 * MS, b"a")]
 
 
 def test_what_falls_due_meanwhile_follows() -> None:
     device = scripted(Message(b"0123456789", at=0), Message(b"ab", at=MS), Message(b"cd", at=2 * MS))
     device.start(0)
     first = LINE.characters(10)
-    assert said(device, S) == [(0, b"0123456789"), (first, b"ab"), (first + LINE.characters(2), b"cd")]
+    assert sent(device, S) == [(0, b"0123456789"), (first, b"ab"), (first + LINE.characters(2), b"cd")]
 
 
-def test_a_device_that_says_more_than_the_line_carries_takes_no_memory() -> None:
+def test_a_device_that_sends_more_than_the_line_carries_takes_no_memory() -> None:
     # 20 characters are 20.8 ms, and every millisecond there is another.
     device = scripted(Message(bytes(20), every=MS))
     device.start(0)
-    found = said(device, 10 * S)
+    found = sent(device, 10 * S)
     assert len(device._queue) == MOST_WAITING
     assert len(found) == 1 + 10 * S // LINE.characters(20)
 
 
-def test_it_answers_what_it_is_told_to_answer() -> None:
+def test_it_replies_to_the_given_bytes() -> None:
     device = scripted(Message(b"7 kg\r", reply_to=b"W\r", delay=3 * MS), Message(b"ok", reply_to=b"T\r"))
     device.start(0)
     assert device.deadline() is None
-    hints, end = hear(device, b"??W\r", 0)
+    hints, end = receive(device, b"??W\r", 0)
     assert hints & TRANSMIT
-    assert said(device, S) == [(end + 3 * MS, b"7 kg\r")]
-    hints, end = hear(device, b"W", 2 * S)
+    assert sent(device, S) == [(end + 3 * MS, b"7 kg\r")]
+    hints, end = receive(device, b"W", 2 * S)
     assert not hints
-    hints, end = hear(device, b"T\r", 3 * S)
-    assert said(device, 4 * S, now=3 * S) == [(end, b"ok")]
+    hints, end = receive(device, b"T\r", 3 * S)
+    assert sent(device, 4 * S, now=3 * S) == [(end, b"ok")]
     # What was answered does not count a second time.
-    assert hear(device, b"\r", 5 * S)[0] == 0
+    assert receive(device, b"\r", 5 * S)[0] == 0
 
 
 @given(st.lists(st.sampled_from([b"W\r", b"W", b"\r", b"xx", b"WW\r\r"]), max_size=8))
@@ -129,16 +129,16 @@ def test_whole_or_one_by_one_is_all_the_same(pieces: list[bytes]) -> None:
         device.start(0)
     at = 0
     for piece in pieces:
-        hear(one, piece, at)
+        receive(one, piece, at)
         end = at + LINE.characters(len(piece))
         other.receive_frame(FreeFrame(piece), at, end)
         at = end + 5 * MS
-    assert said(one, 10 * S) == said(other, 10 * S)
+    assert sent(one, 10 * S) == sent(other, 10 * S)
 
 
-def test_switched_off_it_hears_and_says_nothing() -> None:
+def test_switched_off_it_receives_and_sends_nothing() -> None:
     device = scripted(Message(b"7", reply_to=b"W"), Message(b"x", at=MS))
-    assert hear(device, b"W", 0)[0] == 0
+    assert receive(device, b"W", 0)[0] == 0
     device.start(0)
     device.on_deadline(MS)
     device.stop(2 * MS)

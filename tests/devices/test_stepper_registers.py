@@ -309,14 +309,14 @@ def test_writes_through_function_06_of_everything_plain() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kwargs", "said"),
+    ("kwargs", "message"),
     [
         ({"station": 0}, r"station \(=0\) must be in \[1...247\]"),
         ({"baud": 57600}, r"baud \(=57600\) must be one of 4800, 9600, 19200, 38400, 115200"),
     ],
 )
-def test_impossible_settings(kwargs: dict[str, int], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_impossible_settings(kwargs: dict[str, int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         Stepper(**kwargs)
 
 

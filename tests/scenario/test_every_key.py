@@ -127,7 +127,13 @@ latency:
 """  # fmt: skip
 
 #: The sections of a document and the forms of their entries; polls are below their owners.
-SECTIONS: dict[str, type[Model]] = {"buses": BusIn, "plcs": PlcIn, "noise": NoiseIn, "faults": FaultIn, "latency": LatencyIn}
+SECTIONS: dict[str, type[Model]] = {
+    "buses": BusIn,
+    "plcs": PlcIn,
+    "noise": NoiseIn,
+    "faults": FaultIn,
+    "latency": LatencyIn,
+}
 POLLS: dict[str, type[Model]] = {"plcs": PollIn, "devices": HmiPollIn}
 #: Keys that stand for another one, with tests of their own: a program's and a table's text is written out.
 WRITTEN_OUT = {("ProgramIn", "file"), ("ProgramIn", "text"), ("InputIn", "csv")}
