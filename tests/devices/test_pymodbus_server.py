@@ -20,7 +20,7 @@ from bussim.engines.modbus.pdu import Request, encode_request
 from bussim.engines.modbus.server import Space
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from tests.engines.modbus.test_peers import peer, pymodbus_framer, random_request
-from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, spell_to
+from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, receive_by_character
 
 COUNT = 1500
 #: Items of each space: whole words of bits, since theirs come in sixteens.
@@ -74,7 +74,7 @@ def test_the_same_answers_to_the_same_requests(mode: Mode) -> None:
         for _ in range(COUNT):
             request = somewhere(rng)
             chars = encode_adu(mode, 1, encode_request(request)).chars
-            _, end = spell_to(slave, chars, at, line)
+            _, end = receive_by_character(slave, chars, at, line)
             if mode is Mode.RTU:
                 slave.line_idle(end + slave.quiet)
             answer = slave.begin_transmit(end + slave.quiet)

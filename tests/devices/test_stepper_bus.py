@@ -18,7 +18,7 @@ from bussim.line.characters import CharFormat, LineTiming
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.devices.ask import slave_config
 from tests.engines.modbus.frames import EXCHANGES
-from tests.engines.modbus.wire import RTU_LINE, Wire, spell_to
+from tests.engines.modbus.wire import RTU_LINE, Wire, receive_by_character
 
 MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -27,7 +27,7 @@ MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 def test_every_example_of_the_manual(exchange: object) -> None:
     slave = Slave(slave_config(STEPPER_PORT, Mode.RTU, RTU_LINE), {1: Stepper()})
     slave.start(0)
-    _, end = spell_to(slave, exchange.request_chars, 0, RTU_LINE)
+    _, end = receive_by_character(slave, exchange.request_chars, 0, RTU_LINE)
     slave.line_idle(end + slave.quiet)
     assert slave.due == end + 35 * MS
     assert slave.begin_transmit(slave.due).chars == exchange.response_chars
@@ -97,7 +97,7 @@ def test_the_old_address_answers_until_power_comes_back() -> None:
     def answers(slave: Slave, station: int) -> bool:
         slave.start(0)
         request = config.framing.encode(station, bytes.fromhex("03 00 00 00 01"))
-        _, end = spell_to(slave, request.chars, 0, RTU_LINE)
+        _, end = receive_by_character(slave, request.chars, 0, RTU_LINE)
         slave.line_idle(end + slave.quiet)
         answered = slave.due >= 0
         slave.stop(end)
@@ -106,7 +106,7 @@ def test_the_old_address_answers_until_power_comes_back() -> None:
     slave = Slave(config, {device.station: device})
     for chars in (b"\x06\x00\x10\x00\x07", b"\x05\x00\x00\xff\x00"):  # 40017 = 7, save
         slave.start(0)
-        _, end = spell_to(slave, config.framing.encode(1, chars).chars, 0, RTU_LINE)
+        _, end = receive_by_character(slave, config.framing.encode(1, chars).chars, 0, RTU_LINE)
         slave.line_idle(end + slave.quiet)
         slave.stop(end)
     assert answers(slave, 1)

@@ -20,7 +20,7 @@ from bussim.engines.modbus.slave import Slave
 from bussim.line.characters import CharFormat, LineTiming
 from tests.devices.ask import ask, code, slave_config
 from tests.engines.modbus.frames import ASCII_REQUEST, ASCII_RESPONSE, EXCHANGES
-from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, spell_to
+from tests.engines.modbus.wire import ASCII_LINE, RTU_LINE, drain, receive_by_character
 
 
 @pytest.mark.parametrize("exchange", [e for e in EXCHANGES if e.what.startswith("V80")])
@@ -33,7 +33,7 @@ def test_every_example_of_the_manual(exchange: object) -> None:
             device.set(space, request.address + number, value)
     slave = Slave(slave_config(V80_PORT, Mode.RTU, RTU_LINE), {exchange.station: device})
     slave.start(0)
-    _, end = spell_to(slave, exchange.request_chars, 0, RTU_LINE)
+    _, end = receive_by_character(slave, exchange.request_chars, 0, RTU_LINE)
     slave.line_idle(end + slave.quiet)
     assert slave.begin_transmit(end + slave.quiet).chars == exchange.response_chars
     for number, value in enumerate(request.values if request.function != 5 else (1,)):
@@ -47,7 +47,7 @@ def test_ascii_example() -> None:
         device.set(Space.HOLDING, address, 0x63)
     slave = Slave(slave_config(V80_PORT, Mode.ASCII, ASCII_LINE), {6: device})
     slave.start(0)
-    spell_to(slave, ASCII_REQUEST, 0, ASCII_LINE)
+    receive_by_character(slave, ASCII_REQUEST, 0, ASCII_LINE)
     assert slave.begin_transmit(0).chars == ASCII_RESPONSE
 
 
@@ -55,7 +55,7 @@ def test_ascii_with_eight_data_bits() -> None:
     line = LineTiming(9600, CharFormat(8, "N", 1))
     slave = Slave(slave_config(V80_PORT, Mode.ASCII, line), {6: V80()})
     slave.start(0)
-    spell_to(slave, ASCII_REQUEST, 0, line)
+    receive_by_character(slave, ASCII_REQUEST, 0, line)
     assert slave.begin_transmit(0).chars.startswith(b":060306")
 
 
@@ -119,12 +119,12 @@ def test_broadcast() -> None:
     config = slave_config(V80_PORT, Mode.ASCII, ASCII_LINE)
     slave = Slave(config, {6: device})
     slave.start(0)
-    spell_to(slave, config.framing.encode(0, b"\x05\x00\x07\xff\x00").chars, 0, ASCII_LINE)
+    receive_by_character(slave, config.framing.encode(0, b"\x05\x00\x07\xff\x00").chars, 0, ASCII_LINE)
     assert device.get(Space.COILS, 7) == 1
     assert slave.due == -1
     for read in (b"\x01\x00\x00\x00\x01", b"\x03\x00\x00\x00\x01"):
         drain(slave)
-        spell_to(slave, config.framing.encode(0, read).chars, 0, ASCII_LINE)
+        receive_by_character(slave, config.framing.encode(0, read).chars, 0, ASCII_LINE)
         assert slave.due == -1
 
 
@@ -135,7 +135,7 @@ def test_a_frame_with_a_pause_of_four_characters_ends_only_after_four_and_a_half
     for port, served in [(V80_PORT, False), (MAP_PORT, True)]:
         slave = Slave(slave_config(port, Mode.RTU, RTU_LINE), {6: V80()})
         slave.start(0)
-        _, end = spell_to(slave, b"\x42\x42", 0, RTU_LINE)
-        _, end = spell_to(slave, frame, end + silence, RTU_LINE)
+        _, end = receive_by_character(slave, b"\x42\x42", 0, RTU_LINE)
+        _, end = receive_by_character(slave, frame, end + silence, RTU_LINE)
         slave.line_idle(end + slave.quiet)
         assert (slave.due >= 0) == served
