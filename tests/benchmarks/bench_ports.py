@@ -72,14 +72,14 @@ def scenario(every: str) -> str:
 def bare(events: int) -> float:
     """Processor seconds of a bare loop of one re-armed event for each of so many events."""
     env = simpy.Environment()
-    luck = random.Random(1)
+    rng = random.Random(1)
     left = [events]
 
     def again(event: simpy.Event) -> None:
         left[0] -= 1
         if left[0]:
             event.callbacks = [again]
-            env.schedule(event, delay=1 + int(luck.random() * 100))
+            env.schedule(event, delay=1 + int(rng.random() * 100))
 
     event = env.event()
     event._ok, event._value = True, None

@@ -152,10 +152,10 @@ def measure(lines: list[str], rounds: int) -> tuple[float, float, float]:
     memory = Memory()
     run = ProgramRun(Program.parse("\n".join(lines), "benchmark"), memory)
     run.run(0)
-    luck = random.Random(2)
+    rng = random.Random(2)
 
     def scan(now: int) -> None:
-        memory.set(Device("X", luck.getrandbits(4)), luck.getrandbits(1))
+        memory.set(Device("X", rng.getrandbits(4)), rng.getrandbits(1))
         run.scan(now)
 
     bare, full = Loop(None), Loop(scan)

@@ -68,11 +68,11 @@ class Tap(Wire):
         for number, value in enumerate(chars):
             char = value if isinstance(value, RxChar) else RxChar(value)
 
-            def spell(char: RxChar = char, number: int = number) -> None:
+            def receive(char: RxChar = char, number: int = number) -> None:
                 self._last_heard[engine] = self.now
                 self.handle(engine, engine.receive(char, ends[number], self.now))
 
-            self.at(ends[number + 1], HEARING, spell)
+            self.at(ends[number + 1], HEARING, receive)
 
 
 class Bench:
