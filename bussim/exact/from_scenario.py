@@ -14,6 +14,7 @@ from fractions import Fraction
 
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars
 from bussim.exact.link import MASTER, TIMEOUT_UNIT, LineNoise, LinkModel, NoiseSource, Station, frame_ticks
+from bussim.exact.scan.turnaround_sums import spread_of
 from bussim.line.characters import NN_LINE
 from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import (
@@ -209,23 +210,21 @@ class _LinkReader:
         elif isinstance(kind, LateRelease) and kind.by < self._quiet_after(member):
             pass  # the driver is off before any other station's frame
         else:
-            said = {
+            reason = {
                 Jabber: "a jabbering station collides with every frame",
                 WrongFormat: "what a station with a wrong format hears depends on the data",
                 ClockPpm: "the clock error moves samples out of their bits",
                 LateRelease: "the tail collides with the next frame",
             }.get(type(kind), "what it damages depends on the data")
-            self.obstacles.append(f"{what}: {said}")
+            self.obstacles.append(f"{what}: {reason}")
 
     def _quiet_after(self, member: _Member) -> int:
         """The shortest time from the end of a member's frame to the next frame on the line."""
         masters = [m.plc.profile.master_gap for m in self._working() if m.number == MASTER]
         if member.number != MASTER:
             return min(masters, default=0)
-        replies = [
-            min(distribution.values) if distribution.values else distribution.mean - distribution.jitter
-            for distribution in (m.plc.profile.turnaround for m in self._working() if m.number != MASTER)
-        ]
+        slaves = (m.plc for m in self._working() if m.number != MASTER)
+        replies = [spread_of(plc.profile.turnaround)[0] for plc in slaves]
         return min((*masters, *replies), default=0)
 
     # -- noise -------------------------------------------------------------------------------------
@@ -261,7 +260,7 @@ class _LinkReader:
                 self.obstacles.append(
                     f"noise {noise.name}: periodic impulses keep their phase from one exchange to the next"
                 )
-            case _:  # a kind that nobody has worked out yet
+            case _:  # a kind that is not worked out yet
                 self.obstacles.append(f"noise {noise.name}: {type(kind).__name__} is not worked out")
 
     # -- the result --------------------------------------------------------------------------------

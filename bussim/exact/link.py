@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, QUIET_CHARS, data_chars
-from bussim.exact.scan.turnaround_sums import MAX_KINDS, count_kinds
+from bussim.exact.scan.turnaround_sums import MAX_KINDS, count_kinds, spread_of
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.plc.profiles import AbsentStation, Attempts, ErrorCount, Turnaround
 from bussim.units import TICKS_PER_MS, milliseconds
@@ -99,10 +99,7 @@ class Station:
     @property
     def quickest(self) -> int:
         """The shortest turnaround, in ticks."""
-        distribution = self.turnaround
-        return (
-            min(distribution.values) if distribution.values else distribution.mean - distribution.jitter
-        ) + self.extra
+        return spread_of(self.turnaround)[0] + self.extra
 
     @property
     def slowest(self) -> int:

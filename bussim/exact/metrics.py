@@ -182,7 +182,7 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
     distribution = solved.distribution
     scans = YEAR / distribution.mean
     chances = {s.number: f for s, f in zip(model.stations, solved.fails, strict=True) if s.alive}
-    lost = ride_through(model)
+    passed = ride_through(model, model.attempts, np.full(1, float(model.timeout)))
     found = [detection(model, distribution, station) for station in model.alive]
     slowest = None
     if found:
@@ -208,8 +208,8 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
         maximum={
             key: over_mission(distribution, request.mission, p) for key, p in (("p50", 0.5), ("p99", 0.01))
         },
-        silence=lost.silence if chances else None,
-        corruption=lost.corruption if chances else None,
+        silence=int(passed.silence[0]) if chances else None,
+        corruption=int(passed.corruption[0]) if chances else None,
         one_dead=dead_means(solved, 1),
         two_dead=dead_means(solved, 2),
         detect_mean=slowest.mean if slowest else None,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bussim.exact.link import LinkModel
-from bussim.exact.scan.outages import clean_scan, dead_means, detection, longest_scan, ride_through
+from bussim.exact.scan.outages import RideThrough, clean_scan, dead_means, detection, longest_scan
+from bussim.exact.scan.outages import ride_through as ride_through_of
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import FULL, MS, PROBE, change, link, with_burst
@@ -49,10 +50,14 @@ def survives(model: LinkModel, begin: int, length: int) -> bool:
     return True
 
 
+def ride_through(model: LinkModel) -> RideThrough:
+    return ride_through_of(model, model.attempts, np.full(1, float(model.timeout)))
+
+
 @pytest.mark.parametrize("attempts", [1, 2, 3, 5])
 def test_the_longest_silence_that_no_beginning_turns_into_an_error(attempts: int) -> None:
     model = link(2, mode=0, attempts=attempts, turnaround=CONSTANT)
-    ride = ride_through(model).silence
+    ride = int(ride_through(model).silence[0])
     scan = clean_scan(model, slowest=False)
     begins = [
         *range(scan, 2 * scan, 937),

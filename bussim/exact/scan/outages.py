@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,26 +16,19 @@ from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
 
 
-@dataclass(frozen=True, slots=True)
-class RideThrough:
-    """The longest disturbance, in ticks, that raises no station error whenever it begins.
+class RideThrough(NamedTuple):
+    """The longest disturbances, in ticks by timeout, that raise no station error whenever they begin.
 
     ``silence``: during it no reply arrives (a supply dip, a loose connector). ``corruption``: it
     damages frames as it likes, so that attempts end as soon as they can.
     """
 
-    silence: int
-    corruption: int
+    silence: Floats
+    corruption: Floats
 
 
-def ride_through(model: LinkModel) -> RideThrough:
-    """The ride-through of a link; see :func:`ride_throughs`."""
-    silence, corruption = ride_throughs(model, model.attempts, np.full(1, float(model.timeout)))
-    return RideThrough(int(silence[0]), int(corruption[0]))
-
-
-def ride_throughs(model: LinkModel, attempts: int, timeouts: Floats) -> tuple[Floats, Floats]:
-    """Ride-through of silence and of corruption for many timeouts, for the station where it is shortest.
+def ride_through(model: LinkModel, attempts: int, timeouts: Floats) -> RideThrough:
+    """The ride-through for many timeouts (ticks), of the station where it is shortest.
 
     The worst moment to begin is just before the end of the first attempt's reply: that attempt fails
     two quiet characters later, and the master goes on at once. The disturbance must reach into the
@@ -43,12 +37,12 @@ def ride_throughs(model: LinkModel, attempts: int, timeouts: Floats) -> tuple[Fl
     damaged reply and two quiet characters. With one attempt any damaged frame is an error: 0.
     """
     if attempts < 2:
-        return np.zeros(timeouts.size), np.zeros(timeouts.size)
+        return RideThrough(np.zeros(timeouts.size), np.zeros(timeouts.size))
     silent = model.gap + model.poll + timeouts
     torn = [model.answered(s) - s.extra + s.quickest + model.quiet for s in model.alive]
     until_next, between = model.quiet + model.gap, attempts - 2
     quickest = np.minimum(silent, min(torn, default=np.inf))
-    return until_next + between * silent, until_next + between * quickest
+    return RideThrough(until_next + between * silent, until_next + between * quickest)
 
 
 def clean_scan(model: LinkModel, *, slowest: bool) -> int:

@@ -25,7 +25,7 @@ from bussim.exact.scan.memoryless import (
     probabilities_of,
     scan_terms,
 )
-from bussim.exact.scan.outages import clean_scan, detection_means, ride_throughs
+from bussim.exact.scan.outages import clean_scan, detection_means, ride_through
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.grid_bursts import BurstStacks
 from bussim.exact.solve import Solved
@@ -106,7 +106,7 @@ def _fill_outages(grid: Grid, row: int, count: int, mean: Floats, square: Floats
     grid.detect_mean[row] = np.max(np.stack(means), axis=0)
     longest = [_others_clean(model, station, wait) + count * wait for station in model.alive]
     grid.detect_longest[row] = np.max(np.stack(longest), axis=0)
-    grid.silence[row], _ = ride_throughs(model, count, tau)
+    grid.silence[row] = ride_through(model, count, tau).silence
 
 
 def _others_clean(model: LinkModel, station: Station, wait: Floats) -> Floats:
