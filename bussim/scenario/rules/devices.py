@@ -49,7 +49,8 @@ def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Rep
     elif port.formats and timing.format not in port.formats:
         report.warn(
             (*entry.path, "format" if device.format is not None else "bus"),
-            f"{device.name} runs at {timing.format}; a {port.name} has {', '.join(map(str, port.formats))} only",
+            f"{device.name} runs at {timing.format}; a {port.name} has "
+            f"{', '.join(map(str, port.formats))} only",
         )
 
 
