@@ -9,15 +9,19 @@ import copy
 import functools
 import re
 from collections.abc import Iterator
+from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import pytest
 from ruamel.yaml import YAML
 
+import bussim
 from bussim.errors import ScenarioError
 from bussim.forms.form import Model
+from bussim.plc.profiles import Profile
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
@@ -303,3 +307,11 @@ def test_every_key_is_in_the_canonical_form(frozen: Scenario) -> None:
         assert key in written, path
         if not isinstance(given, dict | list):
             assert written[key] == given, path
+
+
+@pytest.mark.parametrize("field", [field.name for field in dataclass_fields(Profile)])
+def test_every_field_of_a_profile_is_used(field: str) -> None:
+    """Somewhere beside the table of profiles, else a scenario would set it in vain."""
+    used = re.compile(rf"\.{field}\b")
+    files = [file for file in Path(bussim.__file__).parent.rglob("*.py") if file.name != "profiles.py"]
+    assert any(used.search(file.read_text(encoding="utf-8")) for file in files)
