@@ -86,5 +86,5 @@ def _template(
     text: str, name: str, files: tuple[tuple[str, str], ...], code: tuple[str, ...] | None
 ) -> Template:
     return Template(
-        text, name, Files(None, dict(files)), Code(allowed=code is not None, source_map=code or ())
+        text, name, Files(None, dict(files)), Code(allowed=code is not None, folders=code or ())
     )

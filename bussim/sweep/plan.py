@@ -98,7 +98,7 @@ class Plan:
             self._overrides(self.points[point]),
             self.seed(run),
             files=tuple(sorted(self._files.texts.items())),
-            code=self._code.source_map if self._code.allowed else None,
+            code=self._code.folders if self._code.allowed else None,
         )
 
     def _source(self) -> Any:

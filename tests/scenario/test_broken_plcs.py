@@ -261,7 +261,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "raw without port": (
         added("  - {name: press4, registers: {D8176: 3}}\n"),
         [
-            "x.yaml:12:31: press4 sets D8176 and so takes part in N:N on COM3 (M8179 is 0), but ports does not tell the bus; write ports: {COM3: {bus: link}}"
+            "x.yaml:12:31: press4 sets D8176 and so takes part in N:N on COM3 (M8179 is 0), but ports does not name the bus; write ports: {COM3: {bus: link}}"
         ],
     ),
     "raw unknown bus": (
@@ -291,7 +291,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "register bit": (
         added("  - {name: press4, registers: {M8179: 2}}\n"),
         [
-            "x.yaml:12:31: press4 sets M8179 and so takes part in N:N on COM4 (M8179 is 2), but ports does not tell the bus; write ports: {COM4: {bus: link}}",
+            "x.yaml:12:31: press4 sets M8179 and so takes part in N:N on COM4 (M8179 is 2), but ports does not name the bus; write ports: {COM4: {bus: link}}",
             "x.yaml:12:39: registers.M8179 is 2, allowed 0, 1",
         ],
     ),

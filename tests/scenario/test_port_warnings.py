@@ -201,7 +201,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
                 "port: COM6, to: D500, count: 1",
             ),
         ),
-        ["6:5: line has no Modbus master: nobody asks press2.COM3, drive"],
+        ["6:5: line has no Modbus master: no station asks press2.COM3, drive"],
     ),
     "reply_loss": (
         more(

@@ -115,7 +115,7 @@ plcs:
     assert found.warnings == ()
     nowhere = text.replace("COM3: {bus: bus}", "COM4: {bus: bus}", 1)
     assert shown(warnings(tmp_path, nowhere, **{"one.il": program}), tmp_path)[-1] == (
-        "one.il:2:1: one: CPAVL sets COM3 up, but ports does not tell its bus: it does nothing; "
+        "one.il:2:1: one: CPAVL sets COM3 up, but ports does not name its bus: it does nothing; "
         "write ports: {COM3: {bus: …}}"
     )
 
@@ -260,7 +260,7 @@ def test_nn_and_registers_that_a_program_overrules(tmp_path: Path) -> None:
     ]
 
 
-FOREIGN = "in the shared block of station 0 (one): the link overwrites it with every frame from there, and nobody else sees it"
+FOREIGN = "in the shared block of station 0 (one): the link overwrites it with every frame from there, and no other station sees it"
 
 
 def test_writes_into_another_stations_block_are_told_line_by_line(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "no master": (
         changed("station: 0, slaves: 2, timeout: 50 ms", "station: 3"),
-        ["7:5: link has no master (station 0): nobody polls, nothing is sent"],
+        ["7:5: link has no master (station 0): no station is polled, nothing is sent"],
     ),
     "never polled": (
         changed("slaves: 2", "slaves: 1"),

@@ -7,7 +7,7 @@ def unique_names(given: list[str | None], labels: list[str]) -> list[str]:
     """The given names, and for the rest their labels, numbered from the second of its kind on.
 
     A label has a space, which no given name has. It does not depend on the entry's position, so
-    that another entry changes nobody's random stream.
+    that another entry changes no random stream.
     """
     seen: dict[str, int] = {}
     names = []

@@ -10,7 +10,7 @@ from bussim.trace.records import TraceBus, TraceHeader
 def trace_header(scenario: Scenario) -> TraceHeader:
     """The header of a trace of this scenario, its nodes in cable order: PLCs and their ports, then devices.
 
-    Station numbers are those of the N:N seats and of the devices; a PLC's Modbus slave takes its own
+    Station numbers are those of the PLCs on N:N links and of the devices; a PLC's Modbus slave takes its own
     from CPAVL when it goes to RUN.
     """
     return TraceHeader(

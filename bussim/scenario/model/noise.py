@@ -38,7 +38,7 @@ class Direction(StrEnum):
     """Which side of a station a disturbance sits on."""
 
     RX = "rx"  # in its receiver only
-    TX = "tx"  # on what it sends, for everybody
+    TX = "tx"  # on what it sends, for every receiver
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ class Plc:
     polls: tuple[PollSpec | FreeSpec, ...] = ()
     program: Program | None = None
     inputs: dict[str, InputSpec] = field(default_factory=dict)  # X devices by name
-    observed: tuple[str, ...] = ()  # devices whose every change is told, by name
+    observed: tuple[str, ...] = ()  # devices whose every change is recorded, by name
 
     @property
     def instruction_time(self) -> int | None:

@@ -1,4 +1,4 @@
-"""What sits on the buses of a scenario, in the order of the cable, and who is meant by a name."""
+"""What sits on the buses of a scenario, in the order of the cable, and which node a name means."""
 
 from __future__ import annotations
 

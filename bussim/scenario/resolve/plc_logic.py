@@ -37,10 +37,10 @@ class Origin:
     file: str
     line: int = 0  # of the scenario, of the text's first line; 0: the text is the file's own
     indent: int = 0
-    path: Path | None = None  # of a text whose lines have no places of their own
+    path: Path | None = None  # of a text whose lines have no marks of their own
 
     def problem(self, report: Report, found: Problem, *, warning: bool = False) -> Problem:
-        """A problem of the program, told where the user finds it, as are the other lines that it names.
+        """A problem of the program, placed where the user finds it, as are the other lines that it names.
 
         What a run says of a warning is the same wherever the program stands: lines of the program.
         """
@@ -123,7 +123,7 @@ def _program(
             report.foreign(origin.problem(report, problem), fatal=True)
         return None, origin
     for problem in program.warnings:
-        # A run's warnings have no places: the PLC's name tells whose program it is.
+        # A run's warnings have no marks: the PLC's name shows whose program it is.
         named = replace(problem, message=f"{plc.name}: {problem.message}")
         report.foreign(origin.problem(report, named, warning=True), fatal=False)
     return program, origin

@@ -1,7 +1,7 @@
 """What an entry of a PLC's ``ports`` means: CPAVL's words, and what they make of the port.
 
 As with ``nn``, the friendly keys are another way to write registers of the PLC: what is checked and
-built is read back from the registers, whoever gave them.
+built is read back from the registers, wherever they come from.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class PortConfiguration:
 
     @property
     def protocol(self) -> str | None:
-        """What it does; None for nothing, whether because nobody says it or because the PLC refuses."""
+        """What it does; None for nothing, whether because nothing sets it or because the PLC refuses."""
         return self.valid.protocol if self.valid is not None else None
 
     @property
@@ -100,12 +100,12 @@ class PortConfiguration:
 
     @property
     def is_master(self) -> bool:
-        """Whether it asks others."""
+        """Whether it is a Modbus master."""
         return self.protocol in MASTERS
 
     @property
     def is_slave(self) -> bool:
-        """Whether others can ask it."""
+        """Whether it is a Modbus slave."""
         return self.protocol in SLAVES
 
     def register(self, key: str) -> str:

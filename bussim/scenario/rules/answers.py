@@ -1,4 +1,4 @@
-"""Who answers a poll, with what, and whether in time. All of it happens in the run: these are warnings."""
+"""Which slave answers a poll, with what, and whether in time: warnings, as all of it happens in a run."""
 
 from __future__ import annotations
 

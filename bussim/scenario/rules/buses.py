@@ -27,7 +27,7 @@ def check_buses(resolved: Resolved, report: Report) -> None:
             report.warn(entry.path, f"nothing is on {bus.name}: no port of a PLC and no device")
         elif slaves and not masters:
             report.warn(
-                entry.path, f"{bus.name} has no Modbus master: nobody asks {', '.join(_names(slaves))}"
+                entry.path, f"{bus.name} has no Modbus master: no station asks {', '.join(_names(slaves))}"
             )
         for second in masters[1:]:
             report.warn(

@@ -1,4 +1,4 @@
-"""What is wrong or odd about noise and faults: whom they name, and when."""
+"""What is wrong or odd about noise and faults: the nodes that they name, and when they act."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def check_noise(resolved: Resolved, report: Report) -> None:
 
 
 def _silence(node: Node) -> str:
-    """Why nobody gets a reply of a node, up to the word "replies"."""
+    """Why a node sends no reply, up to the word "replies"."""
     if node.role in (Role.LINK_MASTER, Role.MASTER):
         return f"{node.name} is a master: it sends no"
     return f"{node.name} is no slave: it sends no"

@@ -70,7 +70,9 @@ def _check_link(bus: str, members: list[Member], report: Report) -> None:
                 )
     master = numbers.get(0)
     if master is None:
-        report.warn(members[0].path, f"{bus} has no master (station 0): nobody polls, nothing is sent")
+        report.warn(
+            members[0].path, f"{bus} has no master (station 0): no station is polled, nothing is sent"
+        )
     elif not master.refused:
         _check_polling(bus, master, members, report)
         for member in members:
@@ -172,7 +174,7 @@ def foreign_blocks(member: Member, members: Sequence[Member]) -> list[BlockPlace
 
 
 def station_of(place: BlockPlace) -> int:
-    """Whose block lies there."""
+    """The station whose block lies there."""
     first, second = (block_place(station, 0, 0, 0).bit for station in (0, 1))
     return (place.bit - first) // (second - first)
 

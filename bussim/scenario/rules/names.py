@@ -25,8 +25,8 @@ def check_names(resolved: Resolved, report: Report) -> None:
         if entry.name is not None and entry.name in buses:
             report.warn(
                 (*entry.path, "name"),
-                f"{entry.name} is the name of a bus as well: events in the trace and in pictures do not tell "
-                "which of the two they are of",
+                f"{entry.name} is the name of a bus as well: events in the trace and in pictures do not "
+                "show which of the two they are of",
             )
     for path, name in _buses_named(draft) if buses else ():  # else that is the mistake, reported already
         if name not in buses:

@@ -40,7 +40,7 @@ def _report_unknown_bus(member: Member, resolved: Resolved, report: Report) -> N
     report.mistake(
         (*member.path, "registers" if given in member.raw else "program"),
         f"{member.name} sets {given} and so takes part in N:N on {member.port} (M8179 is {selected}), "
-        f"but ports does not tell the bus; write ports: {{{member.port}: {{bus: {example}}}}}{and_bus}",
+        f"but ports does not name the bus; write ports: {{{member.port}: {{bus: {example}}}}}{and_bus}",
     )
 
 

@@ -87,7 +87,7 @@ def _writes(key: str, poll: PollIn) -> bool:
 def _check_span(
     path: Path, first: Device, size: int, what: str, place: Placed, report: Report, *, writes: bool
 ) -> None:
-    """Where the data end, and whom they disturb if the poll writes there."""
+    """Where the data end, and what they overwrite if the poll writes there."""
     ranges = WORD_RANGES["D"] if first.letter == "D" else BIT_RANGES[first.letter]
     end = first.address + size - 1
     last = next(last for low, last in ranges if low <= first.address <= last)

@@ -96,7 +96,7 @@ def _check_poll(
 
 
 def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:
-    """Whether a request can be made of it; everything that says not is reported."""
+    """Whether a request can be made of it; every reason against it is reported."""
     before = len(report.errors)
     for key in ("station", "function", "address"):
         if getattr(poll, key) is None and not entry.lost(key):
@@ -117,7 +117,8 @@ def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Rep
         )
     if poll.station == BROADCAST and function in READS:
         report.error(
-            (*entry.path, "station"), f"is 0, a broadcast, which nobody answers; function {function} reads"
+            (*entry.path, "station"),
+            f"is 0, a broadcast, which no station answers; function {function} reads",
         )
     whole = all(getattr(poll, key) is not None for key in ("station", "address"))
     return whole and len(report.errors) == before and function in FUNCTIONS

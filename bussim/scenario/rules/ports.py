@@ -174,16 +174,16 @@ def _check_settings(config: PortConfiguration, report: Report) -> None:
         code = serial_error(config.name, settings.error)
         report.warn(
             config.path,
-            f"{config.plc} refuses the parameters of {config.name} ({settings.text}): M8063 on, D8063 = {code}, "
-            "and the port stays silent",
+            f"{config.plc} refuses the parameters of {config.name} ({settings.text}): M8063 on, "
+            f"D8063 = {code}, and the port stays silent",
         )
     elif settings.protocol is None:
         word = config.register("protocol")
         codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)
         report.warn(
             config.path,
-            f"{word} of {config.plc} is 0: port {config.name} does nothing (give it a protocol, or {word} one of "
-            f"{codes})",
+            f"{word} of {config.plc} is 0: port {config.name} does nothing (give it a protocol, or {word} "
+            f"one of {codes})",
         )
     elif settings.protocol == HMI:
         report.warn(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
 MAX_PROGRAMS = 256 * 1024
-#: Writes into other stations' blocks that are told of one PLC.
+#: Writes into other stations' blocks that are reported of one PLC.
 MAX_FOREIGN = 20
 
 
@@ -96,7 +96,7 @@ def _check_ports(member: Member, report: Report) -> None:
             port = f"COM{at.operands[2].address}"
             if port not in member.plc.ports:
                 message = (
-                    f"CPAVL sets {port} up, but ports does not tell its bus: it does nothing; "
+                    f"CPAVL sets {port} up, but ports does not name its bus: it does nothing; "
                     f"write ports: {{{port}: {{bus: …}}}}"
                 )
                 _warn_at(member, at, message, report)
@@ -136,7 +136,7 @@ def _check_writes(member: Member, link: list[Member], report: Report) -> None:
         span = f"{Device(letter, first)}" + (f" to {Device(letter, last)}" if last > first else "")
         message = (
             f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "
-            "frame from there, and nobody else sees it"
+            "frame from there, and no other station sees it"
         )
         _warn_at(member, at, message, report)
     if len(found) > MAX_FOREIGN:

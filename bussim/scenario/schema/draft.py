@@ -271,7 +271,7 @@ def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
     key = str(loc[-1])
     owner = _model_at(model, loc[:-1])
     if not getattr(owner, "known", True):
-        return  # a device of an unknown model, whose keys nobody knows
+        return  # a device of an unknown model, whose keys are not known
     allowed = [info.alias or name for name, info in owner.model_fields.items()] if owner else []
     report.unknown_key((*path, *loc), f"is not a key here; {suggest(key, allowed)}")
 

@@ -25,7 +25,7 @@ def dumps(scenario: Scenario) -> str:
     from ruamel.yaml.representer import SafeRepresenter
 
     class Representer(SafeRepresenter):
-        """A class of its own: what it learns is not for everybody who uses ruamel."""
+        """A class of its own: what it learns is not for other users of ruamel."""
 
     if not scenario.source:
         raise UsageError(

@@ -55,11 +55,11 @@ class Files:
         return text
 
     def _find(self, name: str) -> Path | None:
-        source_map = [(self._folder or Path()) / name]
+        candidates = [(self._folder or Path()) / name]
         if Path(name).name == name:
-            source_map.append(builtin.folder() / "programs" / name)
+            candidates.append(builtin.folder() / "programs" / name)
         try:
-            return next((path for path in source_map if path.is_file()), None)
+            return next((path for path in candidates if path.is_file()), None)
         except (OSError, ValueError):
             return None
 
@@ -96,7 +96,7 @@ class Files:
 
 
 def _encoding(raw: bytes, position: int) -> str:
-    """How bytes that are no UTF-8 are told of: where the first one is, and what to do."""
+    """How bytes that are no UTF-8 are reported: where the first one is, and what to do."""
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "which is UTF-16 text; save it as UTF-8"
     before = raw[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")

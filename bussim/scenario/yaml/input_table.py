@@ -41,7 +41,7 @@ def read_times(text: str, file: str, report: Report) -> tuple[int, ...] | None:
 
 
 def _cells(line: str) -> list[str]:
-    # A table with semicolons may have decimal commas, which are told of.
+    # A table with semicolons may have decimal commas, which are reported.
     mark = next((mark for mark in ";\t," if mark in line), ",")
     return line.split(mark)
 

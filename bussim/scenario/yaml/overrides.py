@@ -42,7 +42,7 @@ class Override:
 
 
 def apply_overrides(data: object, source_map: SourceMap, overrides: Iterable[str | Override]) -> object:
-    """``data`` with the values set, in order; ``places`` learns where they come from.
+    """``data`` with the values set, in order; ``source_map`` records where they come from.
 
     A list element is named by its ``name``, else by its position. Missing mappings on the way are
     made. Raises UsageError for a path that leads nowhere.

@@ -39,7 +39,7 @@ _WORDS: dict[str, bool | None] = {
 }
 #: What ends a line to the parser.
 _LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
-#: The beginning of a program's text, whose first line tells how deep it is.
+#: The beginning of a program's text, whose first line shows its indentation.
 _PROGRAM = re.compile(r"[ -]*(?P<key>program) *: *[|>][+-]? *(#.*)?$")
 #: What YAML allows in a text (YAML 1.2.2, section 5.1), turned round.
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -99,7 +99,7 @@ def _text(source: bytes | str, file: str) -> str:
 
 
 def read(source: bytes | str, file: str) -> tuple[object, SourceMap, list[Problem]]:
-    """The data of a YAML document, their places, and the mistakes found.
+    """The data of a YAML document, their marks, and the mistakes found.
 
     ``file`` is the name for messages. After a mistake that ends the reading the data are None, as
     for an empty document. Other mistakes (a tag, a repeated key) leave usable data beside them.
@@ -183,7 +183,7 @@ class _Builder:
         self._anchors: dict[str, _Node | None] = {}  # None: still being read
         self._count = 0
         self._root: _Node | None = None
-        #: What is read, for the places of texts with |.
+        #: What is read, for the marks of texts with |.
         self.text = ""
         self._lines: list[str] | None = None
 
@@ -364,7 +364,7 @@ def _resolve(text: str) -> Scalar:
 
 
 def _plain(node: _Node, path: Path, source_map: SourceMap) -> object:
-    """The data of a node; enters the places of all that is in it."""
+    """The data of a node; enters the marks of all that is in it."""
     source_map.values[path] = node.mark
     if node.block is not None:
         source_map.blocks[path] = node.block

@@ -132,7 +132,7 @@ class Report:
         return self.source_map.where(path)
 
     def foreign(self, problem: Problem, *, fatal: bool) -> None:
-        """A problem of a file that the scenario names, or told by whoever read a part of it."""
+        """A problem of a file that the scenario names, or reported by the reader of a part of it."""
         self._add(problem, fatal=fatal)
 
     def _add(self, problem: Problem, *, fatal: bool) -> None:

@@ -13,18 +13,18 @@ class Code:
     """Finds ``module:function``. ``allowed``: the user has said --allow-code.
 
     Modules are looked for beside the scenario (``folder``), where the program was started, and then
-    wherever Python finds its own; one that is loaded stays loaded. ``places`` are the folders of the
+    wherever Python finds its own; one that is loaded stays loaded. ``folders`` are those of the
     first two, as another process has them.
     """
 
     def __init__(
-        self, *, allowed: bool = False, folder: Path | None = None, source_map: tuple[str, ...] | None = None
+        self, *, allowed: bool = False, folder: Path | None = None, folders: tuple[str, ...] | None = None
     ) -> None:
         self.allowed = allowed
-        if source_map is None:
+        if folders is None:
             here = (folder, Path.cwd()) if allowed else ()
-            source_map = tuple(str(place.resolve()) for place in here if place is not None)
-        self.source_map = source_map
+            folders = tuple(str(place.resolve()) for place in here if place is not None)
+        self.folders = folders
         self._found: dict[str, Callable[[int], int]] = {}
 
     def find(self, name: str) -> Callable[[int], int]:
@@ -63,7 +63,7 @@ class Code:
 
     @contextmanager
     def _path(self) -> Iterator[None]:
-        added = [place for place in self.source_map if place not in sys.path]
+        added = [place for place in self.folders if place not in sys.path]
         sys.path[:0] = added
         try:
             yield
