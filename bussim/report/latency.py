@@ -215,8 +215,6 @@ def _charts(source: Source, name: str, drawn: Charts) -> list[Chart]:
         tables.histogram_data(record.histogram, name, quantity),
         f"Beyond this axis: at worst {beyond}." if beyond else "",
     )
-    if record.coincidence:
-        return [one]
     names = part_names(word=record.word)
     two = drawn.add(
         charts.parts_chart(record, near, longest, f"What {name} is made of"),

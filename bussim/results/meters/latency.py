@@ -140,7 +140,8 @@ class _Bits:
         """The source or the target has a new value at an END."""
         spec = self.spec
         if record.device == spec.target and record.plc == spec.target_plc:
-            self._new.append(record.value)
+            if not spec.reasons:  # else nothing leads there: what moves it is something else
+                self._new.append(record.value)
         elif record.device == spec.source and record.plc == spec.source_plc and spec.source[0] != "X":
             self.record.changes += spec.counts(record.value)
             self._begin(record.tick, record.tick, record.value)

@@ -12,8 +12,6 @@ from bussim.results.meters.histogram import Histogram
 #: those that its program takes), for the station's turn on the link, the frame on the wire, waiting for the
 #: destination's END, and for its output.
 PARTS = ("scan", "turn", "wire", "destination", "output")
-#: ``way`` of an entry to whose target nothing leads.
-NO_WAY = "none"
 
 
 class Sample(NamedTuple):
@@ -37,8 +35,8 @@ class LatencyRecord:
     ``sums`` and ``longest_parts`` are of each part; ``shortest`` and ``longest`` whole latencies.
 
     ``way`` says whether programs and link lead from source to target: "direct", "unknown" or "none" (empty:
-    not asked; older runs also "over other stations"). With "none" what is matched of a bit is coincidence.
-    ``reasons`` say why nothing leads there, or why no age of a word is measured. ``longest_gap`` is between
+    not asked; older runs also "over other stations"). ``reasons`` say why nothing leads there, or why no age
+    of a word can be measured: then nothing is delivered. ``longest_gap`` is between
     two data frames of the source's that the target's PLC heard (None: there were no two), and ``lost_short``
     how many of the lost changes began or ended a level that did not last so long.
     """
@@ -63,11 +61,6 @@ class LatencyRecord:
     shortest: Sample | None = None
     longest: Sample | None = None
 
-    @property
-    def coincidence(self) -> bool:
-        """Whether what was matched of a bit says nothing: nothing leads from source to target."""
-        return self.way == NO_WAY and not self.word
-
     def add(self, sample: Sample) -> None:
         """Count a latency; of several longest ones the first is kept."""
         self.delivered += 1
@@ -84,7 +77,7 @@ class LatencyRecord:
 
     def examples(self) -> dict[str, Sequence[float]]:
         """The parts (ticks) of the shortest, the mean and the longest one; empty where nothing has any."""
-        if not self.delivered or self.coincidence:
+        if not self.delivered:
             return {}
         found: dict[str, Sequence[float]] = {"mean": [total / self.delivered for total in self.sums]}
         if self.shortest is not None and self.longest is not None:

@@ -103,33 +103,31 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
         shown = _shown(histograms, marks)
         first, furthest = whole_range(histograms)
         grid = picture.subplots(
-            2 if bars else 1,
+            2,
             len(shown),
             sharex="col",
             squeeze=False,
-            height_ratios=(3, 0.5 * len(bars)) if bars else (3,),
+            height_ratios=(3, 0.5 * len(bars)),
             width_ratios=(2, 3)[-len(shown) :],
         )
-        for (axes, *stacks), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
+        for (axes, stack), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
             if title == _ALL and len(shown) > 1:
                 axes.set_yscale("log")
             draw(axes, histograms, (first, min(last, furthest)), what, counted)
             if title == _ALL and len(shown) > 1:
                 axes.set_ylim(bottom=0.6)
-            if stacks:
-                axes.set_xlabel("")
-                axes.tick_params(axis="x", labelbottom=False)
-            for stack in stacks:
-                _draw_parts(stack, bars)
-                stack.set_xlabel(what)
+            axes.set_xlabel("")
+            axes.tick_params(axis="x", labelbottom=False)
+            _draw_parts(stack, bars)
+            stack.set_xlabel(what)
             axes.set_xlim(0, 1.03 * milliseconds(last * BIN_TICKS) + milliseconds(BIN_TICKS))
             for mark in marks:
-                for each in (axes, *stacks) if mark.dash else ():
+                for each in (axes, stack) if mark.dash else ():
                     each.axvline(mark.at, color=mark.colour, linewidth=mark.width, linestyle=mark.dash)
             if len(shown) > 1:
                 axes.set_title(title, fontsize=9)
                 axes.locator_params(axis="x", nbins=5)
-        if len(shown) > 1 and bars:
+        if len(shown) > 1:
             grid[1, 1].tick_params(axis="y", labelleft=False)
         if several is None:
             words = shorten(counts_in_words(runs[0].summary["latency"][name]), 100)
@@ -231,7 +229,7 @@ def _explain(
     handles: list[Patch | Line2D] = [
         Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=names[name])
         for place, name in enumerate(PARTS)
-        if any(record.longest_parts[place] for record in records if not record.coincidence)
+        if any(record.longest_parts[place] for record in records)
     ]
     if labels is None:
         for name, value in marked(records[0].histogram).items():

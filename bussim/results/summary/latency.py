@@ -22,7 +22,6 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
     """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, if known."""
     parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
     delivered = record.delivered
-    split = bool(delivered) and not record.coincidence  # without a path no parts
     summary: dict[str, Any] = {
         "from": record.source,
         "to": record.target,
@@ -38,8 +37,8 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
         "max_at_s": s(record.longest.at if record.longest is not None else None),
         "parts_ms": {
             name: {
-                "mean": ms(total / delivered) if split else None,
-                "max": ms(longest) if split else None,
+                "mean": ms(total / delivered) if delivered else None,
+                "max": ms(longest) if delivered else None,
             }
             for name, total, longest in parts
         },

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bussim.results.meters.latency_record import NO_WAY
 from bussim.results.numbers import counted
 
 #: What the parts are called in words; "scan" of a word's age does not exist.
@@ -42,8 +41,6 @@ def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
 def caveats(summary: Mapping[str, Any]) -> list[str]:
     """What must be said beside an entry's numbers: why there are none, what its bounds depend on."""
     reasons = summary.get("way_reasons") or [f"no bound: {why}" for why in summary.get("bound_reasons", ())]
-    if summary.get("way") == NO_WAY and summary["edge"] is not None and summary["delivered"]:
-        reasons = [f"these are coincidences without a bound: {reason}" for reason in reasons]
     notes: Sequence[str] = summary.get("bound_notes", ())
     found = [*reasons, *notes]
     bounds: Mapping[str, float] = summary.get("bound_ms", {})
@@ -110,7 +107,7 @@ def counts_in_words(entry: Mapping[str, Any]) -> str:
 def lost_in_words(entry: Mapping[str, Any]) -> str:
     """How many of the changes that never arrived need no lost frame for it; empty where none did."""
     short, gap = entry.get("lost_short"), entry.get("longest_gap_ms")
-    if not short or gap is None or entry.get("way") == NO_WAY:
+    if not short or gap is None or entry.get("way_reasons"):
         return ""
     return (
         f"of those that never arrived, {short:,} began or ended a pulse no longer than the longest gap "
