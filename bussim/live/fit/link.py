@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import log
 
@@ -98,11 +97,6 @@ class LinkObserver:
         self._frames = self._damaged = 0
         self._begin: int | None = None
         self._end = 0
-
-    def feed(self, frames: Iterable[Heard]) -> None:
-        """Take in frames."""
-        for heard in frames:
-            self.heard(heard)
 
     def heard(self, heard: Heard) -> None:
         """Take in what was heard next."""
