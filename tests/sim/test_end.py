@@ -295,10 +295,10 @@ def test_replies_at_end_wait_for_an_end_however_far_ahead() -> None:
 def test_the_scan_is_longer_under_the_link(factor: Fraction) -> None:
     profile = steady(scan_factor=factor)
     others = {1: {"scan": model.Scan(8 * MS, 2 * MS)}}
-    # p2's parameters are refused: it scans as if there were no link. So does one without a position.
+    # p2's parameters are refused: it scans as if there were no link. So does one that is not on the link.
     more = [
         replace(link(2).plcs[1], name="refused", registers={"D8176": 9}, scan=model.Scan(8 * MS)),
-        replace(link(2).plcs[1], name="alone", position=None, scan=model.Scan(8 * MS)),
+        replace(link(2).plcs[1], name="alone", link=None, scan=model.Scan(8 * MS)),
     ]
     done = run(link(2, 0, seconds=10, profile=profile, others=others, more=more))
     totals = {plc.name: plc for plc in done.totals.plcs}

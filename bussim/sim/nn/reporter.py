@@ -30,7 +30,8 @@ from bussim.plc.link_registers import (
 )
 from bussim.plc.plc import Plc
 from bussim.sim.nn.contract import LinkStation
-from bussim.trace.records import AttemptRecord, NoteRecord, ScanRecord, Sink
+from bussim.sim.notes import Notes
+from bussim.trace.records import AttemptRecord, ScanRecord, Sink
 from bussim.units import format_ms
 
 
@@ -50,7 +51,7 @@ class MasterCounts:
         self.station_errors.update(engine.station_errors)
 
 
-class LinkReporter:
+class LinkReporter(Notes):
     """Writes one bus's records. ``names`` are the first PLC with each station number.
 
     A link scan's cause names its slowest reply if that came later than ``longest_turnaround`` ticks. A bus
@@ -62,7 +63,7 @@ class LinkReporter:
     ) -> None:
         self._longest_turnaround = longest_turnaround
         self._bus = bus
-        self._sink = sink
+        super().__init__(sink)
         self._names = names
         self._primary = primary
         # Link scans so far, over all RUNs of the primary master.
@@ -70,15 +71,6 @@ class LinkReporter:
         self.healthy_at: int | None = None
         # Of engines of the primary master that have stopped.
         self._stopped = MasterCounts()
-        #: Warnings for the user after the run, each once.
-        self.warnings: list[str] = []
-
-    def _note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
-        self._sink.take(NoteRecord(tick, kind, where, text, detail))
-
-    def _warn(self, text: str) -> None:
-        if text not in self.warnings:
-            self.warnings.append(text)
 
     def station_label(self, station: int) -> str:
         """``station 1 (press2)``."""
@@ -96,19 +88,19 @@ class LinkReporter:
             self._lost(port, event)
         elif isinstance(event, StationBack):
             label = self.station_label(event.station)
-            self._note(event.tick, "recovered", port.name, f"{label} answers again", station=event.station)
+            self.note(event.tick, "recovered", port.name, f"{label} answers again", station=event.station)
         elif isinstance(event, MasterWatchdog):
-            self._note(event.tick, "watchdog", port.name, "the master's frames stopped")
+            self.note(event.tick, "watchdog", port.name, "the master's frames stopped")
         elif isinstance(event, PolledWithoutParameters):
-            self._note(event.tick, "no_parameters", port.name, "polled before it had parameters")
+            self.note(event.tick, "no_parameters", port.name, "polled before it had parameters")
         elif isinstance(event, ParametersTaken):
             port.plc.parameters(event.settings, now)
-            self._note(event.tick, "parameters", port.name, "took the master's parameters")
+            self.note(event.tick, "parameters", port.name, "took the master's parameters")
         elif isinstance(event, ParametersRefused):
             port.plc.refuse(now)
             text = f"mode {event.settings.mode} of the master does not exist on {port.plc.profile.name}"
-            self._note(now, "refused", port.name, text)
-            self._warn(f"{port.name}: {text}; it takes no part in the link")
+            self.note(now, "refused", port.name, text)
+            self.warn(f"{port.name}: {text}; it takes no part in the link")
 
     def _master_event(self, event: ScanEnded | AttemptEnded | AllHealthy) -> None:
         sink = self._sink
@@ -134,7 +126,7 @@ class LinkReporter:
         else:
             if self.healthy_at is None:
                 self.healthy_at = event.tick
-            self._note(event.tick, "healthy", self._bus, "every slave answers and no flag is on")
+            self.note(event.tick, "healthy", self._bus, "every slave answers and no flag is on")
 
     def _attempt(self, event: AttemptEnded) -> AttemptRecord:
         return AttemptRecord(
@@ -153,7 +145,7 @@ class LinkReporter:
             return
         label = self.station_label(event.station)
         text = f"{label}: code {event.code:02X}, {MEANINGS[event.code]}"
-        self._note(event.tick, "station_error", port.name, text, station=event.station, code=event.code)
+        self.note(event.tick, "station_error", port.name, text, station=event.station, code=event.code)
 
     def _cause(self, event: ScanEnded) -> str:
         """Why a link scan took longer than one without faults, in words."""
@@ -182,13 +174,8 @@ class LinkReporter:
         """A PLC went to RUN without an engine: its parameters are bad."""
         values = {address: plc.memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
         text = refusal(plc.name, bad_parameters(plc.profile, values), selected_port(plc.memory))
-        self._note(now, "refused", plc.name, text, D8063=plc.memory.word("D", SERIAL_ERROR))
-        self._warn(text)
-
-    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
-        """A receiver accepted a frame that no station sent."""
-        text = f"took a damaged frame of {sender} for a valid {what} frame"
-        self._note(tick, "undetected", receiver, text, sender=sender)
+        self.note(now, "refused", plc.name, text, D8063=plc.memory.word("D", SERIAL_ERROR))
+        self.warn(text)
 
     # -- totals ------------------------------------------------------------------------------------
 

@@ -15,8 +15,9 @@ from bussim.engines.modbus.events import (
     TransactionEnded,
 )
 from bussim.plc.ports.events import PortErrorRaised, TurnEnded
+from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import SerialStation
-from bussim.trace.records import CycleRecord, FreeRecord, NoteRecord, PollRecord, Sink, TransactionRecord
+from bussim.trace.records import CycleRecord, FreeRecord, PollRecord, Sink, TransactionRecord
 
 
 @dataclass(slots=True)
@@ -30,25 +31,14 @@ class SlaveCounts:
     rejected: Counter[str] = field(default_factory=Counter)
 
 
-class SerialReporter:
+class SerialReporter(Notes):
     """Writes the records of all serial buses."""
 
     def __init__(self, sink: Sink) -> None:
-        self._sink = sink
+        super().__init__(sink)
         self._slaves: dict[str, SlaveCounts] = {}
         #: Port errors of PLCs by node and code.
         self.errors: dict[str, Counter[int]] = {}
-        #: Warnings for the user after the run, each once.
-        self.warnings: list[str] = []
-
-    def note(self, tick: int, kind: str, where: str, text: str, **detail: int | str) -> None:
-        """Record a note."""
-        self._sink.take(NoteRecord(tick, kind, where, text, detail))
-
-    def warn(self, text: str) -> None:
-        """Warn the user after the run, once."""
-        if text not in self.warnings:
-            self.warnings.append(text)
 
     def counts(self, node: str) -> SlaveCounts:
         """What a node has counted as a slave so far."""
@@ -56,11 +46,6 @@ class SerialReporter:
         if found is None:
             found = self._slaves[node] = SlaveCounts()
         return found
-
-    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
-        """A receiver accepted a frame that no station sent."""
-        text = f"took a damaged frame of {sender} for a valid {what} frame"
-        self.note(tick, "undetected", receiver, text, sender=sender)
 
     # -- slaves ------------------------------------------------------------------------------------
 

@@ -131,7 +131,6 @@ _D = Slot("destination", WORDS_TO, writes=True)
 _ONE_BIT = Slot("destination", BITS_TO, writes=True, index=False)
 _THREE_BITS = Slot("destination", BITS_TO, writes=True, points=3)
 _DOUBLE = Slot("destination", tuple(k for k in WORDS_TO if k not in "VZ"), writes=True, points=2)
-_PRESET = Slot("preset", COUNTS, index=False)
 
 
 def _count(name: str, low: int, high: int, *, takes: tuple[str, ...] = COUNTS) -> Slot:
