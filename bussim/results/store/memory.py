@@ -69,21 +69,22 @@ class _PackedRows:
     """Rows column by column in arrays; a text is kept once."""
 
     def __init__(self, kinds: Mapping[str, Kind]) -> None:
-        self._kinds = list(kinds.values())
-        self._columns: list[Any] = [array(kind.packed) if kind.packed else [] for kind in self._kinds]
+        self._are_texts = [kind is TEXT for kind in kinds.values()]
+        self._columns: list[Any] = [array(kind.packed) if kind.packed else [] for kind in kinds.values()]
         self._texts: dict[Any, int] = {}
 
     def append(self, row: Row) -> None:
-        for column, kind, value in zip(self._columns, self._kinds, row, strict=True):
-            column.append(self._texts.setdefault(value, len(self._texts)) if kind is TEXT else value)
+        texts = self._texts
+        for column, is_text, value in zip(self._columns, self._are_texts, row, strict=True):
+            column.append(texts.setdefault(value, len(texts)) if is_text else value)
 
     def columns(self) -> list[Any]:
         import numpy as np
 
         texts = np.array(list(self._texts) or [""], dtype=object)
         return [
-            texts[np.array(column, dtype=np.intp)] if kind is TEXT else np.array(column)
-            for column, kind in zip(self._columns, self._kinds, strict=True)
+            texts[np.array(column, dtype=np.intp)] if is_text else np.array(column)
+            for column, is_text in zip(self._columns, self._are_texts, strict=True)
         ]
 
 

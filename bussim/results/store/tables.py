@@ -69,15 +69,21 @@ class Columns(Generic[R]):
 
     def __init__(self, columns: Mapping[str, tuple[Kind, Callable[[R], Value]]]) -> None:
         self.kinds = {name: kind for name, (kind, _) in columns.items()}
-        self._values = [(value, kind.decimals > 0) for kind, value in columns.values()]
+        self._values = [
+            _in_nanoseconds(value) if kind.decimals else value for kind, value in columns.values()
+        ]
 
     def row(self, record: R) -> Row:
         """The row of a record."""
-        row = []
-        for value_of, is_time in self._values:
-            value = value_of(record)
-            row.append(nanoseconds(value) if is_time and isinstance(value, int) else value)
-        return tuple(row)
+        return tuple([value(record) for value in self._values])
+
+
+def _in_nanoseconds(value: Callable[[R], Value]) -> Callable[[R], Value]:
+    def converted(record: R) -> Value:
+        ticks = value(record)
+        return nanoseconds(ticks) if isinstance(ticks, int) else ticks
+
+    return converted
 
 
 class Table(Protocol):
