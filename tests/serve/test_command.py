@@ -122,7 +122,7 @@ def test_it_ends_by_itself_after_its_time(folder: Path, capsys: pytest.CaptureFi
         (["v80", "--for", "5"], "a time without a unit"),
     ],
 )
-def test_mistakes_are_told_and_nothing_is_left(
+def test_mistakes_are_reported_and_nothing_is_left(
     folder: Path, words: list[str], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["serve", "slaves.yaml", *words, "--out", "out"]) == 2

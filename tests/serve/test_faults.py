@@ -154,7 +154,7 @@ def test_noise_of_the_bus_is_on_the_wire_too() -> None:
         (["v80", "jabber", "--process", "1"], "process 1 serves nothing"),
     ],
 )
-def test_mistakes_are_told_and_nothing_happens(
+def test_mistakes_are_reported_and_nothing_happens(
     controlled: Serving, words: list[str], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["inject", *words]) == 2

@@ -112,7 +112,7 @@ def test_sniff_measures_the_link_in_a_session_s_trace(
     assert heard["link"]["station_errors"] == own["station_errors"]
 
 
-def test_a_strange_station_is_a_seat_of_its_own() -> None:
+def test_an_external_station_has_a_position_of_its_own() -> None:
     """A block of a station that no scenario knows is stored, and told of as somebody's."""
     from tests.serve.test_bad_input import opened, pour
 

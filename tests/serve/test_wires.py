@@ -74,7 +74,7 @@ def test_paced_bytes_come_one_by_one_at_the_line_s_rate() -> None:
     assert serving.session.wires[0].counts.sent == len(ANSWER)
 
 
-def test_an_adapter_that_hears_itself_is_not_answered_by_itself() -> None:
+def test_the_echo_of_an_adapter_is_not_answered() -> None:
     """On a loop everything that is sent is heard again: a master would take it for an answer."""
     text = f"""{HEAD}
 buses: [{{name: line, baud: 115200, format: 8N1}}]
@@ -150,7 +150,7 @@ def test_the_simulated_rest_is_what_the_simulation_makes_of_it() -> None:
     assert beside.transactions == alone.transactions
 
 
-def test_a_computer_that_is_too_slow_is_told_of() -> None:
+def test_a_computer_that_is_too_slow_is_reported() -> None:
     told: list[str] = []
     scenario = loads(SLAVES)
     session = Session(scenario, targets(scenario, ["v80"], []), report=told.append, duration=TICKS_PER_SECOND)

@@ -54,7 +54,7 @@ operations = st.one_of(
         max_size=40,
     )
 )
-def test_every_seat_sees_what_it_received(
+def test_every_position_sees_what_it_received(
     steps: list[tuple[int, tuple[str, int, frozenset[int]], list[tuple[int, int]]]],
 ) -> None:
     block_history, naive = BlockHistory(HORIZON), NaiveHistory()

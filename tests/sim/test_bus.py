@@ -121,7 +121,7 @@ def takers(done: Done, source: int) -> dict[int, set[int]]:
     return found
 
 
-def test_a_sender_hears_nothing() -> None:
+def test_a_sender_receives_nothing() -> None:
     # p2 answers after its time, in the middle of the master's next data frame.
     start = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP
     late = model.Slow("p2", start + 8 * CHAR - TURNAROUND)
@@ -210,7 +210,7 @@ def test_a_station_that_begins_to_listen_in_the_middle_of_a_frame() -> None:
 # -- late release ----------------------------------------------------------------------------------
 
 
-def test_a_tail_shorter_than_the_masters_gap_harms_nobody() -> None:
+def test_a_tail_shorter_than_the_masters_gap_does_no_harm() -> None:
     done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", GAP - 1)]))
     assert (done.link.collisions, done.record.failures) == (0, [])
     # The driver is on, though: it counts as load.
@@ -219,7 +219,7 @@ def test_a_tail_shorter_than_the_masters_gap_harms_nobody() -> None:
     assert done.link.busy - plain.link.busy in (replies * (GAP - 1), (replies - 1) * (GAP - 1))
 
 
-def test_a_tail_makes_its_station_deaf_and_collides_with_the_next_frame() -> None:
+def test_a_tail_keeps_its_station_from_receiving_and_collides_with_the_next_frame() -> None:
     # The master's poll of p2 begins during p1's tail.
     done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", GAP + 2 * CHAR)]))
     assert abs(done.link.collisions - len(done.of("p1"))) <= 1
@@ -541,7 +541,7 @@ def test_a_pattern_that_parity_and_sum_both_miss_reaches_the_memory_until_the_ne
     assert simulation.plcs["p1"].read("D32") == 3
 
 
-def test_a_poll_of_somebody_else_is_undetected_too() -> None:
+def test_a_poll_of_another_station_is_undetected_too() -> None:
     # The two low bits of station and counter: 1 becomes 2 and 2 becomes 1. Where the sum stays and
     # the other digit is one, everybody believes it.
     flip = model.FlipBits("p0", TX, (11, 12, 21, 22), None, "poll")

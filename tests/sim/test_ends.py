@@ -36,7 +36,7 @@ def test_all_of_them_in_order_with_stops() -> None:
     assert done.record.all_ends.keys() == {"p0", "p1", "p2"}
 
 
-def test_telling_them_changes_nothing() -> None:
+def test_recording_them_changes_nothing() -> None:
     scenario = load("nn_with_modbus", ["duration=5 s"])
     found = []
     for traced in (False, True):

@@ -66,7 +66,7 @@ def assert_same_trace(one: Done, other: Done) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_slaves_told_together_hear_what_each_hears_alone(seed: int) -> None:
+def test_slaves_that_share_a_listener_receive_what_each_receives_alone(seed: int) -> None:
     scenario = chance.scenario(seed, SECONDS)
     simulation, record = started(scenario)
     bus_of(simulation).shared = False

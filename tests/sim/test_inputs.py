@@ -27,7 +27,7 @@ def edges(seed: int, own: str) -> list[list[float]]:
     return [found[found["device"] == device]["time_s"].tolist() for device in ("X0", "X1")]
 
 
-def test_without_a_seed_each_input_has_its_own_luck_of_the_scenarios_seed() -> None:
+def test_without_a_seed_each_input_has_a_stream_of_the_scenarios_seed() -> None:
     one, other = edges(1, "{on: 500 ms, off: 500 ms}"), edges(2, "{on: 500 ms, off: 500 ms}")
     assert one == edges(1, "{on: 500 ms, off: 500 ms}")
     assert one != other

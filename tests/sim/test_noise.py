@@ -90,7 +90,7 @@ def test_noise_on_a_sender_damages_its_frames_for_all(station: str) -> None:
     assert binomial(sum(bool(f.damaged_bits) for f in own), [1 - 0.997 ** bits(f) for f in own])
 
 
-def test_noise_in_a_receiver_damages_what_that_station_hears() -> None:
+def test_noise_in_a_receiver_damages_what_that_station_receives() -> None:
     done = run(link(3, 0, seconds=10, noise=[noise(model.BitErrors(3e-3), "p2", RX)]))
     frames = done.record.frames
     assert not any(frame.damaged_bits for frame in frames)
@@ -240,7 +240,7 @@ def _records(done: Done) -> list[Any]:
 
 @pytest.mark.parametrize("how", ["listening", "in stop", "off", "refused"])
 @pytest.mark.parametrize("place", ["last", "first"])
-def test_a_silent_fourth_station_changes_nobodys_luck(how: str, place: str) -> None:
+def test_a_silent_fourth_station_changes_no_draws(how: str, place: str) -> None:
     # Jitter of scans and turnarounds is rng as well.
     others = {station: {"scan": model.Scan(8 * MS, 3 * MS)} for station in range(3)}
     scenario = link(3, 1, retries=2, seconds=8, profile=PROFILES["pw10"], others=others, noise=EVERYTHING)
@@ -275,7 +275,7 @@ def rngs(done: Done) -> dict[tuple[str, str, int | None], list[tuple[int, ...]]]
         noise(model.ReplyLoss(0.1), name="added"),
     ],
 )
-def test_a_noise_elsewhere_leaves_the_luck_of_others(added: model.Noise) -> None:
+def test_a_noise_elsewhere_leaves_the_draws_of_others(added: model.Noise) -> None:
     base = noise(model.BitErrors(2e-3), name="base")
     one = rngs(run(link(3, 0, retries=1, seconds=10, noise=[base])))
     two = rngs(run(link(3, 0, retries=1, seconds=10, noise=[base, added])))
@@ -290,7 +290,7 @@ def test_a_noise_elsewhere_leaves_the_luck_of_others(added: model.Noise) -> None
     assert compared > 1000
 
 
-def test_a_fault_elsewhere_leaves_the_luck_of_others() -> None:
+def test_a_fault_elsewhere_leaves_the_draws_of_others() -> None:
     base = noise(model.BitErrors(2e-3), name="base")
     one = rngs(run(link(3, 0, retries=1, seconds=6, noise=[base])))
     off = fault(model.PowerOff("p2"), 2.0, 1.0)
@@ -301,7 +301,7 @@ def test_a_fault_elsewhere_leaves_the_luck_of_others() -> None:
         assert one[key][:count] == two[key][:count]
 
 
-def test_the_seed_is_everybodys() -> None:
+def test_the_seed_decides_all_draws() -> None:
     def records(seed: int) -> list[Any]:
         return _records(run(link(3, 1, retries=2, seconds=3, seed=seed, noise=EVERYTHING)))
 
@@ -309,7 +309,7 @@ def test_the_seed_is_everybodys() -> None:
     assert records(5) != records(6)
 
 
-def test_damage_is_judged_by_the_receiver_not_by_the_simulator() -> None:
+def test_damage_is_found_by_the_receiver_not_by_the_simulator() -> None:
     # Heavy noise: whatever was stored falsely was counted, and nothing else was stored falsely.
     done = run(link(3, 0, retries=1, seconds=20, noise=[noise(model.BitErrors(0.02))]))
     hits = {frame.end for frame in done.record.frames if frame.damaged_bits}

@@ -37,7 +37,7 @@ def told(totals: RunTotals) -> list[str]:
     return [text for text in totals.warnings if text.startswith("press3's program")]
 
 
-def test_an_endless_loop_is_told_with_its_watchdog() -> None:
+def test_an_endless_loop_is_reported_with_its_watchdog() -> None:
     totals, notes = met("P1 / LD M8000 / CJ P1 / END")
     (warning,) = told(totals)
     assert warning.startswith(
@@ -57,7 +57,7 @@ def test_the_scan_that_never_ended_is_the_longest() -> None:
     assert met("LD M8000 / OUT Y0 / END")[0].plcs[0].scan_max == pytest.approx(10 * 72_000, rel=1e-3)
 
 
-def test_a_loop_that_begins_late_is_told_when_it_does() -> None:
+def test_a_loop_that_begins_late_is_reported_when_it_does() -> None:
     """The END at 0.998 s sees X1 off, that at 1.008 s on: the watchdog expires 200 ms after it."""
     (warning,) = told(met("P1 / LD X1 / CJ P1 / END")[0])
     assert "stopped at 1.208 s" in warning
@@ -77,7 +77,7 @@ def test_it_is_counted_again_after_a_new_run() -> None:
     assert warning.endswith("; 2 times in all")
 
 
-def test_the_first_operation_error_of_each_code_is_told_with_its_place() -> None:
+def test_the_first_operation_error_of_each_code_is_reported_with_its_place() -> None:
     program = "LD M8000 / DIV D0 D1 D2 / CALL P1 / FEND / P1 / LD M8000 / CALL P1 / SRET / END"
     totals, notes = met(program)
     division, calls = told(totals)
@@ -96,13 +96,13 @@ def test_one_error_has_no_count_and_the_time_of_its_scan() -> None:
     assert "in all" not in warning
 
 
-def test_an_error_of_the_last_scan_is_told_though_no_end_follows() -> None:
+def test_an_error_of_the_last_scan_is_reported_though_no_end_follows() -> None:
     """Up to 3 s the scan that began at 2.998 s is not over."""
     (warning,) = told(met("LDP X2 / DIV D0 D1 D2 / END")[0])
     assert "in the scan up to 3.000 s" in warning
 
 
-def test_a_healthy_program_is_told_nothing() -> None:
+def test_a_healthy_program_reports_nothing() -> None:
     totals, notes = met("LD X1 / OUT Y0 / END")
     assert told(totals) == []
     assert not [note for note in notes if note.kind.startswith("program")]

@@ -142,14 +142,14 @@ def test_slow_replies(station: str, poll: str) -> None:
         assert max(waits[name, True]) <= most + extra
 
 
-def test_a_slave_that_jabbers_leaves_nobody_in_peace() -> None:
+def test_a_slave_that_jabbers_disturbs_every_station() -> None:
     found = done(f"{{{AT}, jabber: box}}")
     for poll in ("map", "plc"):
         assert "ok" not in outcomes(found, poll)
     assert found.totals.buses[0].collisions > 0
 
 
-def test_a_driver_that_stays_on_is_deaf_and_spoils_nothing() -> None:
+def test_a_driver_that_stays_on_receives_nothing_and_damages_nothing() -> None:
     # Its idle level loses against every 0, but it hears nothing while it drives: each second request.
     found = done(f"{{{AT}, late_release: {{station: box, by: 150 ms}}}}")
     assert set(outcomes(found, "plc")) == {"ok"}

@@ -245,7 +245,7 @@ def test_table_of_states_is_closed() -> None:
         assert FREE[state, FreeInput.STOP] is FreeState.STOPPED
 
 
-def test_the_first_character_of_a_reception_is_told_once() -> None:
+def test_the_first_character_of_a_reception_is_reported_once() -> None:
     engine = port(4)
     hints = [engine.receive(RxChar(0x41), number * CHAR, (number + 1) * CHAR) for number in range(3)]
     assert [bool(hint & SERVE) for hint in hints] == [True, False, False]

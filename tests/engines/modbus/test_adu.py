@@ -222,7 +222,7 @@ def test_ascii_waits_a_second_between_characters() -> None:
 
 
 @given(st.data())
-def test_telling_of_silences_or_not_and_whole_or_not_is_all_the_same(data: st.DataObject) -> None:
+def test_reported_silences_or_not_and_whole_frames_or_not_are_the_same(data: st.DataObject) -> None:
     mode = data.draw(st.sampled_from(list(Mode)))
     framing, timing = LINES[mode]
     alphabet = st.sampled_from(list(b":0123456789ABCDEF\r\n\x01\x03")) | st.integers(0, 255)

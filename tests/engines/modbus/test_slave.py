@@ -155,7 +155,7 @@ def test_ascii_example_of_the_v80() -> None:
 
 @both_modes
 @pytest.mark.parametrize("function", [0, 7, 8, 11, 0x11, 0x14, 0x16, 0x17, 0x2B, 0x7F])
-def test_01_function_that_nobody_has(mode: Mode, function: int) -> None:
+def test_01_function_that_no_device_has(mode: Mode, function: int) -> None:
     assert Bench(mode).answer(bytes((function, 0, 0, 0, 1))) == bytes((function | 0x80, 1))
 
 
@@ -270,7 +270,7 @@ def test_rtu_frames_of_others_without_a_silence_between_are_damage() -> None:
     assert [item.reason for item in drain(bench.slave)] == [Rejection.CHECK]
 
 
-def test_stopped_it_is_deaf() -> None:
+def test_stopped_it_receives_nothing() -> None:
     bench = Bench()
     bench.slave.stop(bench.now)
     assert bench.ask(write_register(0, 1)) == []

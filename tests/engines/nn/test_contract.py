@@ -340,7 +340,7 @@ def test_starting_twice_is_the_caller_s_mistake(make: Make) -> None:
 
 
 @each_engine
-def test_stopped_it_hears_nothing_and_sends_nothing(make: Make) -> None:
+def test_stopped_it_receives_nothing_and_sends_nothing(make: Make) -> None:
     engine = make()
     for _ in range(2):
         frames = [

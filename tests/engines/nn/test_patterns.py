@@ -144,7 +144,7 @@ def compositions(most: int, parts: int) -> list[tuple[int, ...]]:
 
 
 @pytest.mark.slow
-def test_all_251175_patterns_of_one_to_four_bits_are_judged_alike() -> None:
+def test_all_251175_patterns_of_one_to_four_bits_are_found_alike() -> None:
     real, second = RealChain(1, 0), SecondDecoder(1, 0)
     sent = real.text.decode()
     assert real.judge(()) == second.judge(()) == (("frame", sent),)

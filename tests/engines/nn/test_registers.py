@@ -69,7 +69,7 @@ def test_a_healthy_scan_takes_what_its_parts_take(slaves: int, whole: bool) -> N
         assert len(counters) >= 19
 
 
-def test_everybody_stores_everybody_s_block_and_measures_the_same(whole: bool) -> None:
+def test_every_station_stores_every_block_and_measures_the_same(whole: bool) -> None:
     wire = link(3, whole=whole)
     wire.run_scans(3)
     wire.run(wire.now + DATA_TICKS)
@@ -135,7 +135,7 @@ def test_31_is_a_slave_s_own_without_count_or_flag(whole: bool) -> None:
     assert late.events[1] == ParametersTaken(late.events[1].tick, LinkSettings(2, 0, 0, 5))
 
 
-def test_a_slave_that_hears_no_poll_of_its_own_has_nothing_to_say(whole: bool) -> None:
+def test_a_slave_that_receives_no_poll_of_its_own_sends_nothing(whole: bool) -> None:
     wire = Wire(master_node(2), slave_node(1), slave_node(2), slave_node(3), whole=whole)
     for node in wire.nodes[:3]:
         wire.at(0, lambda node=node: node.start(0))

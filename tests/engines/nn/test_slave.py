@@ -86,7 +86,7 @@ def test_its_own_poll_asks_for_a_reply_and_is_answered_by_it() -> None:
     assert hear_poll(slave, 3, 4) == 0
 
 
-def test_nobody_judges_itself() -> None:
+def test_no_station_notes_itself() -> None:
     slave = linked(station=2)
     hear_poll(slave, 2, 4)  # its reply is lost
     assert hear_data(slave, 3, 4) == 0

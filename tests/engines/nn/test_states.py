@@ -138,7 +138,7 @@ def test_every_edge_of_the_slave_s_table_is_walked_and_no_other() -> None:
     assert walked == {(state, target) for (state, _), target in SLAVE.items()}
 
 
-def test_causes_are_told_apart_by_where_they_lead() -> None:
+def test_causes_differ_by_where_they_lead() -> None:
     """So that walking every (state, next state) pair is walking every edge."""
     for table in (MASTER, SLAVE):
         pairs = [(state, target) for (state, _), target in table.items()]

@@ -38,7 +38,7 @@ pytestmark = pytest.mark.parametrize("whole", [True, False], ids=["whole", "char
 # -- STOP and RUN ------------------------------------------------------------------------------------------
 
 
-def test_a_slave_in_stop_is_silent_and_deaf_and_loses_its_parameters(whole: bool) -> None:
+def test_a_slave_in_stop_sends_and_receives_nothing_and_loses_its_parameters(whole: bool) -> None:
     wire = link(2, whole=whole)
     master, first, second = wire.nodes
     silence(first, on=True)

@@ -72,7 +72,7 @@ def test_default_places_do_not_overlap() -> None:
     assert WORDS == BITS == 20
 
 
-def test_words_nobody_has_set() -> None:
+def test_words_that_are_not_set() -> None:
     line = LineTiming(9600, CharFormat(8, "N", 1))
     assert settings() == PortSettings(line, False, None, 0, 5 * MS, 0, 0, 100 * MS)
     assert settings("COM2") == PortSettings(line, False, "hmi", 1, 5 * MS, 0, 0, 100 * MS)

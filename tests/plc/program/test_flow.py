@@ -109,7 +109,7 @@ def test_an_endless_loop_that_serves_the_watchdog_is_cut_all_the_same(
     assert Rig("P0 / LD M8000 / WDT / CJ P0").scan().run.halted == 6105
 
 
-def test_the_longest_time_without_wdt_is_told() -> None:
+def test_the_longest_time_without_wdt_is_reported() -> None:
     times = InstructionTimes(basic=0, idle=0, move=1000)
     rig = Rig("LD M8000 / MOV D0 D1 / MOV D0 D1 / WDT / LD M8000 / MOV D0 D1", times=times).scan()
     assert rig.run.unwatched == 2000

@@ -214,7 +214,7 @@ def test_rs2_is_handed_on_while_it_is_driven() -> None:
     assert heard.calls == [(3, first, at), (4, second, at), (3, first, 2 * at), (4, second, 2 * at)]
 
 
-def test_the_time_that_ports_hear_is_the_simulations() -> None:
+def test_the_time_that_ports_see_is_the_simulations() -> None:
     heard, start = Heard(), 5 * TICKS_PER_MS
     run = ProgramRun(
         Program.parse("LD M8000\nRS2 D0 K1 D9 K1 K3\nEND", "p"), Memory(), ports=heard, power_on=start
