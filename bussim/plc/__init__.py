@@ -1,1 +1,1 @@
-"""Layer 3: the PLC around the link: devices, profiles, scan cycle, noise and faults."""
+"""A PLC: devices, profiles, scan cycle, link registers, programs and serial ports."""

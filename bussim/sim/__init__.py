@@ -1,1 +1,1 @@
-"""Layer 5: the SimPy simulation of a scenario."""
+"""The SimPy simulation of a scenario."""
