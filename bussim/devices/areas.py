@@ -139,7 +139,6 @@ class AreaMap(ABC):
 
     def _refuse(self, part: Part, values: Sequence[int], now: int) -> ExceptionCode | None:
         """Why these values cannot be stored there; None if they can."""
-        del part, values, now
         return None
 
     @abstractmethod

@@ -47,7 +47,6 @@ class Behaviour:
 
     def state(self, now: int) -> dict[str, int]:
         """Its state for the summary, by name."""
-        del now
         return {}
 
     def events(self) -> Iterator[DeviceEvent]:
@@ -69,7 +68,6 @@ class DeviceSettings(ABC):
 
     def seeded(self, seed: int, device: str) -> Self:
         """The settings in a scenario of this seed, of a device of this name."""
-        del seed, device
         return self
 
 
@@ -88,7 +86,6 @@ class SlaveSettings(DeviceSettings):
 
     def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
         """A slave whose map is made anew at power-on."""
-        del streams
         return Behaviour(lambda _: (self.engine(device, self.register_map()), device.timing))
 
     def engine(self, device: BusDevice, registers: RegisterMap) -> Slave:

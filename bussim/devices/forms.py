@@ -113,7 +113,6 @@ class SlaveIn(DeviceIn):
 
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
         """Compare mode and delay with what the model has."""
-        del find
         port = self.port
         if Mode(self.mode) not in port.modes:
             allowed = ", ".join(mode.value for mode in port.modes)
@@ -147,6 +146,5 @@ class MasterIn(DeviceIn):
 
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
         """Warn where it has nothing to send."""
-        del find
         if not self.polls and not entry.lost("polls"):
             report.warn(entry.path, f"{self.name} has no polls: it sends nothing")

@@ -25,7 +25,6 @@ class HmiSettings(MasterSettings):
 
     def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:
         """A master whose poll list begins anew at power-on."""
-        del streams
         config = MasterConfig(device.framing(), self.timeout, self.interval, self.turnaround)
         polls = [poll_of(poll) for poll in self.polls]
         return Behaviour(lambda now: (PollingMaster(config, PollList(polls, now)), device.timing))
@@ -42,5 +41,4 @@ class HmiIn(MasterIn):
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> HmiSettings:
         """Its polls and times."""
-        del find
         return HmiSettings(polls, self.timeout, self.interval, self.turnaround)

@@ -29,7 +29,6 @@ class UnknownDeviceIn(DeviceIn):
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> NoReturn:
         """There are none: its model was reported."""
-        del polls, find
         raise AssertionError(f"{self.model} is no model")
 
 

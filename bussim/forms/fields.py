@@ -50,7 +50,6 @@ class Kind:
 
     def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         """What pydantic asks an annotation for."""
-        del source, handler
         serialization = None
         if self.write is not None:
             serialization = core_schema.plain_serializer_function_ser_schema(self.write)

@@ -35,7 +35,6 @@ class ConstantRate:
 
     def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
         """See :class:`ErrorRate`."""
-        del start, bit
         return [(bits, self.ber)]
 
 

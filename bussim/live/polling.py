@@ -71,7 +71,6 @@ class PollTurns(Handling):
 
     def event(self, event: object, now: int) -> None:
         """See the base class."""
-        del now
         if isinstance(event, TransactionEnded):
             self._attempts.append(event)
         elif isinstance(event, FrameRejected):

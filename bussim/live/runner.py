@@ -35,7 +35,6 @@ class Handling:
 
     def when(self, transmit: Transmit, now: int) -> int | None:
         """When a transmission is to leave, None for never (a reply that a fault swallows)."""
-        del now
         return transmit.at
 
     def chars(self, frame: Any) -> bytes:
@@ -204,7 +203,6 @@ class EngineRunner:
         self._open.clear()
 
     def _sent(self, start: int, end: int) -> None:
-        del start
         self._on_air = False
         if self._running:
             self.engine.transmit_done(end)

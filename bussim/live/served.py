@@ -29,7 +29,6 @@ class _Noting(FaultyReplies):
         self.rejected: dict[str, int] = {}
 
     def event(self, event: object, now: int) -> None:
-        del now
         if isinstance(event, RequestServed):
             if len(self.requests) < REMEMBERED:
                 self.requests.append(event)

@@ -38,7 +38,6 @@ class Stopping:
             signal.signal(number, handler)
 
     def _asked(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
         now = time.monotonic()
         if not self.stopped:
             self._first_at, self.stopped = now, True

@@ -48,12 +48,10 @@ class Constant:
 
     def value(self, tick: int) -> int:
         """The value as 16 bits."""
-        del tick
         return self.fixed & 0xFFFF
 
     def next_change(self, tick: int) -> int | None:
         """Never: None."""
-        del tick
         return None
 
 

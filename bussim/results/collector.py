@@ -116,7 +116,7 @@ class Collector:
         else:
             self.left_out[kind] = self.left_out.get(kind, 0) + 1
 
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None:  # noqa: ARG002 (Sink's signature)
+    def failed(self, bus: str, tick: int, station: int, code: int) -> None:
         """Count a failed attempt in the scan under way."""
         self._links[bus].attempt_failed(code)
 

@@ -101,7 +101,6 @@ class ExternalSerialBus(BridgedLine, SerialBus):
 
     def kind_of_external(self, chars: bytes) -> str:
         """Requests where a node of this bus answers, else responses."""
-        del chars
         return "request" if any(node.kind == "response" for node in self.ports) else "response"
 
 

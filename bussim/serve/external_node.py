@@ -26,12 +26,10 @@ class ExternalNode(Node):
 
     def understands(self, sender: LineNode) -> bool:
         """Never."""
-        del sender
         return False
 
     def report(self, item: Any, now: int) -> None:
         """Do nothing: there is no engine."""
-        del item, now
 
     @property
     def powered(self) -> bool:

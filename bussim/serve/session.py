@@ -58,7 +58,6 @@ class _Bridges:
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, line_reporter: LineReporter
     ) -> ExternalSerialBus:
         """A serial bus at the rate and format of its wire."""
-        del timing
         bridge = self._bridge(name, kernel)
         return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, line_reporter, bridge)
 

@@ -99,7 +99,6 @@ class DeviceUnit:
 
     def switch(self, now: int, *, powered: bool, running: bool) -> None:
         """Go to this state; a device has no STOP."""
-        del running
         if self.node.powered and not powered:
             self.node.power_off(now)
         elif powered and not self.node.powered:

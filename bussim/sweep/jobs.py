@@ -85,6 +85,4 @@ def _scenario(
 def _template(
     text: str, name: str, files: tuple[tuple[str, str], ...], code: tuple[str, ...] | None
 ) -> Template:
-    return Template(
-        text, name, Files(None, dict(files)), Code(allowed=code is not None, folders=code or ())
-    )
+    return Template(text, name, Files(None, dict(files)), Code(allowed=code is not None, folders=code or ()))

@@ -101,5 +101,4 @@ class FreeIn(DeviceIn):
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> FreeSettings:
         """Its messages."""
-        del polls, find
         return FreeSettings(tuple(message.message() for message in self.says))

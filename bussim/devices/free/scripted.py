@@ -87,7 +87,6 @@ class ScriptedDevice:
 
     def stop(self, now: int) -> int:
         """Power-off."""
-        del now
         self._on = False
         self._tail = b""
         self._queue.clear()
@@ -100,7 +99,6 @@ class ScriptedDevice:
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """One character."""
-        del start
         if not self._longest or not self._on:
             return 0
         self._tail = (self._tail + bytes((char.value,)))[-self._longest :]
@@ -116,12 +114,10 @@ class ScriptedDevice:
         if self._longest:
             for number, value in enumerate(frame.chars, 1):
                 hints |= self.receive(RxChar(value), start, start + self._timing.characters(number))
-        del end
         return hints
 
     def line_idle(self, now: int) -> int:
         """Nothing to do."""
-        del now
         return 0
 
     def deadline(self) -> int | None:
@@ -150,7 +146,6 @@ class ScriptedDevice:
 
     def begin_transmit(self, now: int, counter: int = 0) -> FreeFrame:
         """What is due."""
-        del counter
         if self._out is None:
             raise RuntimeError("nothing waits to be sent")
         self._begun = now

@@ -69,7 +69,6 @@ class LxMap(AreaMap):
         self.memory = memory
 
     def _fetch(self, part: Part, now: int) -> Sequence[int]:
-        del now
         memory, width = self.memory, part.area.width
         letter, number = LX_AREAS[part.area]
         numbers = range(number + part.offset // width, number + (part.offset + part.size) // width)
@@ -79,7 +78,6 @@ class LxMap(AreaMap):
         return words if width == 1 else [half for word in words for half in (word & 0xFFFF, word >> 16)]
 
     def _store(self, part: Part, values: Sequence[int], now: int) -> None:
-        del now
         memory, width = self.memory, part.area.width
         letter, number = LX_AREAS[part.area]
         if width == 2:

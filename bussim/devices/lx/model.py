@@ -57,6 +57,5 @@ class LxIn(SlaveIn):
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> LxSettings:
         """Its scan, and its devices by their proper names (D007 is D7)."""
-        del polls, find
         registers = {str(parse_device(name)): value for name, value in self.registers.items()}
         return LxSettings(Scan(self.scan.mean, self.scan.jitter), registers)

@@ -83,7 +83,6 @@ class UserMap(AreaMap):
         return values
 
     def _refuse(self, part: Part, values: Sequence[int], now: int) -> ExceptionCode | None:
-        del now
         entry = self._entries[part.area]
         low = 0 if entry.low is None else entry.low
         high = (1 << 16 * entry.words) - 1 if entry.high is None else entry.high
@@ -92,7 +91,6 @@ class UserMap(AreaMap):
         return ExceptionCode.ILLEGAL_VALUE
 
     def _store(self, part: Part, values: Sequence[int], now: int) -> None:
-        del now
         area = part.area
         first = area.start + part.offset
         for number, item in enumerate(_items(self._entries[area], values)):

@@ -44,7 +44,6 @@ class MapSettings(SlaveSettings):
 
     def behaviour(self, device: BusDevice, streams: Streams) -> MapBehaviour:
         """The map in a run."""
-        del streams
         return MapBehaviour(device, self)
 
     def seeded(self, seed: int, device: str) -> Self:
@@ -69,7 +68,6 @@ class MapBehaviour(Behaviour):
         self._map = settings.register_map()
 
     def _power_on(self, now: int) -> tuple[Slave, LineTiming]:
-        del now
         self._map = self._settings.register_map()
         return self._settings.engine(self._device, self._map), self._device.timing
 
@@ -195,7 +193,6 @@ class MapIn(SlaveIn):
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> MapSettings:
         """Its entries. Raises ValueError for a function of the user that cannot be had."""
-        del polls
         entries = tuple(
             Entry(space=space, value=item.values(find), **item.given(*VALUE_KEYS))
             for section, space in SECTIONS.items()

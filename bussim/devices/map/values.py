@@ -27,7 +27,6 @@ class Fixed:
 
     def value(self, tick: int) -> int:
         """The value."""
-        del tick
         return self.fixed
 
 

@@ -180,7 +180,6 @@ class Stepper(AreaMap):
         return with_words(BY_NAME[name], self.parameters[name], part.offset, tuple(values))
 
     def _refuse(self, part: Part, values: Sequence[int], now: int) -> ExceptionCode | None:
-        del now
         register = BY_NAME[part.area.name]
         if register.low <= self._written(part, values) <= register.high:
             return None

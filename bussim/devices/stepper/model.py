@@ -60,7 +60,6 @@ class StepperSettings(SlaveSettings):
 
     def behaviour(self, device: BusDevice, streams: Streams) -> StepperBehaviour:
         """The controller in a run."""
-        del streams
         return StepperBehaviour(device, self)
 
 
@@ -179,7 +178,6 @@ class StepperIn(SlaveIn):
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> StepperSettings:
         """Its profile, switches, parameters and steps."""
-        del polls, find
         switches = tuple(Switch(**switch.given()) for switch in self.switches)
         registers = _parameters(self.registers)
         if self.steps:

@@ -45,10 +45,8 @@ class V80(AreaMap):
         self._items[space][address] = bool(value) if space.is_bit else value & 0xFFFF
 
     def _fetch(self, part: Part, now: int) -> Sequence[int] | ExceptionCode:
-        del now
         return self._items[part.area.space][part.offset : part.offset + part.size]
 
     def _store(self, part: Part, values: Sequence[int], now: int) -> None:
-        del now
         for address, value in enumerate(values, part.offset):
             self.set(part.area.space, address, value)

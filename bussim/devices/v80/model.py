@@ -74,7 +74,6 @@ class V80In(SlaveIn):
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> V80Settings:
         """Its items by address."""
-        del polls, find
         return V80Settings(
             {
                 (SECTIONS[section], _address(section, key)): value & 0xFFFF

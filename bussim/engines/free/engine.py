@@ -99,7 +99,6 @@ class FreePort:
 
     def start(self, now: int) -> int:
         """RUN; returns hints."""
-        del now
         self._move(FreeInput.START)
         self._clear()
         self.timed_out = False
@@ -107,7 +106,6 @@ class FreePort:
 
     def stop(self, now: int) -> int:
         """STOP or power-off; returns hints."""
-        del now
         self._move(FreeInput.STOP)
         self._clear()
         self.due = -1
@@ -129,7 +127,6 @@ class FreePort:
 
         What is being sent goes on to its end.
         """
-        del now
         self._move(FreeInput.RELEASED)
         self._data.clear()
         self._deadline = None
@@ -254,7 +251,6 @@ class FreePort:
 
     def line_idle(self, now: int) -> int:
         """Nothing to do: only the timeout counts."""
-        del now
         return 0
 
     def deadline(self) -> int | None:
@@ -278,7 +274,6 @@ class FreePort:
 
     def begin_transmit(self, now: int, counter: int = 0) -> FreeFrame:
         """The bytes that wait. An open reception goes on: the program's data are no frames."""
-        del counter
         if self._out is None:
             raise RuntimeError("nothing waits to be sent")
         self._sending = True

@@ -66,7 +66,6 @@ class AsciiReader(AduReader):
 
     def whole(self, adu: Adu, start: int, end: int) -> Damage | None:
         """Take a whole undamaged frame, which is complete; returns the damage that it ends."""
-        del adu
         before = self.silence()
         self.heard = start, end
         return before

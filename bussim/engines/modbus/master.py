@@ -151,7 +151,6 @@ class Master:
 
     def stop(self, now: int) -> int:
         """STOP or power-off: the running transaction is forgotten, without an event; returns hints."""
-        del now
         self._move(MasterInput.STOP)
         self._reset()
         self.due = -1
@@ -322,7 +321,6 @@ class Master:
 
     def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The request that is due."""
-        del counter
         self._move(MasterInput.BEGUN)
         self._reader.reset()
         self._sent = now

@@ -120,7 +120,6 @@ class Slave:
 
     def stop(self, now: int) -> int:
         """STOP or power-off: it sends and receives no more, nothing pending survives; returns hints."""
-        del now
         self._reset()
         self._move(SlaveInput.STOP)
         return 0
@@ -165,7 +164,6 @@ class Slave:
 
     def on_deadline(self, now: int) -> int:
         """Nothing to do."""
-        del now
         return 0
 
     def _heard(self, completed: Adu | Damage, now: int) -> int:
@@ -264,7 +262,6 @@ class Slave:
 
     def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The reply that is due. Raises RuntimeError if none is."""
-        del now, counter
         if self._reply is None or self.state is not SlaveState.ANSWERING:
             raise RuntimeError(f"the slave is {self.state.value}: no reply is due")
         self._move(SlaveInput.BEGUN)

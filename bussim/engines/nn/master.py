@@ -164,7 +164,6 @@ class Master:
 
     def stop(self, now: int) -> int:
         """STOP or power-off: nothing pending survives but events; returns hints."""
-        del now
         self._move(MasterInput.STOP)
         self.due = -1
         self._deadline = None
@@ -315,7 +314,6 @@ class Master:
 
     def begin_transmit(self, now: int, counter: int = 0) -> Frame:
         """The frame that is due; a data frame carries :attr:`image`."""
-        del counter  # of replies only
         if self._reader.length:
             self._reader.reset()
         if self.state is MasterState.POLL:

@@ -77,7 +77,6 @@ class Slave(LinkMonitor):
 
     def start(self, now: int) -> int:
         """RUN; returns hints. Clears the status as STOP→RUN does."""
-        del now
         self._reset()
         self.status = LinkStatus()
         self.state = SLAVE[self.state, SlaveInput.START]
@@ -85,7 +84,6 @@ class Slave(LinkMonitor):
 
     def stop(self, now: int) -> int:
         """STOP or power-off: it sends and receives no more, the parameters are lost; returns hints."""
-        del now
         self._reset()
         self.status.running = False
         self.state = SLAVE[self.state, SlaveInput.STOP]
@@ -179,7 +177,6 @@ class Slave(LinkMonitor):
 
     def begin_transmit(self, now: int, counter: int = 0) -> Frame:
         """The reply to the poll with this counter; it carries :attr:`image`."""
-        del now
         self._sent_counter = counter
         if self._reader.length:
             self._reader.reset()
@@ -195,7 +192,6 @@ class Slave(LinkMonitor):
 
     def transmit_done(self, now: int) -> int:
         """The reply has left: its poll is answered, as far as this station knows."""
-        del now
         if self.state is SlaveState.LINKED:
             if self._pending == self.config.station and self._pending_counter == self._sent_counter:
                 self._pending = ~self._pending

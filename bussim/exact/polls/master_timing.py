@@ -89,7 +89,6 @@ class Direct:
 
     def gap(self, need: Span | None = None) -> Span:
         """The interval."""
-        del need
         return exactly(self.interval)
 
     def turn(self, need: Span) -> Span:

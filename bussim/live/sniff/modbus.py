@@ -89,7 +89,6 @@ class ModbusDecoder:
 
     def close(self, now: int) -> None:
         """Nothing more will be heard. A request that is open stays undecided."""
-        del now
         self._open = None
 
     def _asked(self, station: int, request: Request, heard: Heard) -> None:

@@ -84,7 +84,6 @@ class FreeSide:
 
     def event(self, item: EngineItem, now: int) -> None:
         """See the protocol."""
-        del now
         if isinstance(item, Sent):
             self._reported.append(item)
         elif isinstance(item, Received):
@@ -96,7 +95,6 @@ class FreeSide:
 
     def release(self, now: int) -> None:
         """See the protocol. What has been sent is reported; what no END has taken over is lost."""
-        del now
         for item in self._reported:
             if isinstance(item, Sent):
                 self._status.events.append(FreeSent(self._name, item))
@@ -107,7 +105,6 @@ class FreeSide:
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
         """See the protocol. How many bytes are received is taken when it goes on, all else when it sends."""
-        del now
         if self._owner is not None and self._owner != instruction:
             return Drive.BUSY
         self._owner = instruction
@@ -116,7 +113,6 @@ class FreeSide:
 
     def undrive(self, instruction: Hashable, now: int) -> None:
         """See the protocol."""
-        del now
         if self._owner == instruction:
             self._owner = self._call = None
 

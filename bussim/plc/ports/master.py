@@ -52,7 +52,6 @@ class MasterSide:
 
     def wanted_end(self, now: int) -> int | None:
         """See the protocol."""
-        del now
         if self._running is not None:
             return None if self._ended is None else self._ended.end
         if self._call is not None:
@@ -61,13 +60,11 @@ class MasterSide:
 
     def event(self, item: EngineItem, now: int) -> None:
         """See the protocol."""
-        del now
         if isinstance(item, TransactionEnded):
             self._ended = item
 
     def release(self, now: int) -> None:
         """See the protocol."""
-        del now
         self._status.set_bit(RUNNING, 0)
 
     # -- instructions ------------------------------------------------------------------------------
@@ -83,7 +80,6 @@ class MasterSide:
 
     def undrive(self, instruction: Hashable, now: int) -> None:
         """See the protocol."""
-        del now
         if self._owner == instruction:
             self._owner = None
             if self._call is not None:

@@ -48,17 +48,13 @@ class SlaveSide:
 
     def event(self, item: EngineItem, now: int) -> None:
         """Nothing to do: what a slave reports is no matter of END."""
-        del item, now
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
         """No RS2 on a slave's port."""
-        del instruction, operands, now
         return Drive.REFUSED
 
     def undrive(self, instruction: Hashable, now: int) -> None:
         """Nothing to do."""
-        del instruction, now
 
     def release(self, now: int) -> None:
         """Nothing to do."""
-        del now

@@ -54,7 +54,6 @@ class LinkPort(Node):
 
     def understands(self, sender: LineNode) -> bool:
         """Always: a link has no other frames than its own."""
-        del sender
         return True
 
     def report(self, item: NnEvent, now: int) -> None:

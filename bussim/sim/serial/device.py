@@ -90,7 +90,6 @@ class DeviceNode(SerialNode):
 
     def handle_event(self, item: Any, now: int) -> None:
         """What becomes of an event."""
-        del now
         reporter = self.reporter
         if self.kind == "response":
             reporter.slave_event(self, item)

@@ -65,7 +65,6 @@ class Line(Cable):
 
     def protocol_of(self, sender: LineNode) -> str:
         """The protocol of a node, for the trace."""
-        del sender
         return self.protocol
 
     def _deliver(self, frame: WireFrame, tx: Transmission, now: int) -> None:

@@ -162,7 +162,6 @@ class Receiver:
     # -- characters --------------------------------------------------------------------------------
 
     def _on_character(self, now: int) -> None:
-        del now
         self._deliver()
         self.settle()
 
