@@ -46,6 +46,7 @@ def test_a_header_where_there_was_none() -> None:
     assert spurious / tries < 0.02
 
 
+@pytest.mark.slow
 def test_where_a_torn_reply_seems_to_end() -> None:
     # Any single hit later leaves the first character alone and moves the last one by less than a character.
     off = moved = tries = 0

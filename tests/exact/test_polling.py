@@ -33,6 +33,7 @@ from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES
 from bussim.plc.program.program import Program
 from bussim.scenario import model
+from tests.selection import quick
 from tests.sim.build import MS, SECOND, Done, fault, run
 from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, scripted, serial_bus
 
@@ -283,7 +284,7 @@ def good(done: Done, node: str, name: str) -> list[tuple[int, int, int, int]]:
     ][1:]  # type: ignore[return-value]
 
 
-@pytest.mark.parametrize("seed", range(SEEDS))
+@pytest.mark.parametrize("seed", quick(15, range(SEEDS)))
 def test_nothing_simulated_leaves_the_bounds(seed: int) -> None:
     scenario = random_bus(seed)
     found = only(scenario)
@@ -342,6 +343,7 @@ def test_bounds_are_not_wide_where_they_need_not_be() -> None:
     assert {cycle.duration for cycle in done.record.cycles[1:]} == {found.cycle.least}
 
 
+@pytest.mark.slow
 def test_the_bus_load_is_that_of_the_wire() -> None:
     for every in (0, 100 * MS):
         polls = [ask(every=every), ask("b", every=every, count=9, to="D420")]
@@ -428,7 +430,7 @@ def disturbances(seed: int, scenario: model.Scenario) -> model.Scenario:
     return replace(scenario, noise=tuple(noise), faults=tuple(faults))
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", quick(6, range(20)))
 def test_no_disturbance_makes_a_cycle_longer_than_the_worst_case(seed: int) -> None:
     scenario = random_bus(seed)
     found = only(scenario)

@@ -14,6 +14,7 @@ from bussim.exact.solve import Solved
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.exact.links import FULL, PROBE, link, with_burst, with_noise
 from tests.exact.play import play
+from tests.selection import quick
 
 
 def test_pairs() -> None:
@@ -88,7 +89,7 @@ def test_gaps_fill_the_time(model: LinkModel) -> None:
         assert np.all(np.diff(tail) <= 1e-14)
 
 
-@pytest.mark.parametrize("absent", [FULL, PROBE])
+@pytest.mark.parametrize("absent", quick(1, (PROBE, FULL)))
 def test_gaps_fill_the_time_with_bursts(absent: object) -> None:
     model = with_burst(link(2, attempts=2, absent=absent), 2_000, 60, 0, 5e-3)  # type: ignore[arg-type]
     solved = Solved(with_noise(model, "rx", 1, 1e-5))

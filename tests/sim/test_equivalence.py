@@ -22,6 +22,7 @@ from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.port import LinkPort
 from bussim.sim.wire.cable import Listeners
 from bussim.trace.records import NoteRecord
+from tests.selection import quick
 
 from . import chance
 from .build import MS, TURNAROUND, Done, bus_of, data, fault, link, run, started, timeout
@@ -65,7 +66,7 @@ def assert_same_trace(one: Done, other: Done) -> None:
     assert other.record.refreshes == one.record.refreshes
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", quick(40, SEEDS))
 def test_slaves_that_share_a_listener_receive_what_each_receives_alone(seed: int) -> None:
     scenario = chance.scenario(seed, SECONDS)
     simulation, record = started(scenario)
@@ -74,7 +75,7 @@ def test_slaves_that_share_a_listener_receive_what_each_receives_alone(seed: int
     assert_same_trace(ordinary(seed), Done(simulation, record, simulation.totals()))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", quick(40, SEEDS))
 def test_past_the_event_queue_things_happen_in_the_same_order(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,7 +83,7 @@ def test_past_the_event_queue_things_happen_in_the_same_order(
     assert_same_trace(ordinary(seed), run(chance.scenario(seed, SECONDS)))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", quick(40, SEEDS))
 def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
     scenario = chance.scenario(seed, SECONDS)
     simulation, record = started(scenario, traced=False)
@@ -115,11 +116,14 @@ def _one_by_one(bus: LinkBus, sender: LinkPort) -> Listeners:
 # A station that jabbers in the middle of a frame keeps the half that it had heard (or not) for later.
 @pytest.mark.parametrize(
     "seed",
-    [
-        seed
-        for seed in SEEDS
-        if not any(isinstance(fault.kind, model.Jabber) for fault in chance.scenario(seed).faults)
-    ],
+    quick(
+        40,
+        (
+            seed
+            for seed in SEEDS
+            if not any(isinstance(fault.kind, model.Jabber) for fault in chance.scenario(seed).faults)
+        ),
+    ),
 )
 def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = chance.scenario(seed, SECONDS)

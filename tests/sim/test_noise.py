@@ -12,6 +12,7 @@ import pytest
 from bussim.plc.profiles import PROFILES
 from bussim.scenario import model
 from bussim.trace.records import FrameRecord
+from tests.selection import quick
 
 from .build import (
     CHAR,
@@ -59,6 +60,7 @@ def binomial(hits: int, chances: list[float]) -> bool:
 # -- independent bit errors ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ber", [1e-4, 2e-3])
 def test_bit_errors_hit_with_the_exact_probability(ber: float) -> None:
     done = run(link(3, 0, retries=2, seconds=30, noise=[noise(model.BitErrors(ber))]))
@@ -147,6 +149,7 @@ def test_bursts_cover_their_share_of_the_traffic() -> None:
     assert 0 < wrong / total < ber * share
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [BIT // 2, 5 * BIT, 40 * BIT])
 def test_impulses_hit_the_bits_that_they_cover(width: int) -> None:
     every, phase, ber = 20 * MS, 3 * MS, 0.4
@@ -186,6 +189,7 @@ def test_an_impulse_without_a_phase_has_a_random_one_of_its_own() -> None:
 # -- lost replies ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("station", "who"), [(None, {1, 2}), ("p1", {1}), ("p2", {2})])
 def test_replies_vanish_with_their_probability(station: str | None, who: set[int]) -> None:
     loss = 0.05
@@ -239,7 +243,7 @@ def _records(done: Done) -> list[Any]:
 
 
 @pytest.mark.parametrize("how", ["listening", "in stop", "off", "refused"])
-@pytest.mark.parametrize("place", ["last", "first"])
+@pytest.mark.parametrize("place", quick(1, ("first", "last")))
 def test_a_silent_fourth_station_changes_no_draws(how: str, place: str) -> None:
     # Jitter of scans and turnarounds is rng as well.
     others = {station: {"scan": model.Scan(8 * MS, 3 * MS)} for station in range(3)}

@@ -158,6 +158,7 @@ def test_two_masters_collide_and_go_on() -> None:
 # -- noise and faults -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_noise_fails_as_many_transactions_as_theory_says() -> None:
     ber = 4e-4
     noise = model.Noise("n", model.Target("bus"), model.BitErrors(ber))

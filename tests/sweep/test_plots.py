@@ -117,6 +117,7 @@ def test_a_picture_of_each_kind_for_one_key_or_two(scenario: Path, tmp_path: Pat
     assert draw(three, results(three), tmp_path) == []
 
 
+@pytest.mark.slow
 def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path) -> None:
     rng = random.Random(2)
 
@@ -142,6 +143,7 @@ def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path
         assert_legible(picture)
 
 
+@pytest.mark.slow
 def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) -> None:
     rng = random.Random(3)
 

@@ -14,6 +14,7 @@ from bussim.live.recordings.frames import heard_of
 from bussim.scenario.loader import from_data
 from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, parse_time
+from tests.selection import quick
 
 SEEDS = range(10)
 #: Two-sided 95 % intervals, twenty of them: fewer than this many miss, but once in 10^4.
@@ -116,7 +117,7 @@ def test_turnaround_gap_and_overhead_are_found(seed: int) -> None:
     assert found.scan_overhead.value == parse_time(f"{known['overhead']} ms")
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", quick(3, SEEDS))
 def test_settings_and_the_outage_are_found(seed: int) -> None:
     known, found = parameters(seed), fitted(seed)
     assert found.settings_received

@@ -7,7 +7,7 @@ from math import comb, log1p
 
 import mpmath
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.live.fit.statistics import (
@@ -21,7 +21,6 @@ from bussim.live.fit.statistics import (
 )
 
 
-@settings(max_examples=60)
 @given(st.floats(1e-6, 1 - 1e-6), st.integers(1, 3000), st.integers(1, 3000))
 def test_incomplete_beta_is_mpmaths(x: float, a: int, b: int) -> None:
     assert beta_distribution(x, a, b) == pytest.approx(
