@@ -32,7 +32,7 @@ class Histogram:
     __slots__ = ("bins", "count", "maximum", "minimum", "total")
 
     def __init__(self) -> None:
-        self.bins: dict[int, int] = {}
+        self.bins: Counter[int] = Counter()
         self.count = 0
         self.total = 0
         self.minimum: int | None = None
@@ -40,68 +40,41 @@ class Histogram:
 
     def add(self, ticks: int) -> None:
         """Count a time of ``ticks`` (>= 0)."""
-        position = (ticks + _HALF_BIN) // BIN_TICKS
-        self.bins[position] = self.bins.get(position, 0) + 1
+        self.bins[(ticks + _HALF_BIN) // BIN_TICKS] += 1
         self.count += 1
         self.total += ticks
-        if self.maximum is None or ticks > self.maximum:
-            self.maximum = ticks
-        if self.minimum is None or ticks < self.minimum:
-            self.minimum = ticks
+        self._extend(ticks, ticks)
 
-    def add_all(self, times_: Sequence[int]) -> None:
+    def add_all(self, times: Sequence[int]) -> None:
         """Count many times (ticks) once each, faster than one by one."""
-        if not times_:
+        if not times:
             return
-        bins = self.bins
-        for position, times in Counter([(t + _HALF_BIN) // BIN_TICKS for t in times_]).items():
-            bins[position] = bins.get(position, 0) + times
-        self.count += len(times_)
-        self.total += sum(times_)
-        low, high = min(times_), max(times_)
-        self.minimum = low if self.minimum is None else min(low, self.minimum)
-        self.maximum = high if self.maximum is None else max(high, self.maximum)
+        self.bins.update([(ticks + _HALF_BIN) // BIN_TICKS for ticks in times])
+        self.count += len(times)
+        self.total += sum(times)
+        self._extend(min(times), max(times))
 
     def merge(self, other: Histogram) -> None:
         """Add all counts of another histogram."""
-        self._add(other, 1)
-        if other.maximum is not None:
-            self.maximum = other.maximum if self.maximum is None else max(self.maximum, other.maximum)
-        if other.minimum is not None:
-            self.minimum = other.minimum if self.minimum is None else min(self.minimum, other.minimum)
+        self.bins.update(other.bins)
+        self.count += other.count
+        self.total += other.total
+        if other.minimum is not None and other.maximum is not None:
+            self._extend(other.minimum, other.maximum)
 
-    def subtract(self, other: Histogram) -> None:
-        """Subtract all counts of another histogram; counts may become negative.
-
-        Minimum and maximum stay: they cover everything that was ever added.
-        """
-        self._add(other, -1)
-
-    def _add(self, other: Histogram, sign: int) -> None:
-        for position, times in other.bins.items():
-            left = self.bins.get(position, 0) + sign * times
-            if left:
-                self.bins[position] = left
-            else:
-                del self.bins[position]
-        self.count += sign * other.count
-        self.total += sign * other.total
+    def _extend(self, low: int, high: int) -> None:
+        if self.minimum is None or low < self.minimum:
+            self.minimum = low
+        if self.maximum is None or high > self.maximum:
+            self.maximum = high
 
     def bars(self, width: int, first: int | None = None, last: int | None = None) -> dict[int, int]:
         """Counts of bars that are ``width`` bins wide, of the bins from ``first`` to ``last`` (None: all)."""
-        bars: dict[int, int] = {}
+        bars: Counter[int] = Counter()
         for position, times in self.bins.items():
             if (first is None or first <= position) and (last is None or position <= last):
-                bars[position // width] = bars.get(position // width, 0) + times
+                bars[position // width] += times
         return bars
-
-    def copy(self) -> Histogram:
-        """An independent histogram with the same counts."""
-        twin = Histogram()
-        twin.bins = dict(self.bins)
-        twin.count, twin.total = self.count, self.total
-        twin.minimum, twin.maximum = self.minimum, self.maximum
-        return twin
 
     @property
     def mean(self) -> float | None:
@@ -145,7 +118,7 @@ class Histogram:
     def from_json(cls, data: Mapping[str, Any]) -> Histogram:
         """The histogram of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
         histogram = cls()
-        histogram.bins = {int(position): int(times) for position, times in data["bins"]}
+        histogram.bins = Counter({int(position): int(times) for position, times in data["bins"]})
         histogram.count, histogram.total = int(data["count"]), int(data["sum"])
         histogram.minimum = None if data["min"] is None else int(data["min"])
         histogram.maximum = None if data["max"] is None else int(data["max"])

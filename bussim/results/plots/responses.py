@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 
 from matplotlib.axes import Axes
@@ -119,7 +120,7 @@ def _panels(ports: Sequence[PortRecord]) -> list[_Panel]:
     panels = []
     for name in names:
         polls = [port.polls.get(name) for port in ports]
-        responses = [poll.responses.copy() if poll else Histogram() for poll in polls]
+        responses = [deepcopy(poll.responses) if poll else Histogram() for poll in polls]
         attempts = [poll.transactions if poll else 0 for poll in polls]
         panels.append(_Panel(name or "driven by the program", responses, attempts))
     if len(panels) > _MOST_PANELS:
