@@ -111,7 +111,7 @@ def parts_chart(
         "bounds": _bounds(bounds),
         "box_styles": {
             names[part]: BoxStyle(PARTS_OF_LATENCY[part], 0.7, meaning=names[part])._asdict()
-            for part, most in zip(PARTS, record.longest_parts, strict=True)
+            for part, (_, most) in record.parts.items()
             if most
         },
         "mark_styles": {},

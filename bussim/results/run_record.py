@@ -8,6 +8,7 @@ from typing import Any
 
 from bussim.results.meters.latency_record import LatencyRecord
 from bussim.results.meters.link import LinkRecord
+from bussim.results.meters.plain_data import from_plain, to_plain
 from bussim.results.meters.ports import PortRecord
 from bussim.results.summary import SCHEMA
 from bussim.trace.codec import from_line, type_of
@@ -41,11 +42,11 @@ class RunRecord:
         return {
             "schema": SCHEMA,
             "duration": self.duration,
-            "links": {bus: link.to_json() for bus, link in self.links.items()},
-            "ports": {node: port.to_json() for node, port in self.ports.items()},
-            "latency": {name: entry.to_json() for name, entry in self.latency.items()},
+            "links": to_plain(self.links),
+            "ports": to_plain(self.ports),
+            "latency": to_plain(self.latency),
             "notes": [note._asdict() for note in self.notes],
-            "notes_left_out": dict(sorted(self.left_out.items())),
+            "notes_left_out": to_plain(self.left_out),
         }
 
     @classmethod
@@ -54,13 +55,11 @@ class RunRecord:
         return cls(
             summary=summary,
             duration=int(histograms["duration"]),
-            links={bus: LinkRecord.from_json(link) for bus, link in histograms["links"].items()},
+            links=from_plain(dict[str, LinkRecord], histograms["links"]),
             notes=tuple(map(_note, histograms["notes"])),
-            left_out={kind: int(number) for kind, number in histograms["notes_left_out"].items()},
-            ports={node: PortRecord.from_json(port) for node, port in histograms["ports"].items()},
-            latency={
-                name: LatencyRecord.from_json(entry) for name, entry in histograms.get("latency", {}).items()
-            },
+            left_out=from_plain(dict[str, int], histograms["notes_left_out"]),
+            ports=from_plain(dict[str, PortRecord], histograms["ports"]),
+            latency=from_plain(dict[str, LatencyRecord], histograms.get("latency", {})),
         )
 
 

@@ -15,7 +15,7 @@ from bussim.live.clock import Clock
 from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
-from bussim.results.meters.link import LinkRecord
+from bussim.results.meters.link import LinkRecord, Pairs
 from bussim.results.run_record import RunRecord
 from bussim.scenario import model
 from bussim.scenario.build.trace_header import trace_header
@@ -87,7 +87,8 @@ class _SimulatedOnly(Collector):
         """See the base class."""
         return {
             name: replace(
-                link, refresh={pair: gaps for pair, gaps in link.refresh.items() if pair[1] in self.here}
+                link,
+                refresh=Pairs((pair, gaps) for pair, gaps in link.refresh.items() if pair[1] in self.here),
             )
             for name, link in super().links(totals).items()
         }

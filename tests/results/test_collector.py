@@ -78,7 +78,7 @@ def test_failed_attempts_are_counted_by_scan_and_code() -> None:
         for code in codes:
             collector.failed("link", 0, 1, code)
         collector.take(scan(1000 * number, 1000))
-    assert collector.links(TOTALS)["link"].failed_per_scan == {1: {2: 2}, 4: {1: 2}}
+    assert collector.links(TOTALS)["link"].failed_per_scan == {"01": {2: 2}, "04": {1: 2}}
 
 
 def test_buses_are_kept_apart() -> None:

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.results.meters.link import LinkRecord, ScanTimes
+from bussim.results.meters.plain_data import from_plain, to_plain
 from bussim.results.meters.timeline import MOST_CELLS, MOST_SPANS, Span, Spans, Timeline, time_on
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -62,7 +63,7 @@ def test_cells_and_spans_of_a_link_come_back() -> None:
     spans.off(2, 200)
     spans.on(7, 300)
     link = LinkRecord((), ScanTimes(), ScanTimes(), timeline=timeline.cells, in_error=spans.all())
-    again = LinkRecord.from_json(json.loads(json.dumps(link.to_json())))
+    again = from_plain(LinkRecord, json.loads(json.dumps(to_plain(link))))
     assert (again.timeline, again.in_error) == (link.timeline, link.in_error)
 
 

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.results.meters.histogram import Histogram
+from bussim.results.meters.plain_data import FLAT, from_plain, named, to_plain
 from bussim.results.meters.refresh import Refresh, RefreshMeter
-from bussim.results.meters.timeline import (
-    Cell,
-    Span,
-    Spans,
-    Timeline,
-)
+from bussim.results.meters.timeline import Cell, Span, Spans, Timeline
 from bussim.trace.records import LinkTotals, ScanRecord
 
 
+@dataclass(slots=True)
 class ScanTimes:
     """Link scan times of one bus: their histogram, the last one, and when and why the longest was."""
 
-    __slots__ = ("histogram", "last", "longest_at", "longest_cause")
-
-    def __init__(self) -> None:
-        self.histogram = Histogram()
-        self.last: int | None = None
-        self.longest_at: int | None = None
-        self.longest_cause = ""
+    last: int | None = None
+    longest_at: int | None = None
+    longest_cause: str = ""
+    histogram: Histogram = field(default_factory=Histogram, metadata=FLAT)
 
     def add(self, scan: ScanRecord) -> None:
         """Take in a scan; of several longest ones the first is kept."""
@@ -36,23 +30,21 @@ class ScanTimes:
         self.histogram.add(scan.duration)
         self.last = scan.duration
 
-    def to_json(self) -> dict[str, Any]:
+
+class Pairs(dict[tuple[str, str], Refresh]):
+    """The refreshes of a link by (source, receiver) names; plain data has a list of them."""
+
+    def to_json(self) -> list[dict[str, Any]]:
         """Plain data, times in ticks."""
-        return {
-            "last": self.last,
-            "longest_at": self.longest_at,
-            "longest_cause": self.longest_cause,
-            **self.histogram.to_json(),
-        }
+        return [
+            {"source": source, "receiver": receiver, **to_plain(pair)}
+            for (source, receiver), pair in self.items()
+        ]
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> ScanTimes:
-        """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
-        times = cls()
-        times.histogram = Histogram.from_json(data)
-        times.last, times.longest_at = data["last"], data["longest_at"]
-        times.longest_cause = str(data["longest_cause"])
-        return times
+    def from_json(cls, data: Sequence[Mapping[str, Any]]) -> Pairs:
+        """The value of :meth:`to_json`."""
+        return cls(((pair["source"], pair["receiver"]), from_plain(Refresh, pair)) for pair in data)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,59 +53,17 @@ class LinkRecord:
 
     ``after_startup`` are the scans that began at or after the link was healthy for the first time.
     ``refresh`` is by (source, receiver) names. ``in_error`` has when each station's error flag
-    was on at the master. ``failed_per_scan`` has, by error code, how many scans had how many failed
-    attempts with that code (only scans that had one).
+    was on at the master. ``failed_per_scan`` has, by error code (two hexadecimal digits), how many scans had
+    how many failed attempts with that code (only scans that had one).
     """
 
-    plc_names: tuple[str, ...]
+    plc_names: tuple[str, ...] = field(metadata=named("seats"))
     scan_times: ScanTimes
     after_startup: ScanTimes
-    refresh: dict[tuple[str, str], Refresh] = field(default_factory=dict)
+    refresh: Pairs = field(default_factory=Pairs)
     timeline: list[Cell] = field(default_factory=list)
     in_error: dict[int, list[Span]] = field(default_factory=dict)
-    failed_per_scan: dict[int, dict[int, int]] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data, times in ticks."""
-        return {
-            "seats": list(self.plc_names),
-            "scan_times": self.scan_times.to_json(),
-            "after_startup": self.after_startup.to_json(),
-            "refresh": [
-                {"source": source, "receiver": receiver, "last": pair.last, **pair.gaps.to_json()}
-                for (source, receiver), pair in self.refresh.items()
-            ],
-            "timeline": [list(cell) for cell in self.timeline],
-            "in_error": {
-                str(station): [list(span) for span in spans] for station, spans in self.in_error.items()
-            },
-            "failed_per_scan": {
-                f"{code:02X}": {str(number): scans for number, scans in sorted(by_number.items())}
-                for code, by_number in sorted(self.failed_per_scan.items())
-            },
-        }
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> LinkRecord:
-        """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
-        return cls(
-            plc_names=tuple(map(str, data["seats"])),
-            scan_times=ScanTimes.from_json(data["scan_times"]),
-            after_startup=ScanTimes.from_json(data["after_startup"]),
-            refresh={
-                (str(pair["source"]), str(pair["receiver"])): Refresh(Histogram.from_json(pair), pair["last"])
-                for pair in data["refresh"]
-            },
-            timeline=[Cell(*map(int, numbers)) for numbers in data["timeline"]],
-            in_error={
-                int(station): [Span(int(start), None if end is None else int(end)) for start, end in spans]
-                for station, spans in data["in_error"].items()
-            },
-            failed_per_scan={
-                int(code, 16): {int(number): int(scans) for number, scans in by_number.items()}
-                for code, by_number in data["failed_per_scan"].items()
-            },
-        )
+    failed_per_scan: dict[str, dict[int, int]] = field(default_factory=dict)
 
 
 class LinkMeter:
@@ -184,13 +134,13 @@ class LinkMeter:
             plc_names=names,
             scan_times=self.scan_times,
             after_startup=self.after_startup,
-            refresh={
-                (name, other): refresh.pair(totals.bus, source, receiver)
+            refresh=Pairs(
+                ((name, other), refresh.pair(totals.bus, source, receiver))
                 for source, name in enumerate(names)
                 for receiver, other in enumerate(names)
                 if source != receiver
-            },
+            ),
             timeline=self.timeline.cells,
             in_error=in_error.all(),
-            failed_per_scan=self.failed_per_scan,
+            failed_per_scan={f"{code:02X}": scans for code, scans in sorted(self.failed_per_scan.items())},
         )

@@ -5,12 +5,9 @@ Memory does not grow with a run: counts, and histograms of times. Times are tick
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
 from bussim.results.meters.histogram import Histogram
-from bussim.results.numbers import by_code
 from bussim.trace.records import CycleRecord, FreeRecord, PollRecord, RunTotals, TransactionRecord
 
 #: The yy of D8063 = 7xyy that have a count of their own (PW10 board manual, section 8).
@@ -77,35 +74,6 @@ class Poll:
         self.on_arrival.add(taken - served)
         self.last_served = served
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data, times in ticks."""
-        return {
-            "transactions": self.transactions,
-            "ok": self.ok,
-            "reads": self.reads,
-            "turns": self.turns,
-            "failed_turns": self.failed_turns,
-            "last_served": self.last_served,
-            **{name: getattr(self, name).to_json() for name in _POLL_TIMES},
-        }
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Poll:
-        """The value of :meth:`to_json`. Raises KeyError, TypeError or ValueError for anything else."""
-        served = data["last_served"]
-        return cls(
-            transactions=int(data["transactions"]),
-            ok=int(data["ok"]),
-            reads=bool(data["reads"]),
-            turns=int(data["turns"]),
-            failed_turns=int(data["failed_turns"]),
-            last_served=None if served is None else int(served),
-            **{name: Histogram.from_json(data[name]) for name in _POLL_TIMES},
-        )
-
-
-_POLL_TIMES = ("responses", "late", "on_arrival", "before_refresh")
-
 
 @dataclass(slots=True)
 class FreeCounts:
@@ -136,16 +104,16 @@ class FreeCounts:
 class PortRecord:
     """One node as Modbus master or with the free protocol.
 
-    ``exceptions`` are by exception code, ``others`` by the text of the port error. ``timeout`` is
-    the master's, in ticks, None where it is not known. ``mismatched`` are responses to another
-    request that the master has taken, without those that it has refused.
+    ``exceptions`` are by exception code (two hexadecimal digits), ``others`` by the text of the port
+    error. ``timeout`` is the master's, in ticks, None where it is not known. ``mismatched`` are responses
+    to another request that the master has taken, without those that it has refused.
     """
 
     bus: str
     timeout: int | None = None
     polls: dict[str, Poll] = field(default_factory=dict)
     cycles: Histogram = field(default_factory=Histogram)
-    exceptions: dict[int, int] = field(default_factory=dict)
+    exceptions: dict[str, int] = field(default_factory=dict)
     timeouts: int = 0
     crc_errors: int = 0
     others: dict[str, int] = field(default_factory=dict)
@@ -174,48 +142,14 @@ class PortRecord:
         if record.outcome == "ok":
             return
         if record.exception:
-            self.exceptions[record.exception] = self.exceptions.get(record.exception, 0) + 1
+            code = f"{record.exception:02X}"
+            self.exceptions[code] = self.exceptions.get(code, 0) + 1
         elif record.error == NO_RESPONSE:
             self.timeouts += 1
         elif record.error == WRONG_CHECK:
             self.crc_errors += 1
         else:
             self.others[record.outcome] = self.others.get(record.outcome, 0) + 1
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data, times in ticks."""
-        return {
-            "bus": self.bus,
-            "timeout": self.timeout,
-            "polls": {name: poll.to_json() for name, poll in self.polls.items()},
-            "cycles": self.cycles.to_json(),
-            "exceptions": by_code(self.exceptions),
-            "timeouts": self.timeouts,
-            "crc_errors": self.crc_errors,
-            "others": dict(sorted(self.others.items())),
-            "mismatched": self.mismatched,
-            "free": asdict(self.free),
-        }
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> PortRecord:
-        """The value of :meth:`to_json`.
-
-        Raises AttributeError, KeyError, TypeError or ValueError for anything else.
-        """
-        timeout = data["timeout"]
-        return cls(
-            bus=str(data["bus"]),
-            timeout=None if timeout is None else int(timeout),
-            polls={str(name): Poll.from_json(poll) for name, poll in data["polls"].items()},
-            cycles=Histogram.from_json(data["cycles"]),
-            exceptions={int(code, 16): int(number) for code, number in data["exceptions"].items()},
-            timeouts=int(data["timeouts"]),
-            crc_errors=int(data["crc_errors"]),
-            others={str(text): int(number) for text, number in data["others"].items()},
-            mismatched=int(data["mismatched"]),
-            free=FreeCounts(**{name: int(number) for name, number in data["free"].items()}),
-        )
 
 
 class PortMeter:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from itertools import chain, pairwise
 
 from bussim.results.meters.histogram import Histogram
+from bussim.results.meters.plain_data import FLAT
 
 #: Receptions that are counted at once: many are cheaper than one by one.
 _COUNTED_AT_ONCE = 512
@@ -22,8 +23,8 @@ class Refresh:
     counted). ``last`` is the tick of the last reception, None if there was none.
     """
 
-    gaps: Histogram = field(default_factory=Histogram)
     last: int | None = None
+    gaps: Histogram = field(default_factory=Histogram, metadata=FLAT)
 
     def take(self, ticks: Iterable[int]) -> None:
         """Count receptions in order; a second one at the same tick does not count."""

@@ -228,8 +228,8 @@ def _explain(
     names = part_names(word=records[0].word)
     handles: list[Patch | Line2D] = [
         Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=names[name])
-        for place, name in enumerate(PARTS)
-        if any(record.longest_parts[place] for record in records)
+        for name in PARTS
+        if any(record.parts[name][1] for record in records)
     ]
     if labels is None:
         for name, value in marked(records[0].histogram).items():

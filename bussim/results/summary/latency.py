@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from bussim.results.meters.latency_record import PARTS, LatencyRecord
+from bussim.results.meters.latency_record import LatencyRecord
 from bussim.results.numbers import ms, s
 from bussim.results.summary.statistics import statistics
 
@@ -20,7 +20,6 @@ class LatencyBounds(NamedTuple):
 
 def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict[str, Any]:
     """The ``summary.json`` of an entry; ``bounds`` are what it may be at worst, if known."""
-    parts = zip(PARTS, record.sums, record.longest_parts, strict=True)
     delivered = record.delivered
     summary: dict[str, Any] = {
         "from": record.source,
@@ -40,7 +39,7 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
                 "mean": ms(total / delivered) if delivered else None,
                 "max": ms(longest) if delivered else None,
             }
-            for name, total, longest in parts
+            for name, (total, longest) in record.parts.items()
         },
         "reads": delivered if record.word else None,
         "lost_short": None if record.word else record.lost_short,

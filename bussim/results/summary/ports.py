@@ -84,7 +84,7 @@ def _master(record: PortRecord, duration: int) -> dict[str, Any]:
         "timeout_ms": None if record.timeout is None else whole(milliseconds(record.timeout)),
         "transactions": sum(poll.transactions for poll in polls.values()),
         "ok": sum(poll.ok for poll in polls.values()),
-        "exceptions": by_code(record.exceptions),
+        "exceptions": dict(sorted(record.exceptions.items())),
         "timeouts": record.timeouts,
         "crc_errors": record.crc_errors,
         "other_errors": dict(sorted(record.others.items())),
