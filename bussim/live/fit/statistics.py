@@ -1,9 +1,7 @@
 """Estimates with their confidence intervals, and the distance of two samples.
 
-Written here because what is needed of scipy are four formulas: the regularised incomplete beta
-function (continued fraction, Numerical Recipes, 6.4), Clopper and Pearson's interval (Biometrika 26,
-1934), a likelihood interval for one parameter, and the Kolmogorov-Smirnov distance with its
-asymptotic distribution (Numerical Recipes, 14.3).
+Clopper and Pearson's interval (Biometrika 26, 1934), a likelihood interval for one parameter, and the
+Kolmogorov-Smirnov distance with its asymptotic distribution (Numerical Recipes, 14.3).
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, expm1, fsum, lgamma, log, log1p, sqrt
+from math import exp, expm1, fsum, log, log1p, sqrt
 from statistics import NormalDist
 
 #: How often an interval covers the truth.
@@ -20,7 +18,6 @@ _NORMAL = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
 #: Half of chi-square's 95 % point with one degree of freedom: the fall of the log likelihood.
 _FALL = _NORMAL**2 / 2
 _STEPS = 200
-_TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,16 +51,15 @@ def proportion(hits: int, trials: int) -> Estimate:
     """A probability from ``hits`` of ``trials``, with Clopper and Pearson's exact interval."""
     if not 0 <= hits <= trials or not trials:
         raise ValueError(f"{hits} of {trials}")
+    from scipy.special import betaincinv
+
     tail = (1 - CONFIDENCE) / 2
-    low, high = 0.0, 1.0
-    if hits:
-        low = _root(lambda p: beta_distribution(p, hits, trials - hits + 1) - tail)
-    if hits < trials:
-        high = _root(lambda p: beta_distribution(p, hits + 1, trials - hits) - (1 - tail))
+    low = float(betaincinv(hits, trials - hits + 1, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 1, trials - hits, 1 - tail)) if hits < trials else 1.0
     return Estimate(hits / trials, low, high, trials)
 
 
-def _root(rising: Callable[[float], float], low: float = 0.0, high: float = 1.0) -> float:
+def _root(rising: Callable[[float], float], low: float, high: float) -> float:
     """Where a rising function crosses zero."""
     for _ in range(_STEPS):
         middle = (low + high) / 2
@@ -72,38 +68,6 @@ def _root(rising: Callable[[float], float], low: float = 0.0, high: float = 1.0)
         else:
             high = middle
     return (low + high) / 2
-
-
-def beta_distribution(x: float, a: float, b: float) -> float:
-    """The regularised incomplete beta function: P(B <= x) for B ~ Beta(a, b)."""
-    if x <= 0:
-        return 0.0
-    if x >= 1:
-        return 1.0
-    front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x))
-    if x < (a + 1) / (a + b + 2):
-        return front * _fraction(x, a, b) / a
-    return 1 - front * _fraction(1 - x, b, a) / b
-
-
-def _fraction(x: float, a: float, b: float) -> float:
-    """Lentz's evaluation of the continued fraction."""
-    c, d = 1.0, 1 - (a + b) * x / (a + 1)
-    d = 1 / (d if abs(d) > _TINY else _TINY)
-    result = d
-    for m in range(1, 100_000):
-        for term in (
-            m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m)),
-            -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1)),
-        ):
-            d = 1 + term * d
-            d = 1 / (d if abs(d) > _TINY else _TINY)
-            c = 1 + term / c
-            c = c if abs(c) > _TINY else _TINY
-            result *= c * d
-        if abs(c * d - 1) < 1e-14:
-            break
-    return result
 
 
 def bit_error_rate(frames: Mapping[int, tuple[int, int]]) -> Estimate | None:
@@ -189,12 +153,10 @@ def against_uniform(values: Sequence[float], low: float, high: float) -> Fit:
 
 
 def _kolmogorov(distance: float, size: float) -> float:
+    from scipy.special import kolmogorov
+
     root = sqrt(size)
-    z = (root + 0.12 + 0.11 / root) * distance
-    if z < 0.2:
-        return 1.0
-    total = 2 * fsum((-1) ** (k - 1) * exp(-2 * (k * z) ** 2) for k in range(1, 101))
-    return min(1.0, max(0.0, total))
+    return float(kolmogorov((root + 0.12 + 0.11 / root) * distance))
 
 
 def median(values: Sequence[int]) -> int:

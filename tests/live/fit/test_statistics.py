@@ -7,25 +7,15 @@ from math import comb, log1p
 
 import mpmath
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from bussim.live.fit.statistics import (
     against_uniform,
-    beta_distribution,
     bit_error_rate,
     compare,
     mean,
     median,
     proportion,
 )
-
-
-@given(st.floats(1e-6, 1 - 1e-6), st.integers(1, 3000), st.integers(1, 3000))
-def test_incomplete_beta_is_mpmaths(x: float, a: int, b: int) -> None:
-    assert beta_distribution(x, a, b) == pytest.approx(
-        float(mpmath.betainc(a, b, 0, x, regularized=True)), abs=1e-9
-    )
 
 
 @pytest.mark.parametrize(("hits", "trials"), [(0, 20), (1, 10), (7, 50), (50, 50), (13, 4000)])
