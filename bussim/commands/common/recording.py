@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from bussim.commands.common.port_options import FuncT, format_of
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
     from bussim.live.recordings.sources import Kind
-    from bussim.live.sniff.heard import Heard, Protocol
+    from bussim.live.sniff.heard import Protocol
     from bussim.live.sniff.listener import Listener
     from bussim.trace.records import TraceBus
 
@@ -92,35 +91,25 @@ def line_of(
     return LineTiming(baud or rate, fmt)
 
 
-def read(
-    path: Path,
-    kind: Kind,
-    listener: Listener,
-    channel: str | None,
-    limit: int | None,
-    on_heard: Callable[[list[Heard]], None] = lambda _frames: None,
-) -> int:
-    """Read a recording up to a tick, to the end of its listener; returns when it ends.
-
-    ``on_heard`` is told of the frames as the listener knows them.
-    """
+def read(path: Path, kind: Kind, listener: Listener, channel: str | None, limit: int | None) -> int:
+    """Read a recording up to a tick, to the end of its listener; returns when it ends."""
     from bussim.live.recordings.sources import Kind, characters
 
     last = 0
     if kind is Kind.TRACE:
-        last = _trace(path, listener, limit, on_heard)
+        last = _trace(path, listener, limit)
     else:
         for chars in characters(path, kind, listener.timing, channel=channel):
             if limit is not None and chars[-1][2] > limit:
                 last = limit
                 break
             last = chars[-1][2]
-            on_heard(listener.chars(chars))
-    on_heard(listener.close())
+            listener.chars(chars)
+    listener.close()
     return last
 
 
-def _trace(path: Path, listener: Listener, limit: int | None, on_heard: Callable[[list[Heard]], None]) -> int:
+def _trace(path: Path, listener: Listener, limit: int | None) -> int:
     from bussim.live.recordings.frames import heard_of
     from bussim.trace.file import read_trace
     from bussim.trace.records import FrameRecord
@@ -132,7 +121,7 @@ def _trace(path: Path, listener: Listener, limit: int | None, on_heard: Callable
             return limit
         heard = heard_of(record)
         if heard is not None:
-            on_heard(listener.heard(heard))
+            listener.heard(heard)
         last = max(last, record.end)
     if limit is None and trace.header.duration is not None:
         last = max(last, trace.header.duration)

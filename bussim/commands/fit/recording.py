@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 from bussim.commands.common.recording import bus_of, read
 from bussim.commands.common.times import time_of
-from bussim.commands.fit.sink import FitSink
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.fit.link import LinkEstimate, LinkObserver
+from bussim.live.fit.modbus import BusEstimate, BusObserver
 from bussim.live.recordings.sources import Kind, kind_of
 from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
+from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS
 
 if TYPE_CHECKING:
-    from bussim.live.fit.link import LinkEstimate
-    from bussim.live.fit.modbus import BusEstimate
     from bussim.live.sniff.heard import Protocol
     from bussim.results.run_record import RunRecord
 
@@ -56,10 +56,20 @@ def fit(
     gap = 20 * TICKS_PER_MS if kind is Kind.RAW else 0
     if tolerance is not None:
         gap = time_of("--tolerance", tolerance)
-    sink = FitSink(line, names.get(0, station_name(0)), bus or "line")
-    listener = Listener(bus or "line", line, sink, tolerance=gap, protocol=protocol, names=names)
-    duration = read(path, kind, listener, channel, None, sink.heard)
-    link, ports = sink.estimates()
+    sink = Collector(bus_of={names.get(0, station_name(0)): bus or "line"})
+    listener = Listener(
+        bus or "line",
+        line,
+        sink,
+        tolerance=gap,
+        protocol=protocol,
+        names=names,
+        decoders=(LinkObserver, BusObserver),
+    )
+    duration = read(path, kind, listener, channel, None)
+    decoder = listener.decoder
+    link = decoder.estimate() if isinstance(decoder, LinkObserver) else None
+    ports = decoder.estimate() if isinstance(decoder, BusObserver) else None
     if link is None and ports is None:
         raise UsageError(
             f"{source}: no exchange was recognised in {listener.characters:,} characters at {line.baud} bps "

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from array import array
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import log
 
-from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
+from bussim.engines.nn.codes import NO_REPLY
+from bussim.engines.nn.frames import DATA, MODES, POLL, Frame, LinkSettings
 from bussim.line.characters import NN_LINE
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.heard import Heard
+from bussim.live.sniff.link import LinkDecoder, OpenPoll
+from bussim.trace.records import Sink
 from bussim.units import TICKS_PER_MS
 
 #: 10 ms, the unit of D8180, in ticks.
@@ -61,8 +65,6 @@ class LinkEstimate:
     scans: tuple[int, ...]  # durations of link scans
     damaged: int
     frames: int
-    begin: int
-    end: int
 
 
 @dataclass(slots=True)
@@ -75,105 +77,56 @@ class _Station:
     ends: array[int] = field(default_factory=lambda: array("q"))
 
 
-class LinkObserver:
-    """Takes what a listener heard, in order, and estimates."""
+class LinkObserver(LinkDecoder):
+    """Decodes a link, and keeps what the estimates need."""
 
-    def __init__(self) -> None:
-        self._stations: dict[int, _Station] = {}
+    def __init__(
+        self, bus: str, sink: Sink, *, baud: int, fmt: str, names: Mapping[int, str] | None = None
+    ) -> None:
+        super().__init__(bus, sink, baud=baud, fmt=fmt, names=names)
+        self._seen: defaultdict[int, _Station] = defaultdict(_Station)
         self._gaps = array("q")  # behind frames of the master or good replies
         self._waits = array("q")  # from a silent poll's end to the master's next frame
         self._turns = array("q")  # from the last good reply of a scan to the next scan
         self._sizes: dict[int, list[int]] = {}  # bits → sound, damaged
         self._scans = array("q")
-        self._scan: int | None = None
-        self._settings: LinkSettings | None = None
         self._blocks: Counter[int] = Counter()
-        self._poll: Heard | None = None  # unanswered
-        self._hit = False  # something damaged was received since
-        self._before: Heard | None = None  # the sound frame right before, nothing damaged since
-        self._attempt = 0
-        self._most_attempts = 1
-        self._asked: int | None = None  # station of the latest poll that failed
-        self._frames = self._damaged = 0
-        self._begin: int | None = None
-        self._end = 0
+        self._before: tuple[int, Frame] | None = None  # end of the sound frame right before
 
     def heard(self, heard: Heard) -> None:
         """Take in what was heard next."""
-        self._frames += 1
-        if self._begin is None:
-            self._begin = heard.start
-        self._end = max(self._end, heard.end)
         frame = heard.frame if isinstance(heard.frame, Frame) else None
         sizes = self._sizes.setdefault(len(heard.chars) * NN_LINE.format.bits, [0, 0])
         sizes[frame is None] += 1
-        if frame is None:
-            self._damaged += 1
-            self._hit = True
-            self._before = None
-            return
-        if frame.kind == DATA and frame.station:
-            self._reply(heard, frame)
-        else:
-            self._masters(heard, frame)
-        self._before = heard
-
-    def _reply(self, heard: Heard, frame: Frame) -> None:
-        poll, self._poll = self._poll, None
-        asked = poll.frame if poll is not None else None
-        if poll is None or not isinstance(asked, Frame):
-            return
-        if (frame.station, frame.counter) != (asked.station, asked.counter):
-            self._poll = poll
-            self._hit = True
-            return
-        station = self._station(frame.station)
-        station.turnarounds.append(heard.start - poll.end)
-        self._outcome(station, poll, ANSWERED)
-        self._asked = None
-        self._blocks[len(frame.data)] += 1
-
-    def _masters(self, heard: Heard, frame: Frame) -> None:
-        before = self._before
-        if self._poll is not None:
-            self._failed(self._poll, heard)
-        elif before is not None and isinstance(before.frame, Frame):
+        before, self._before = self._before, None if frame is None else (heard.end, frame)
+        if frame is not None and before is not None and self._poll is None and not _replies(frame):
             # Behind the last slave's reply comes the overhead, else the master's gap alone.
-            waited = heard.start - before.end
-            turn = before.frame.kind == DATA and before.frame.station and frame.kind != POLL
-            (self._turns if turn else self._gaps).append(waited)
-        if frame.kind == POLL:
-            self._attempt = self._attempt + 1 if self._asked == frame.station else 1
-            self._most_attempts = max(self._most_attempts, self._attempt)
-            self._poll, self._hit = heard, False
-            self._station(frame.station)
-        elif frame.kind == PARAMETERS:
-            self._settings = frame.settings
+            turn = _replies(before[1]) and frame.kind != POLL
+            (self._turns if turn else self._gaps).append(heard.start - before[0])
+        super().heard(heard)
+
+    def _attempted(self, poll: OpenPoll, code: int, now: int, turnaround: int | None) -> None:
+        super()._attempted(poll, code, now, turnaround)
+        station, outcome = self._seen[poll.station], ANSWERED
+        if turnaround is not None:
+            station.turnarounds.append(turnaround)
+        elif code == NO_REPLY:
+            outcome = SILENT
+            self._waits.append(now - poll.end)
         else:
-            self._blocks[len(frame.data)] += 1
-            if self._scan is not None:
-                self._scans.append(heard.start - self._scan)
-            self._scan = heard.start
-        if frame.kind != POLL:
-            self._asked = None
-
-    def _failed(self, poll: Heard, heard: Heard) -> None:
-        self._poll = None
-        asked = poll.frame
-        assert isinstance(asked, Frame)  # noqa: S101 - narrows the type; only sound polls are kept
-        self._asked = asked.station
-        self._outcome(self._station(asked.station), poll, DAMAGED if self._hit else SILENT)
-        if not self._hit:
-            self._waits.append(heard.start - poll.end)
-
-    def _station(self, number: int) -> _Station:
-        return self._stations.setdefault(number, _Station())
-
-    @staticmethod
-    def _outcome(station: _Station, poll: Heard, outcome: int) -> None:
+            outcome = DAMAGED
         station.outcomes.append(outcome)
         station.starts.append(poll.start)
         station.ends.append(poll.end)
+
+    def _scan_begins(self, start: int) -> None:
+        if self._scan is not None:
+            self._scans.append(start - self._scan[0])
+        super()._scan_begins(start)
+
+    def _refreshed(self, heard: Heard, frame: Frame) -> None:
+        super()._refreshed(heard, frame)
+        self._blocks[len(frame.data)] += 1
 
     # -- estimating ----------------------------------------------------------------------------
 
@@ -184,7 +137,8 @@ class LinkObserver:
         gap = median(self._gaps) if self._gaps else 0
         outages, lost, trials = self._losses()
         stations = []
-        for number, seen in sorted(self._stations.items()):
+        for number in sorted(self._stations):
+            seen = self._seen[number]
             distribution = distribution_of(seen.turnarounds) if seen.turnarounds else None
             stations.append(
                 StationEstimate(
@@ -203,18 +157,16 @@ class LinkObserver:
             middle = mean([turn - gap for turn in self._turns if turn < 2 * usual])
             overhead = Estimate(usual - gap, middle.low, middle.high, middle.count)
         return LinkEstimate(
-            settings=self._settings or self._seen_settings(gap),
-            settings_received=self._settings is not None,
+            settings=self.settings or self._seen_settings(gap),
+            settings_received=self.settings is not None,
             master_gap=_around(self._gaps, gap) if self._gaps else None,
             scan_overhead=overhead,
             loss=proportion(sum(lost.values()), total) if total else None,
             ber=bit_error_rate({bits: (sound, bad) for bits, (sound, bad) in self._sizes.items()}),
             stations=tuple(stations),
             scans=tuple(self._scans),
-            damaged=self._damaged,
-            frames=self._frames,
-            begin=self._begin or 0,
-            end=self._end,
+            damaged=self.damaged,
+            frames=self.frames,
         )
 
     def _seen_settings(self, gap: int) -> LinkSettings:
@@ -223,7 +175,7 @@ class LinkObserver:
         mode = next((number for number, one in enumerate(MODES) if one.size == block), 0)
         timeout = round((median(self._waits) - gap) / TIMEOUT_UNIT) if self._waits else 5
         return LinkSettings(
-            max(self._stations), mode, min(10, self._most_attempts - 1), min(255, max(5, timeout))
+            max(self._stations), mode, min(10, max(0, self.most_attempts - 1)), min(255, max(5, timeout))
         )
 
     def _losses(self) -> tuple[dict[int, list[Outage]], dict[int, int], dict[int, int]]:
@@ -247,14 +199,14 @@ class LinkObserver:
                 Outage(number, seen.starts[first], seen.ends[last - 1] if last < len(seen.outcomes) else None)
                 for first, last in _runs(seen.outcomes, longest[number])
             ]
-            for number, seen in self._stations.items()
+            for number, seen in self._seen.items()
         }
         return outages, lost, trials
 
     def _outside(self, longest: dict[int, int]) -> tuple[dict[int, int], dict[int, int]]:
         lost: dict[int, int] = {}
         trials: dict[int, int] = {}
-        for number, seen in self._stations.items():
+        for number, seen in self._seen.items():
             outcomes = seen.outcomes
             silent = outcomes.count(SILENT)
             count = len(outcomes)  # a damaged answer is no lost one
@@ -263,6 +215,11 @@ class LinkObserver:
                 count -= last - first
             lost[number], trials[number] = silent, count
         return lost, trials
+
+
+def _replies(frame: Frame) -> bool:
+    """Whether a frame is a slave's."""
+    return frame.kind == DATA and frame.station > 0
 
 
 def _runs(outcomes: bytearray, longest: int) -> list[tuple[int, int]]:

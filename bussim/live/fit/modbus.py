@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from bussim.engines.modbus.adu import BROADCAST
+from bussim.line.characters import CharFormat
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.heard import Heard, Protocol
-from bussim.trace.records import TransactionRecord
+from bussim.live.sniff.modbus import ModbusDecoder
+from bussim.trace.records import Sink, TransactionRecord
 
 #: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
 _LATE, _MOST = 0.25, 0.9
@@ -66,7 +68,6 @@ class BusEstimate:
     frames: int
     damaged: int
     begin: int
-    end: int
 
 
 @dataclass(slots=True)
@@ -83,32 +84,31 @@ class _Slave:
     exceptions: Counter[int] = field(default_factory=Counter)
 
 
-class BusObserver:
-    """Takes frames and transactions of one bus, in order, and estimates."""
+class BusObserver(ModbusDecoder):
+    """Decodes a Modbus bus, and keeps what the estimates need."""
 
-    def __init__(self, protocol: Protocol, *, baud: int, fmt: str, bits: int) -> None:
-        self._protocol, self._baud, self._format, self._bits = protocol, baud, fmt, bits
+    def __init__(self, bus: str, sink: Sink, *, baud: int, fmt: str) -> None:
+        super().__init__(bus, sink, baud=baud, fmt=fmt)
+        self._protocol = Protocol.RTU
+        self._bits = CharFormat.parse(fmt).bits
         self._polls: dict[tuple[int, int, int, int], _Poll] = {}
         self._slaves: dict[int, _Slave] = {}
         self._sizes: dict[int, list[int]] = {}
         self._answered: int | None = None
         self._interval: int | None = None
         self._timeout: int | None = None
-        self._frames = self._damaged = 0
         self._begin: int | None = None
-        self._end = 0
 
     def heard(self, heard: Heard) -> None:
         """Take in a frame."""
-        self._frames += 1
-        self._damaged += heard.frame is None
+        self._protocol = heard.protocol
         if self._begin is None:
             self._begin = heard.start
-        self._end = max(self._end, heard.end)
         self._sizes.setdefault(len(heard.chars) * self._bits, [0, 0])[heard.frame is None] += 1
+        super().heard(heard)
 
-    def transaction(self, record: TransactionRecord) -> None:
-        """Take in a transaction."""
+    def _take(self, record: TransactionRecord) -> None:
+        super()._take(record)
         if record.sent is None or record.asked is None:
             return
         key = (record.station, record.function, record.address, record.quantity)
@@ -150,10 +150,9 @@ class BusObserver:
             interval=interval,
             timeout=timeout,
             ber=bit_error_rate({bits: (sound, bad) for bits, (sound, bad) in self._sizes.items()}),
-            frames=self._frames,
-            damaged=self._damaged,
+            frames=self.frames,
+            damaged=self.damaged,
             begin=self._begin or 0,
-            end=self._end,
         )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from bussim.engines.nn import codes
 from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
@@ -23,6 +24,15 @@ _TIMEOUT_UNIT = 720_000
 def station_name(number: int) -> str:
     """What a listener calls a station whose name it does not know."""
     return f"station {number}"
+
+
+class OpenPoll(NamedTuple):
+    """A poll whose attempt is not decided yet: first edge and end in ticks, and whom it asks."""
+
+    start: int
+    end: int
+    station: int
+    counter: int
 
 
 class LinkDecoder:
@@ -56,7 +66,7 @@ class LinkDecoder:
         self._flagged: set[int] = set()
         self._scan: tuple[int, int] | None = None  # start, attempts so far
         self._scan_failed: list[tuple[int, int]] = []
-        self._poll: tuple[int, int, int, int] | None = None  # start, end, station, counter
+        self._poll: OpenPoll | None = None
         self._attempt = 0
         self._code = codes.NO_REPLY
         self._last_failed: int | None = None  # station whose latest attempt failed, until it is decided
@@ -83,7 +93,7 @@ class LinkDecoder:
             self._given_up(heard.start, None)
             self._block = len(frame.data)
             self._scan_begins(heard.start)
-            self._refreshed(0, heard.end)
+            self._refreshed(heard, frame)
 
     # -- exchanges -----------------------------------------------------------------------------
 
@@ -98,7 +108,7 @@ class LinkDecoder:
         self._last_failed = None
         self._stations.add(station)
         self.most_attempts = max(self.most_attempts, self._attempt)
-        self._poll = (heard.start, heard.end, station, frame.counter)
+        self._poll = OpenPoll(heard.start, heard.end, station, frame.counter)
         self._code = codes.NO_REPLY
         if self._scan is not None:
             self._scan = (self._scan[0], self._scan[1] + 1)
@@ -108,19 +118,16 @@ class LinkDecoder:
         if poll is None:
             self.unasked += 1
             return
-        start, end, station, counter = poll
+        station = poll.station
         if frame.station != station:
             self._code = codes.WRONG_STATION
             return
-        if frame.counter != counter:
+        if frame.counter != poll.counter:
             self._code = codes.WRONG_COUNTER
             return
         self._poll = None
-        turnaround = heard.start - end
-        self._sink.take(
-            AttemptRecord(self._bus, start, heard.end, station, self._attempt, "ok", 0, turnaround)
-        )
-        self._refreshed(station, heard.end)
+        self._attempted(poll, 0, heard.end, heard.start - poll.end)
+        self._refreshed(heard, frame)
         self._answered.add(station)
         if station in self._flagged:
             self._flagged.discard(station)
@@ -139,18 +146,23 @@ class LinkDecoder:
         poll, self._poll = self._poll, None
         if poll is None:
             return
-        start, end, station, _ = poll
-        code = self._code
+        station, code = poll.station, self._code
         self._sink.failed(self._bus, now, station, code)
-        self._sink.take(
-            AttemptRecord(self._bus, start, now, station, self._attempt, codes.MEANINGS[code], code, None)
-        )
+        self._attempted(poll, code, now, None)
         self.failed.setdefault(station, Counter())[code] += 1
         self._scan_failed.append((station, code))
         self._last_failed = station
         if code == codes.NO_REPLY:
-            wait = now - end
+            wait = now - poll.end
             self.shortest_wait = wait if self.shortest_wait is None else min(wait, self.shortest_wait)
+
+    def _attempted(self, poll: OpenPoll, code: int, now: int, turnaround: int | None) -> None:
+        """An attempt is over: answered after a turnaround (code 0), or failed."""
+        outcome = codes.MEANINGS[code] if code else "ok"
+        attempt = AttemptRecord(
+            self._bus, poll.start, now, poll.station, self._attempt, outcome, code, turnaround
+        )
+        self._sink.take(attempt)
 
     def _given_up(self, now: int, next_station: int | None) -> None:
         """The master turns to another station: the one that failed is in error."""
@@ -194,8 +206,8 @@ class LinkDecoder:
             parts.append(f"station {station}: {count} failed attempt{'s' if count > 1 else ''}, {found}")
         return "; ".join(parts)
 
-    def _refreshed(self, station: int, now: int) -> None:
-        self._sink.refreshed(self._bus, station, now, None)
+    def _refreshed(self, heard: Heard, frame: Frame) -> None:
+        self._sink.refreshed(self._bus, frame.station, heard.end, None)
 
     # -- records -------------------------------------------------------------------------------
 

@@ -16,7 +16,8 @@ from bussim.trace.records import BusTotals, LinkTotals, PlcTotals, RunTotals, Si
 class Listener:
     """Listens to one bus and records what it decodes. Feed it characters or, of a recording, whole frames.
 
-    ``names`` are those of stations that are known.
+    ``names`` are those of stations that are known; ``decoders`` are the classes that decode an N:N link and
+    a Modbus bus.
     """
 
     def __init__(
@@ -28,8 +29,10 @@ class Listener:
         tolerance: int,
         protocol: Protocol | None = None,
         names: Mapping[int, str] | None = None,
+        decoders: tuple[type[LinkDecoder], type[ModbusDecoder]] = (LinkDecoder, ModbusDecoder),
     ) -> None:
         self.bus = bus
+        self._decoders = decoders
         self._names = names
         self.timing = timing
         self._sink = sink
@@ -72,10 +75,11 @@ class Listener:
         for heard in frames:
             if self.decoder is None:
                 baud, fmt = self.timing.baud, str(self.timing.format)
+                link, modbus = self._decoders
                 if heard.protocol is Protocol.NN:
-                    self.decoder = LinkDecoder(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
+                    self.decoder = link(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
                 else:
-                    self.decoder = ModbusDecoder(self.bus, self._sink, baud=baud, fmt=fmt)
+                    self.decoder = modbus(self.bus, self._sink, baud=baud, fmt=fmt)
             self.decoder.heard(heard)
             self.last = max(self.last, heard.end)
         return frames

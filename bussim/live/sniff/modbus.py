@@ -153,7 +153,7 @@ class ModbusDecoder:
     ) -> None:
         request = asked.request
         end = answer.end if answer else asked.end if decided is None else decided
-        self._sink.take(
+        self._take(
             TransactionRecord(
                 bus=self._bus,
                 master="master",
@@ -177,6 +177,10 @@ class ModbusDecoder:
                 chars=asked.chars + (len(answer.chars) if answer else 0),
             )
         )
+
+    def _take(self, record: TransactionRecord) -> None:
+        """Record a transaction that is over."""
+        self._sink.take(record)
 
     def _record(self, heard: Heard, kind: str, frame: Adu | None, *, response: bool = False) -> None:
         if not self._sink.traced:

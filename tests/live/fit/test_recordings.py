@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 import bussim
+from bussim.line.characters import NN_LINE
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.recordings.frames import heard_of
+from bussim.results.collector import Collector
 from bussim.scenario.loader import from_data
 from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, parse_time
@@ -90,7 +92,7 @@ def scenario(seed: int) -> dict[str, Any]:
 @cache
 def fitted(seed: int) -> LinkEstimate:
     result = bussim.run(from_data(scenario(seed)), trace=True, rows=False)
-    observer = LinkObserver()
+    observer = LinkObserver("link", Collector(), baud=NN_LINE.baud, fmt=str(NN_LINE.format))
     for record in result.open_trace().of(FrameRecord):
         heard = heard_of(record)
         assert heard is not None
