@@ -67,22 +67,12 @@ class AreaMap(ABC):
         limits: Limits = STANDARD_LIMITS,
     ) -> None:
         self.areas = tuple(sorted(areas, key=lambda area: (area.space.value, area.start)))
-        self._functions = functions
-        self._limits = limits
+        #: The function codes that it serves, and how many coils or registers one request may name.
+        self.functions, self.limits = functions, limits
         self._by_space = {space: [a for a in self.areas if a.space is space] for space in Space}
         self._starts = {space: [a.start for a in areas] for space, areas in self._by_space.items()}
         for areas in self._by_space.values():
             _check(areas)
-
-    @property
-    def functions(self) -> frozenset[int]:
-        """The function codes that it serves."""
-        return self._functions
-
-    @property
-    def limits(self) -> Limits:
-        """How many coils or registers one request may name."""
-        return self._limits
 
     def parts(self, space: Space, address: int, count: int) -> list[Part] | None:
         """The areas that ``count`` (≥ 1) addresses lie in, in order.

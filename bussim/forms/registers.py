@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from bussim.forms.report import Path, Reporter
 from bussim.plc.memory import Device, parse_device
@@ -13,14 +13,8 @@ _STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
 
 def check_registers(path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool) -> None:
     """Check devices and values; ``link``: of a PLC that can take part in N:N."""
-    seen: dict[Device, str] = {}
-    for name, value in registers.items():
-        device = named_device((*path, name), name, report)
-        if device is None:
-            continue
-        if device in seen:
-            report.error((*path, name), f"is the same device as {seen[device]}", key=True)
-        seen[device] = name
+    for name, device in named_devices(path, registers, report):
+        value = registers[name]
         if not device.is_word and value not in (0, 1):
             report.error((*path, name), f"is {value}, allowed 0, 1")
         if link and any(
@@ -29,10 +23,19 @@ def check_registers(path: Path, registers: Mapping[str, int], report: Reporter, 
             report.warn((*path, name), "is written by the link itself: the value given here is lost")
 
 
-def named_device(path: Path, name: str, report: Reporter) -> Device | None:
-    """The device that a key names; a wrong one is reported."""
-    try:
-        return parse_device(name)
-    except ValueError as error:
-        report.mistake(path, f"a device of {path[-2]} {error}", key=True)
-        return None
+def named_devices(path: Path, names: Iterable[str], report: Reporter) -> Iterator[tuple[str, Device]]:
+    """The keys of the mapping at ``path`` with the devices that they name.
+
+    Those that name none, or one that another names, are reported.
+    """
+    seen: dict[Device, str] = {}
+    for name in names:
+        try:
+            device = parse_device(name)
+        except ValueError as error:
+            report.mistake((*path, name), f"a device of {path[-1]} {error}", key=True)
+            continue
+        if device in seen:
+            report.error((*path, name), f"is the same device as {seen[device]}", key=True)
+        seen[device] = name
+        yield name, device

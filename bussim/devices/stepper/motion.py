@@ -6,7 +6,7 @@ a trapezoid, or a triangle where the distance is too short. Rates are exact frac
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction
@@ -129,14 +129,7 @@ class Motion:
         while self.pulses(low + step) < pulses:
             low += step
             step *= 2
-        high = low + step
-        while high - low > 1:
-            middle = (low + high) // 2
-            if self.pulses(middle) < pulses:
-                low = middle
-            else:
-                high = middle
-        return high
+        return bisect_left(range(low + step), pulses, low + 1, key=self.pulses)
 
     def slowed(self, tick: int) -> Motion:
         """The same motion that ramps down from ``tick`` on and stops at the start rate.

@@ -14,7 +14,7 @@ from bussim.scenario.resolve.port_configuration import written_keys
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.disturbances import FAULT_KINDS, FaultIn, NoiseIn
 from bussim.scenario.schema.document import DocumentIn, PlcIn
-from bussim.scenario.schema.draft import values_of
+from bussim.scenario.schema.draft import readable, values_of
 from bussim.scenario.schema.programs import LatencyIn
 from bussim.units import format_time
 
@@ -34,11 +34,7 @@ def canonical(resolved: Resolved, document: DocumentIn) -> dict[str, object]:
         "seed": document.seed,
         "buses": [_bus(line) for line in resolved.lines.values()],
         "plcs": [_plc(member, polls.get(member.path, [])) for member in resolved.members],
-        "devices": [
-            _device(entry.value, polls.get(entry.path, []))
-            for entry in draft.devices
-            if entry.value is not None
-        ],
+        "devices": [_device(device, polls.get(entry.path, [])) for entry, device in readable(draft.devices)],
         "noise": [_noise(entry) for entry in values_of(draft.noise)],
         "faults": [_fault(fault) for fault in values_of(draft.faults)],
         "observe": [str(point) for point in document.observe],

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from bussim.forms.form import as_written, in_order
 from bussim.plc.ports.spec import FreeSpec, PollSpec
+from bussim.scenario.build.names import unique_names
 from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.port_configuration import FREE
 from bussim.scenario.schema.polls import PollIn, TransactionIn
@@ -26,21 +27,9 @@ def master_polls(polls: Sequence[TransactionIn]) -> tuple[PollSpec, ...]:
     return tuple(_transaction(name, "", poll) for name, poll in _named(polls))
 
 
-def _named(polls: Sequence[TransactionIn]) -> list[tuple[str, TransactionIn]]:
-    """Polls with their names: those given, for the rest what they ask.
-
-    Those that ask the same are numbered from the second on; no other poll changes a name.
-    """
-    seen: dict[str, int] = {}
-    named = []
-    for poll in polls:
-        name = poll.name
-        if name is None:
-            label = _label(poll)
-            seen[label] = seen.get(label, 0) + 1
-            name = label if seen[label] == 1 else f"{label} #{seen[label]}"
-        named.append((name, poll))
-    return named
+def _named(polls: Sequence[TransactionIn]) -> Iterator[tuple[str, TransactionIn]]:
+    """Polls with their names: those given, for the rest what they ask."""
+    return zip(unique_names(polls, map(_label, polls)), polls, strict=True)
 
 
 def _label(poll: TransactionIn) -> str:

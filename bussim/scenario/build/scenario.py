@@ -21,7 +21,7 @@ from bussim.scenario.model import (
 )
 from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
-from bussim.scenario.schema.draft import values_of
+from bussim.scenario.schema.draft import readable, values_of
 from bussim.scenario.schema.programs import LatencyIn
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _observed(observe: Sequence[PlcPoint], latency: Sequence[LatencyIn]) -> dict
 
 
 def _latency(given: Sequence[LatencyIn]) -> tuple[Latency, ...]:
-    names = unique_names([entry.name for entry in given], [f"{entry.from_} to {entry.to}" for entry in given])
+    names = unique_names(given, (f"{entry.from_} to {entry.to}" for entry in given))
     return tuple(
         Latency(
             name,
@@ -86,8 +86,7 @@ def _devices(resolved: Resolved) -> tuple[BusDevice, ...]:
             master_polls(values_of(resolved.draft.polls.get(entry.path, ()))),
             resolved.code.find,
         )
-        for entry in resolved.draft.devices
-        if (device := entry.value) is not None
+        for entry, device in readable(resolved.draft.devices)
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.scenario.schema.document import BusIn
-from bussim.scenario.schema.draft import Entry
+from bussim.scenario.schema.draft import Entry, readable
 
 #: The ports' own rate and format (PW10, section 5), for a bus that gives none.
 PLAIN_LINE = LineTiming(9600, CharFormat(8, "N", 1))
@@ -35,7 +35,7 @@ class Line:
 
 def lines_of(entries: Iterable[Entry[BusIn]]) -> dict[str, Line]:
     """The buses by name."""
-    return {bus.name: Line(entry, bus, _timing(bus)) for entry in entries if (bus := entry.value) is not None}
+    return {bus.name: Line(entry, bus, _timing(bus)) for entry, bus in readable(entries)}
 
 
 def _timing(bus: BusIn) -> LineTiming:

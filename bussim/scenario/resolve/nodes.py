@@ -12,7 +12,7 @@ from bussim.line.characters import NN_LINE, LineTiming
 from bussim.scenario.resolve.buses import PLAIN_LINE, Line
 from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
-from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.draft import Draft, Entry, readable
 from bussim.scenario.yaml.source_map import Path
 from bussim.wording import show, suggest
 
@@ -110,11 +110,11 @@ class Directory:
                 own.append((member.port, link))
                 self._links[member.name] = member.port
             self.nodes += [node for _, node in sorted(own, key=lambda pair: pair[0])]
-        for entry in draft.devices:
-            if entry.value is not None and entry.value.known:
-                line = lines.get(entry.value.bus)
+        for entry, device in readable(draft.devices):
+            if device.known:
+                line = lines.get(device.bus)
                 timing = line.timing if line is not None else PLAIN_LINE
-                self.nodes.append(device_node(entry.path, entry.value, timing))
+                self.nodes.append(device_node(entry.path, device, timing))
         self.plcs = [entry.name for entry in draft.plcs if entry.name is not None]
         self.devices = [entry.name for entry in draft.devices if entry.name is not None]
         #: PLCs and devices that could not be read, so that nothing may be said against them.

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import Problem, ProgramError
-from bussim.forms.registers import named_device
+from bussim.forms.registers import named_devices
 from bussim.plc.first_scan import FirstScan, first_scan
 from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
-from bussim.plc.memory import Device, parse_device
+from bussim.plc.memory import parse_device
 from bussim.plc.profiles import Profile
 from bussim.scenario.schema.document import PlcIn
 from bussim.scenario.schema.programs import InputIn, ProgramIn
@@ -140,22 +140,13 @@ def _inner(path: Path, key: str, report: Report) -> Path:
 
 def _inputs(path: Path, given: Mapping[str, InputIn], files: Files, report: Report) -> dict[str, InputSpec]:
     found: dict[str, InputSpec] = {}
-    written: dict[Device, str] = {}
-    for name, entry in given.items():
-        device = named_device((*path, name), name, report)
-        if device is None:
-            continue
+    for name, device in named_devices(path, given, report):
         if device.letter != "X":
             report.error(
                 (*path, name), f"is no input: {device.letter} cannot be driven here, only X", key=True
             )
-        elif device in written:
-            report.error((*path, name), f"is the same device as {written[device]}", key=True)
-        else:
-            written[device] = name
-            spec = _input((*path, name), entry, files, report)
-            if spec is not None:
-                found[str(device)] = spec
+        elif (spec := _input((*path, name), given[name], files, report)) is not None:
+            found[str(device)] = spec
     return found
 
 

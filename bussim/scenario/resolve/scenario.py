@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from bussim.scenario.resolve.buses import Line, lines_of
 from bussim.scenario.resolve.members import Member, member_of
 from bussim.scenario.resolve.nodes import Directory
-from bussim.scenario.schema.draft import Draft, values_of
+from bussim.scenario.schema.draft import Draft, readable, values_of
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.source_map import Report
 from bussim.scenario.yaml.user_code import Code
@@ -43,7 +43,6 @@ def resolve(draft: Draft, code: Code, files: Files, report: Report) -> Resolved:
         power_on.update(fault.power_on or {})
     members = [
         member_of(entry.path, plc, lines, power_on.get(plc.name, 0), files, report)
-        for entry in draft.plcs
-        if (plc := entry.value) is not None
+        for entry, plc in readable(draft.plcs)
     ]
     return Resolved(draft, lines, members, Directory(draft, members, lines), power_on, code)

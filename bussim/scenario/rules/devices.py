@@ -7,15 +7,14 @@ from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
 from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.scenario import Resolved
-from bussim.scenario.schema.draft import Entry
+from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.yaml.source_map import Report
 
 
 def check_devices(resolved: Resolved, report: Report) -> None:
     """Check every entry of ``devices``."""
-    for entry in resolved.draft.devices:
-        device = entry.value
-        if device is None or not device.known:
+    for entry, device in readable(resolved.draft.devices):
+        if not device.known:
             continue
         line = resolved.lines.get(device.bus)
         if line is not None and line.is_link:

@@ -18,7 +18,7 @@ from bussim.scenario.schema.disturbances import (
     NoiseIn,
     StationIn,
 )
-from bussim.scenario.schema.draft import Entry
+from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
 from bussim.wording import show, suggest
@@ -38,10 +38,7 @@ def _find(path: Path, name: str, nodes: Directory, report: Report, bus: str | No
 
 def check_noise(resolved: Resolved, report: Report) -> None:
     """Judge every entry of ``noise``."""
-    for entry in resolved.draft.noise:
-        noise = entry.value
-        if noise is None:
-            continue
+    for entry, noise in readable(resolved.draft.noise):
         _check_start(entry, noise.at, resolved.duration, report)
         if noise.station is None or noise.bus not in resolved.lines:
             continue
@@ -72,10 +69,7 @@ def check_faults(resolved: Resolved, report: Report) -> None:
     """Judge every entry of ``faults``."""
     nodes, duration = resolved.nodes, resolved.duration
     switched_on: dict[str, Path] = {}
-    for entry in resolved.draft.faults:
-        fault = entry.value
-        if fault is None:
-            continue
+    for entry, fault in readable(resolved.draft.faults):
         kind = fault.kind
         if kind == "power_on":
             _check_power_on(entry, fault, nodes, switched_on, duration, report)

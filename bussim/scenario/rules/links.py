@@ -151,37 +151,26 @@ def _check_slave(master: Member, slave: Member, report: Report) -> None:
         )
 
 
-def own_block(member: Member, members: list[Member]) -> BlockPlace | None:
-    """Where a PLC's own block lies in the mode of its link's master; None without a working one."""
-    master = next((other for other in members if other.station == 0), None)
+def link_of(member: Member, members: Sequence[Member]) -> dict[int, Member]:
+    """The PLCs on the N:N link of one of them, by station; none for a PLC that is on no link."""
+    on_link = [other for other in members if other.takes_part and other.bus == member.bus is not None]
+    return {other.station: other for other in reversed(on_link)} if member.takes_part else {}
+
+
+def blocks_of(member: Member, members: Sequence[Member]) -> dict[int, BlockPlace]:
+    """Where a PLC keeps the blocks of its link's stations, by station; none without a working master."""
+    master = link_of(member, members).get(0)
     if master is None or master.refused or member.refused:
-        return None
-    block = MODES[master.settings[D_MODE]]
-    return block_place(member.station, block.bits, block.words, member.profile.word_spacing)
-
-
-def foreign_blocks(member: Member, members: Sequence[Member]) -> list[BlockPlace]:
-    """Where a PLC keeps the blocks of the link's other stations; none without a working master."""
-    master = next((other for other in members if other.station == 0), None)
-    if master is None or master.refused or member.refused:
-        return []
-    block = MODES[master.settings[D_MODE]]
-    return [
-        block_place(station, block.bits, block.words, member.profile.word_spacing)
-        for station in range(master.settings[D_SLAVES] + 1)
-        if station != member.station
-    ]
-
-
-def station_of(place: BlockPlace) -> int:
-    """The station whose block lies there."""
-    first, second = (block_place(station, 0, 0, 0).bit for station in (0, 1))
-    return (place.bit - first) // (second - first)
+        return {}
+    block, spacing = MODES[master.settings[D_MODE]], member.profile.word_spacing
+    stations = sorted({*range(master.settings[D_SLAVES] + 1), member.station})
+    return {station: block_place(station, block.bits, block.words, spacing) for station in stations}
 
 
 def _check_sources(members: list[Member], report: Report) -> None:
     for member in members:
-        place = own_block(member, members)
+        blocks = blocks_of(member, members)
+        place = blocks.pop(member.station, None)
         if place is None:
             continue
         bits = f"M{place.bit} to M{place.bit + place.bits - 1} and " if place.bits else ""
@@ -191,7 +180,7 @@ def _check_sources(members: list[Member], report: Report) -> None:
                 device = parse_device(name)
             except ValueError:
                 continue
-            if member.ports and not any(other.holds(device) for other in foreign_blocks(member, members)):
+            if member.ports and not any(other.holds(device) for other in blocks.values()):
                 continue  # another port may send it
             if not place.holds(device):
                 report.warn(

@@ -8,7 +8,7 @@ from typing import Any
 from bussim.forms.fields import PlcPoint
 from bussim.scenario.resolve.port_configuration import CPAVL_PORTS
 from bussim.scenario.resolve.scenario import Resolved
-from bussim.scenario.schema.draft import Draft, Entry
+from bussim.scenario.schema.draft import Draft, Entry, readable
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.wording import show, suggest
 
@@ -59,28 +59,24 @@ def _check_different(section: Iterable[Entry[Any]], report: Report) -> None:
 
 def _buses_named(draft: Draft) -> Iterator[tuple[Path, str]]:
     """Every mention of a bus, and where it stands."""
-    for plc in draft.plcs:
-        if plc.value is None:
-            continue
-        for port, given in plc.value.ports.items():
+    for entry, plc in readable(draft.plcs):
+        for port, given in plc.ports.items():
             if port in CPAVL_PORTS:
-                yield (*plc.path, "ports", port, "bus"), given.bus
-        if plc.value.nn is not None:
-            yield (*plc.path, "nn", "bus"), plc.value.nn.bus
+                yield (*entry.path, "ports", port, "bus"), given.bus
+        if plc.nn is not None:
+            yield (*entry.path, "nn", "bus"), plc.nn.bus
     wired: list[Entry[Any]] = [*draft.devices, *draft.noise]
-    for entry in wired:
-        if entry.value is not None:
-            yield (*entry.path, "bus"), entry.value.bus
-    for fault in draft.faults:
-        if fault.value is not None and fault.value.cable_cut is not None:
-            yield (*fault.path, "cable_cut", "bus"), fault.value.cable_cut.bus
+    for wire, value in readable(wired):
+        yield (*wire.path, "bus"), value.bus
+    for cut, fault in readable(draft.faults):
+        if fault.cable_cut is not None:
+            yield (*cut.path, "cable_cut", "bus"), fault.cable_cut.bus
 
 
 def _points_named(draft: Draft) -> Iterator[tuple[Path, PlcPoint]]:
     """Every mention of a PLC's device, and where it stands."""
     for index, point in enumerate(draft.document.observe if draft.document is not None else ()):
         yield ("observe", index), point
-    for entry in draft.latency:
-        if entry.value is not None:
-            yield (*entry.path, "from"), entry.value.from_
-            yield (*entry.path, "to"), entry.value.to
+    for entry, latency in readable(draft.latency):
+        yield (*entry.path, "from"), latency.from_
+        yield (*entry.path, "to"), latency.to

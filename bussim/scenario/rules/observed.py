@@ -5,7 +5,7 @@ from __future__ import annotations
 from bussim.forms.fields import PlcPoint
 from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.scenario import Resolved
-from bussim.scenario.schema.draft import Entry
+from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.schema.programs import LatencyIn
 from bussim.scenario.yaml.source_map import Report
 
@@ -23,10 +23,7 @@ def check_observed(resolved: Resolved, report: Report) -> None:
 def check_latencies(resolved: Resolved, report: Report) -> None:
     """Judge every entry of ``latency``."""
     by_name = {member.name: member for member in resolved.members}
-    for entry in resolved.draft.latency:
-        given = entry.value
-        if given is None:
-            continue
+    for entry, given in readable(resolved.draft.latency):
         source, target = (by_name.get(point.plc) for point in (given.from_, given.to))
         if source is not None and target is not None:
             _check_latency(entry, given, source, target, report)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bussim.forms.registers import check_registers, named_device
+from bussim.forms.registers import check_registers, named_devices
 from bussim.plc.link_registers import TAKE_PART, TIMEOUT_UNIT
 from bussim.plc.memory import Device
 from bussim.scenario.resolve.members import NN_KEYS, PORT_DEVICE, Member, device_name
@@ -46,20 +46,13 @@ def _report_unknown_bus(member: Member, resolved: Resolved, report: Report) -> N
 
 def _check_source_devices(member: Member, report: Report) -> None:
     path = (*member.path, "sources")
-    seen: dict[Device, str] = {}
-    for name, source in member.plc.sources.items():
-        device = named_device((*path, name), name, report)
-        if device is None:
-            continue
-        if device in seen:
-            report.error((*path, name), f"is the same device as {seen[device]}", key=True)
-        seen[device] = name
+    for name, device in named_devices(path, member.plc.sources, report):
         if device.letter not in "MD":
             report.error((*path, name), "cannot be driven: a station shares M and D devices only", key=True)
         elif device.address >= FIRST_SPECIAL:
             report.error((*path, name), "is a special device; set it in registers", key=True)
         else:
-            _check_source((*path, name), device, source, report)
+            _check_source((*path, name), device, member.plc.sources[name], report)
 
 
 def _check_source(path: Path, device: Device, source: SourceIn, report: Report) -> None:

@@ -10,7 +10,7 @@ from bussim.plc.memory import BIT_RANGES, WORD_RANGES, Device
 from bussim.plc.ports import cpavl
 from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL, PortConfiguration
-from bussim.scenario.rules.links import foreign_blocks
+from bussim.scenario.rules.links import blocks_of
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Path, Report
@@ -112,11 +112,8 @@ def _check_span(
 
 
 def _blocks(place: Placed) -> list[tuple[int, int, int, int]]:
-    member = place.member
-    if not member.takes_part or member.bus is None:
-        return []
-    link = [other for other in place.members if other.takes_part and other.bus == member.bus]
-    return [(b.bit, b.bits, b.word, b.words) for b in foreign_blocks(member, link)]
+    blocks = blocks_of(place.member, place.members)
+    return [(b.bit, b.bits, b.word, b.words) for at, b in blocks.items() if at != place.member.station]
 
 
 def _overlaps(first: Device, end: int, bit: int, bits: int, word: int, words: int) -> bool:

@@ -12,7 +12,7 @@ from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.answers import Answers
 from bussim.scenario.rules.poll_data import Placed, check_coils, check_free_data, check_registers
-from bussim.scenario.schema.draft import Entry
+from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Report
 from bussim.wording import suggest
@@ -26,8 +26,7 @@ def check_polls(resolved: Resolved, report: Report) -> None:
     """Judge the polls of every PLC and of every device that is a master."""
     answers = Answers(resolved.nodes, resolved.code, report)
     for member in resolved.members:
-        for entry in resolved.draft.polls.get(member.path, []):
-            poll = entry.value
+        for entry, poll in readable(resolved.draft.polls.get(member.path, ())):
             if isinstance(poll, PollIn):
                 config = _config(entry, poll, member, resolved.nodes, report)
                 if config is not None:
@@ -36,11 +35,10 @@ def check_polls(resolved: Resolved, report: Report) -> None:
     for node in resolved.nodes.nodes:
         if not isinstance(node.device, MasterIn):
             continue
-        for entry in resolved.draft.polls.get(node.path, []):
-            if entry.value is not None:
-                _check_values(entry, entry.value, report)
-                if _check_request(entry, entry.value, report):
-                    answers.check(entry, entry.value, node, node.device.timeout)
+        for entry, poll in readable(resolved.draft.polls.get(node.path, ())):
+            _check_values(entry, poll, report)
+            if _check_request(entry, poll, report):
+                answers.check(entry, poll, node, node.device.timeout)
 
 
 def _config(

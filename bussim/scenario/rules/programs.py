@@ -13,7 +13,7 @@ from bussim.scenario.resolve.members import (
     device_name,
 )
 from bussim.scenario.resolve.scenario import Resolved
-from bussim.scenario.rules.links import foreign_blocks, station_of
+from bussim.scenario.rules.links import blocks_of, link_of
 from bussim.scenario.yaml.source_map import Path, Report
 
 if TYPE_CHECKING:
@@ -38,9 +38,7 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         _check_settings(member, report)
         _check_specials(member, report)
         _check_ports(member, report)
-        if member.takes_part and member.bus is not None:
-            link = [other for other in members if other.takes_part and other.bus == member.bus]
-            _check_writes(member, link, report)
+        _check_writes(member, members, report)
     if total > MAX_PROGRAMS:
         report.mistake(
             ("plcs",),
@@ -113,26 +111,26 @@ def _check_ports(member: Member, report: Report) -> None:
                 )
 
 
-def _check_writes(member: Member, link: list[Member], report: Report) -> None:
+def _check_writes(member: Member, members: list[Member], report: Report) -> None:
     """What the program writes of other stations' shared blocks, line by line."""
     program = member.logic.program
     if program is None:
         return
     from bussim.plc.program.text.check import extents  # what only a scenario with programs pays
 
-    source_map, turns = foreign_blocks(member, link), program.turns_bmov
+    blocks, turns = blocks_of(member, members), program.turns_bmov
+    blocks.pop(member.station, None)
     found = [
-        (at, shared, place)
+        (at, shared, station)
         for at in program.instructions
         for extent in extents(at, both_ways=turns)
         if extent.writes
-        for place in source_map
+        for station, place in blocks.items()
         if (shared := _shared(extent, place)) is not None
     ]
-    for at, (letter, first, last), place in found[:MAX_FOREIGN]:
-        station = station_of(place)
-        owner = next((other.name for other in link if other.station == station), None)
-        who = f"station {station}" + (f" ({owner})" if owner is not None else "")
+    link = link_of(member, members)
+    for at, (letter, first, last), station in found[:MAX_FOREIGN]:
+        who = f"station {station}" + (f" ({link[station].name})" if station in link else "")
         span = f"{Device(letter, first)}" + (f" to {Device(letter, last)}" if last > first else "")
         message = (
             f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "

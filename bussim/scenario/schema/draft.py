@@ -7,7 +7,7 @@ leave that alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
 
@@ -64,9 +64,14 @@ class Entry(Generic[T]):
         return self.value is None or any(cut[:1] == (key,) for cut in self.cut for key in keys)
 
 
+def readable(entries: Iterable[Entry[T]]) -> Iterator[tuple[Entry[T], T]]:
+    """The entries of which something could be read, each with that."""
+    return ((entry, entry.value) for entry in entries if entry.value is not None)
+
+
 def values_of(entries: Iterable[Entry[T]]) -> list[T]:
     """What could be read of some entries."""
-    return [entry.value for entry in entries if entry.value is not None]
+    return [value for _, value in readable(entries)]
 
 
 @dataclass(slots=True)
