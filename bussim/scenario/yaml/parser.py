@@ -8,16 +8,17 @@ YAML 1.2 (``yes`` and ``on`` are text); numbers keep the text that they had in t
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import TYPE_CHECKING, Any
 
 from bussim.errors import Problem
 from bussim.scenario.yaml.source_map import Mark, Path, SourceMap
 from bussim.wording import RawFloat, RawInt, shorten
 
 if TYPE_CHECKING:
-    from ruamel.yaml.events import CollectionStartEvent, Event, ScalarEvent
+    from ruamel.yaml.events import Event, ScalarEvent
 
 #: Bounds on one file: its size in bytes, its nesting, and its keys and values with aliases expanded.
 MAX_BYTES = 1 << 19
@@ -64,19 +65,16 @@ class _Node:
     scalar: Scalar = None
     items: list[_Node] | None = None
     entries: dict[str, tuple[Mark, _Node]] | None = None
+    block: tuple[int, int] | None = None  # of a text with |: its first line, its indentation
     size: int = 1
     height: int = 0
-    block: tuple[int, int] | None = None  # of a text with |: its first line, its indentation
 
-
-@dataclass(slots=True)
-class _Open:
-    """A list or mapping whose end has not come yet."""
-
-    node: _Node
-    anchor: str | None
-    key: tuple[str | None, Mark, bool] | None = None  # of a mapping: text, place, whether it merges
-    merged: list[_Node] = field(default_factory=list)
+    def __post_init__(self) -> None:
+        if self.text is None:
+            entries = self.entries or {}
+            children = self.items or [child for _, child in entries.values()]
+            self.size += len(entries) + sum(child.size for child in children)
+            self.height = 1 + max((child.height for child in children), default=0)
 
 
 def _text(source: bytes | str, file: str) -> str:
@@ -105,15 +103,14 @@ def read(source: bytes | str, file: str) -> tuple[object, SourceMap, list[Proble
     for an empty document. Other mistakes (a tag, a repeated key) leave usable data beside them.
     """
     source_map = SourceMap(file)
-    builder = _Builder(file)
+    problems: list[Problem] = []
     try:
         text = _text(source, file)
-        builder.text = text
-        root = builder.build(_events(text, file))
+        root = _Reader(file, text, problems).document()
     except _Stop as stop:
-        return None, source_map, [*builder.problems, stop.problem]
+        return None, source_map, [*problems, stop.problem]
     source_map.data = None if root is None else _plain(root, (), source_map)
-    return source_map.data, source_map, builder.problems
+    return source_map.data, source_map, problems
 
 
 def _mark_at(text: str, position: int) -> Mark:
@@ -121,7 +118,11 @@ def _mark_at(text: str, position: int) -> Mark:
     return before.count("\n") + 1, position - (text[:position].replace("\r", "\n").rfind("\n") + 1) + 1
 
 
-def _events(text: str, file: str) -> Iterable[Event]:
+def _mark_of(event: Event) -> Mark:
+    return event.start_mark.line + 1, event.start_mark.column + 1
+
+
+def _events(text: str, file: str) -> Iterator[Event]:
     """The parser's events, with its complaints turned into ours."""
     strange = _UNPRINTABLE.search(text)
     if strange is not None:
@@ -173,46 +174,55 @@ def _complaint(error: object) -> str:
     return " ".join(text.split())[:200]
 
 
-class _Builder:
-    """Makes nodes of events, without recursion, within the bounds."""
+class _Reader:
+    """Makes nodes of the parser's events, within the bounds; ``problems`` takes the mistakes found."""
 
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.problems: list[Problem] = []
-        self._open: list[_Open] = []
-        self._anchors: dict[str, _Node | None] = {}  # None: still being read
+    def __init__(self, file: str, text: str, problems: list[Problem]) -> None:
+        self._file = file
+        self._lines = _LINE_END.split(text)
+        self._problems = problems
+        self._events = _events(text, file)
+        self._anchors: dict[str | None, _Node | None] = {}  # None: still being read
         self._count = 0
-        self._root: _Node | None = None
-        #: What is read, for the marks of texts with |.
-        self.text = ""
-        self._lines: list[str] | None = None
 
-    def build(self, events: Iterable[Event]) -> _Node | None:
+    def document(self) -> _Node | None:
         """The root node of the only document, None if there is none."""
-        from ruamel.yaml import events as kinds
+        from ruamel.yaml.events import DocumentStartEvent
 
-        documents = 0
-        for event in events:
-            mark = (event.start_mark.line + 1, event.start_mark.column + 1)
-            if isinstance(event, kinds.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
-                    raise self._stop(mark, "a second document begins here; a scenario is one document")
-            elif isinstance(event, kinds.AliasEvent):
-                self._attach(self._alias(event.anchor, mark), merge=False)
-            elif isinstance(event, kinds.ScalarEvent):
-                self._scalar(event, mark)
-            elif isinstance(event, kinds.SequenceStartEvent | kinds.MappingStartEvent):
-                self._begin(event, mark, mapping=isinstance(event, kinds.MappingStartEvent))
-            elif isinstance(event, kinds.SequenceEndEvent | kinds.MappingEndEvent):
-                self._end()
-        return self._root
+        root: _Node | None = None
+        for event in self._events:
+            if isinstance(event, DocumentStartEvent):
+                if root is not None:
+                    message = "a second document begins here; a scenario is one document"
+                    raise self._stop(_mark_of(event), message)
+                root = self._node(next(self._events), ())
+        return root
+
+    def _node(self, event: Any, path: Path) -> _Node:
+        """The value at ``path`` that begins with an event."""
+        from ruamel.yaml.events import AliasEvent, MappingStartEvent, ScalarEvent
+
+        mark = _mark_of(event)
+        if isinstance(event, AliasEvent):
+            return self._alias(event.anchor, mark, path)
+        if event.tag is not None:
+            shown = shorten(str(event.tag).replace("tag:yaml.org,2002:", "!!"))
+            self._complain(mark, f"the tag {shown} is not allowed; write plain text and numbers")
+        self._add(mark, 1)
+        if isinstance(event, ScalarEvent):
+            node = self._scalar(event, mark)
+        else:
+            self._check_depth(mark, path, 1)
+            self._anchors[event.anchor] = None
+            node = (self._mapping if isinstance(event, MappingStartEvent) else self._list)(mark, path)
+        self._anchors[event.anchor] = node
+        return node
 
     def _stop(self, mark: Mark, message: str) -> _Stop:
-        return _Stop(Problem(self.file, *mark, message))
+        return _Stop(Problem(self._file, *mark, message))
 
     def _complain(self, mark: Mark, message: str) -> None:
-        self.problems.append(Problem(self.file, *mark, message))
+        self._problems.append(Problem(self._file, *mark, message))
 
     def _add(self, mark: Mark, count: int) -> None:
         self._count += count
@@ -220,126 +230,71 @@ class _Builder:
             message = f"more than {MAX_VALUES} keys and values, aliases expanded; too much for a scenario"
             raise self._stop(mark, message)
 
-    def _check_tag(self, event: CollectionStartEvent | ScalarEvent, mark: Mark) -> None:
-        tag = event.tag
-        if tag is not None:
-            shown = str(tag).replace("tag:yaml.org,2002:", "!!")
-            self._complain(mark, f"the tag {shorten(shown)} is not allowed; write plain text and numbers")
+    def _check_depth(self, mark: Mark, path: Path, height: int) -> None:
+        if len(path) + height > MAX_DEPTH:
+            raise self._stop(mark, f"nested deeper than {MAX_DEPTH} levels")
 
-    def _alias(self, name: str, mark: Mark) -> _Node:
+    def _alias(self, name: str, mark: Mark, path: Path) -> _Node:
         if name not in self._anchors:
             raise self._stop(mark, f"the alias *{shorten(name)} has no anchor &{shorten(name)} before it")
         node = self._anchors[name]
         if node is None:
             raise self._stop(mark, f"the alias *{shorten(name)} stands inside its own anchor")
         self._add(mark, node.size)
-        self._check_depth(mark, node.height)
+        self._check_depth(mark, path, node.height)
         return node
 
-    def _check_depth(self, mark: Mark, height: int) -> None:
-        if len(self._open) + height > MAX_DEPTH:
-            raise self._stop(mark, f"nested deeper than {MAX_DEPTH} levels")
-
-    def _scalar(self, event: ScalarEvent, mark: Mark) -> None:
-        self._check_tag(event, mark)
-        self._add(mark, 1)
+    def _scalar(self, event: ScalarEvent, mark: Mark) -> _Node:
         text: str = event.value
-        plain = event.style is None
         node = _Node(mark, text, text)
-        if plain:
+        if event.style is None:
             try:
                 node.scalar = _resolve(text)
             except ValueError as error:
                 self._complain(mark, str(error))
-        if event.style == "|":
+        elif event.style == "|":
             node.block = self._block(event.start_mark.line + 1, text)
-        if event.anchor is not None:
-            self._anchors[event.anchor] = node
-        self._attach(node, merge=plain and text == "<<")
+        return node
 
     def _block(self, line: int, text: str) -> tuple[int, int] | None:
         """First line (from 1) and indentation of a text whose lines begin at ``line`` (from 0)."""
-        if self._lines is None:
-            self._lines = _LINE_END.split(self.text)
         for source, own in zip(self._lines[line:], text.split("\n"), strict=False):
             if own.strip():
                 return line + 1, len(source) - len(source.lstrip(" ")) - (len(own) - len(own.lstrip(" ")))
         return None
 
-    def _begin(self, event: CollectionStartEvent, mark: Mark, *, mapping: bool) -> None:
-        self._check_tag(event, mark)
-        self._add(mark, 1)
-        self._check_depth(mark, 1)
-        node = _Node(mark, entries={}) if mapping else _Node(mark, items=[])
-        if event.anchor is not None:
-            self._anchors[event.anchor] = None
-        self._open.append(_Open(node, event.anchor))
+    def _parts(self) -> Iterator[Event]:
+        """The events that begin the parts of the list or mapping that was begun last."""
+        from ruamel.yaml.events import CollectionEndEvent
 
-    def _end(self) -> None:
-        done = self._open.pop()
-        node = done.node
-        if node.entries is not None:
-            for source in done.merged:
-                for key, entry in (source.entries or {}).items():
-                    node.entries.setdefault(key, entry)
-            children = [child for _, child in node.entries.values()]
-            node.size += len(children)
-        else:
-            children = node.items or []
-        node.size += sum(child.size for child in children)
-        node.height = 1 + max((child.height for child in children), default=0)
-        if done.anchor is not None:
-            self._anchors[done.anchor] = node
-        self._attach(node, merge=False)
+        return takewhile(lambda event: not isinstance(event, CollectionEndEvent), self._events)
 
-    def _attach(self, node: _Node, *, merge: bool) -> None:
-        if not self._open:
-            self._root = node
-            return
-        parent = self._open[-1]
-        if parent.node.items is not None:
-            parent.node.items.append(node)
-        elif parent.key is None:
-            self._key(parent, node, merge=merge)
-        else:
-            self._value(parent, node)
+    def _list(self, mark: Mark, path: Path) -> _Node:
+        return _Node(mark, items=[self._node(event, (*path, n)) for n, event in enumerate(self._parts())])
 
-    def _key(self, parent: _Open, node: _Node, *, merge: bool) -> None:
-        text = node.text
-        if text is None:
-            self._complain(node.mark, "a key must be text, not a list or mapping")
-        parent.key = (text, node.mark, merge)
-
-    def _value(self, parent: _Open, node: _Node) -> None:
-        entries = parent.node.entries
-        if parent.key is None or entries is None:
-            raise AssertionError("a value without its key")
-        (key, mark, merge), parent.key = parent.key, None
-        if node.text == "":
-            node.mark = mark  # of nothing, the parser's place is that of whatever comes next
-        if key is None:
-            return
-        if merge:
-            sources = node.items if node.items is not None else [node]
-            if any(source.entries is None for source in sources):
-                self._complain(node.mark, "<< takes a mapping or a list of mappings")
-            parent.merged.extend(source for source in sources if source.entries is not None)
-        elif key in entries:
-            first = entries[key][0][0]
-            name = SourceMap(self.file).short_name((*self._path(), key))
-            self._complain(mark, f"{name} is given twice, first in line {first}")
-        else:
-            entries[key] = (mark, node)
-
-    def _path(self) -> Path:
-        """Where the innermost open mapping stands."""
-        path: list[str | int] = []
-        for frame in self._open[:-1]:
-            if frame.node.items is not None:
-                path.append(len(frame.node.items))
-            else:
-                path.append((frame.key[0] if frame.key is not None else None) or "")
-        return tuple(path)
+    def _mapping(self, mark: Mark, path: Path) -> _Node:
+        entries: dict[str, tuple[Mark, _Node]] = {}
+        merged: list[_Node] = []
+        for event in self._parts():
+            key = self._node(event, (*path, ""))
+            if key.text is None:
+                self._complain(key.mark, "a key must be text, not a list or mapping")
+            node = self._node(next(self._events), (*path, key.text or ""))
+            if node.text == "":
+                node.mark = key.mark  # of nothing, the parser's place is that of whatever comes next
+            if key.text == "<<" and getattr(event, "style", "") is None:
+                sources = [node] if node.items is None else node.items
+                if any(source.entries is None for source in sources):
+                    self._complain(node.mark, "<< takes a mapping or a list of mappings")
+                merged += sources
+            elif key.text in entries:
+                name = SourceMap(self._file).short_name((*path, key.text))
+                self._complain(key.mark, f"{name} is given twice, first in line {entries[key.text][0][0]}")
+            elif key.text is not None:
+                entries[key.text] = (key.mark, node)
+        for source in merged:
+            entries = {**entries, **(source.entries or {}), **entries}  # its own first, and they win
+        return _Node(mark, entries=entries)
 
 
 def _resolve(text: str) -> Scalar:
