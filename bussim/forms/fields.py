@@ -70,13 +70,27 @@ def _unread(value: object) -> object:
     return value.raw if isinstance(value, RawInt | RawFloat) else value
 
 
-def _matching(pattern: re.Pattern[str], expected: str) -> Kind:
-    def check(value: object) -> str:
-        if isinstance(value, str) and len(value) <= 200 and pattern.fullmatch(value):
-            return value
-        raise fail(f"{_found(value)}, expected {expected}")
+def _is_int(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _those(fits: Callable[[Any], bool], wanted: str, hint: Callable[[Any], str] = lambda _: "") -> Kind:
+    """Values that fit. To another one the message says what is ``wanted``, and a hint."""
+
+    def check(value: Any) -> Any:
+        if fits(value):
+            return int(value) if _is_int(value) else value
+        raise fail(f"{_found(value)}, {wanted}{hint(value)}")
 
     return Kind(check)
+
+
+def _matching(pattern: re.Pattern[str], wanted: str, hint: Callable[[Any], str] = lambda _: "") -> Kind:
+    return _those(
+        lambda value: isinstance(value, str) and len(value) <= 200 and pattern.fullmatch(value) is not None,
+        wanted,
+        hint,
+    )
 
 
 def _parsed(parse: Callable[[str], object], expected: str) -> Kind:
@@ -96,22 +110,16 @@ def _parsed(parse: Callable[[str], object], expected: str) -> Kind:
 
 def name() -> Kind:
     """A name: letters, digits, _ and - (not as the first), at least one letter, at most 64 characters."""
-
-    def check(value: object) -> str:
-        if isinstance(value, str) and _NAME.fullmatch(value):
-            return value
-        first = ", and no - at the beginning" if isinstance(value, str) and value.startswith("-") else ""
-        raise fail(
-            f"{_found(value)}, not a name; allowed are letters, digits, _ and -, with at least one letter"
-            + first
-        )
-
-    return Kind(check)
+    return _matching(
+        _NAME,
+        "not a name; allowed are letters, digits, _ and -, with at least one letter",
+        lambda value: ", and no - at the beginning" if str(value).startswith("-") else "",
+    )
 
 
 def node() -> Kind:
     """The name of a node of a bus: a PLC, one of its ports (press1.COM3), a device."""
-    return _matching(_NODE, "the name of a PLC, a port such as press1.COM3, or a device")
+    return _matching(_NODE, "expected the name of a PLC, a port such as press1.COM3, or a device")
 
 
 def title() -> Kind:
@@ -130,13 +138,12 @@ def title() -> Kind:
 
 def whole(low: int, high: int) -> Kind:
     """A whole number from ``low`` to ``high``."""
+    allowed = _those(lambda value: low <= value <= high, f"allowed {low}..{high}")
 
     def check(value: object) -> int:
-        if isinstance(value, bool) or not isinstance(value, int):
+        if not _is_int(value):
             raise fail(f"{_found(value)}, expected a whole number {low}..{high}")
-        if not low <= value <= high:
-            raise fail(f"{_found(value)}, allowed {low}..{high}")
-        return int(value)
+        return cast("int", allowed.read(value))
 
     return Kind(check)
 
@@ -213,49 +220,35 @@ def nanoseconds(low: int, high: int) -> Kind:
 
 def flag() -> Kind:
     """True or false."""
-
-    def check(value: object) -> bool:
-        if not isinstance(value, bool):
-            raise fail(f"{_found(value)}, allowed true, false")
-        return value
-
-    return Kind(check)
+    return _those(lambda value: isinstance(value, bool), "allowed true, false")
 
 
 def choice(*options: str) -> Kind:
     """One of some words."""
 
-    def check(value: object) -> str:
-        if isinstance(value, str) and value in options:
-            return value
+    def hint(value: object) -> str:
         near = nearest(value, options) if isinstance(value, str) else None
-        hint = f"; did you mean {near}?" if near else ""
-        raise fail(f"{_found(value)}, allowed {', '.join(options)}{hint}")
+        return f"; did you mean {near}?" if near else ""
 
-    return Kind(check)
+    allowed = f"allowed {', '.join(options)}"
+    return _those(lambda value: isinstance(value, str) and value in options, allowed, hint)
 
 
 def one_of(options: Sequence[int]) -> Kind:
     """One of some whole numbers."""
-
-    def check(value: object) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or value not in options:
-            raise fail(f"{_found(value)}, allowed {', '.join(map(str, options))}")
-        return int(value)
-
-    return Kind(check)
+    allowed = f"allowed {', '.join(map(str, options))}"
+    return _those(lambda value: _is_int(value) and value in options, allowed)
 
 
 def link_port() -> Kind:
     """The port of an N:N link."""
 
     def check(value: object) -> str:
-        if value in ("COM3", "COM4"):
-            return str(value)
         if value in ("COM5", "COM6"):
             raise fail(f"is {value}, which M8179 cannot select (0: COM3, 1: COM4); allowed COM3, COM4")
-        raise fail(f"{_found(value)}, allowed COM3, COM4")
+        return cast("str", allowed.read(value))
 
+    allowed = _those(lambda value: value in ("COM3", "COM4"), "allowed COM3, COM4")
     return Kind(check)
 
 
@@ -296,25 +289,21 @@ def plc_device() -> Kind:
 
 def file_name() -> Kind:
     """The name of a file, with folders or without."""
-
-    def check(value: object) -> str:
-        if isinstance(value, str) and value.strip() and len(value) <= 1000 and value.isprintable():
-            return value
-        raise fail(f"{_found(value)}, expected the name of a file")
-
-    return Kind(check)
+    return _those(
+        lambda value: (
+            isinstance(value, str) and bool(value.strip()) and len(value) <= 1000 and value.isprintable()
+        ),
+        "expected the name of a file",
+    )
 
 
 def function_code() -> Kind:
     """A Modbus function that is known here."""
-
-    def check(value: object) -> int:
-        if isinstance(value, int) and not isinstance(value, bool) and value in FUNCTIONS:
-            return int(value)
-        hint = "; did you mean 0x10?" if value == 10 else ""
-        raise fail(f"{_found(value)}, allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10){hint}")
-
-    return Kind(check)
+    return _those(
+        lambda value: _is_int(value) and value in FUNCTIONS,
+        "allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10)",
+        lambda value: "; did you mean 0x10?" if value == 10 else "",
+    )
 
 
 def characters(most: int) -> Kind:
@@ -356,7 +345,7 @@ def _sized(data: bytes, most: int) -> bytes:
 
 def callable_name() -> Kind:
     """A Python function as ``module:function``."""
-    return _matching(_CALLABLE, "module:function, such as sensors:level")
+    return _matching(_CALLABLE, "expected module:function, such as sensors:level")
 
 
 def character() -> Kind:
@@ -365,10 +354,10 @@ def character() -> Kind:
     def check(value: object) -> int:
         if isinstance(value, str) and len(value) == 1 and ord(value) <= 0xFF:
             return ord(value)
-        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 0xFF:
-            return int(value)
-        raise fail(f'{_found(value)}, expected a character code 0..255 or one character such as "\\r"')
+        return cast("int", code.read(value))
 
+    wanted = 'expected a character code 0..255 or one character such as "\\r"'
+    code = _those(lambda value: _is_int(value) and 0 <= value <= 0xFF, wanted)
     return Kind(check)
 
 
