@@ -237,7 +237,7 @@ class _LinkReader:
             if member is None or member.refused:
                 return
         kind = noise.kind
-        if kind.harmless or self._passing(f"noise {noise.name}", noise.window):
+        if noise.harmless or self._passing(f"noise {noise.name}", noise.window):
             return
         place = "bus" if member is None else ("rx" if target.direction is Direction.RX else "tx")
         station = None if member is None else member.number

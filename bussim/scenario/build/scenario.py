@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from bussim.forms.fields import PlcPoint
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
+from bussim.plc.scan import Scan
 from bussim.scenario.build.canonical import canonical
 from bussim.scenario.build.disturbances import faults_of, noise_of
 from bussim.scenario.build.names import unique_names
@@ -16,7 +17,6 @@ from bussim.scenario.model import (
     Latency,
     LinkAttachment,
     Plc,
-    Scan,
     Scenario,
 )
 from bussim.scenario.resolve.members import Member, device_name

@@ -25,7 +25,7 @@ from bussim.forms.fields import (
 )
 from bussim.forms.form import Model, given_of, kinds_of, only_one
 from bussim.line.characters import NN_LINE, CharFormat
-from bussim.scenario.model.noise import BitErrors, Burst, Impulse, NoiseKind, ReplyLoss
+from bussim.scenario.model import BitErrors, Burst, Impulse, NoiseKind, ReplyLoss
 
 #: Characters and bits of the link's longest frame, and of the longest one on any bus.
 LINK_FRAME = max(data_chars(mode) for mode in range(len(MODES)))
