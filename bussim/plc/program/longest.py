@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bussim.plc.program.compiled.build import standing_time, time_when_on
+from bussim.plc.program.compiled.code import standing_time, time_when_on
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.check import slots_of

@@ -18,6 +18,10 @@ ERROR_CODE, LATCHED_STEP, ERROR_STEP = 8067, 8068, 8069
 ZERO, BORROW, CARRY = 8020, 8021, 8022
 BACKWARDS = 8024  # BMOV moves from its destination to its source
 
+#: What an instruction does while its condition is on; what it does with its condition in every scan.
+Act = Callable[[], None]
+Take = Callable[[int], None]
+
 
 class Ports(Protocol):
     """Carries RS2 and CPAVL out. Called during a scan, only while the instruction's condition is on.
@@ -68,7 +72,7 @@ class Machine:
         #: The condition that each instruction had when it was last carried out (edges and pulses).
         self.earlier = bytearray(size)
         #: Conditions kept for later on the same rung.
-        self.saved = bytearray()
+        self.saved = bytearray(size)
         #: Conditions of MC N0–N7; on where a jump has left the MC out (FX programming manual).
         self.levels = bytearray(8)
         #: Of each timer: the scan in which it was last driven (0: not), and the clock pulses by then.

@@ -25,9 +25,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bussim.plc.memory import Memory
-from bussim.plc.program.compiled.access import value_reader
-from bussim.plc.program.compiled.build import Builder, standing_time
-from bussim.plc.program.compiled.shapes import Step
+from bussim.plc.program.compiled.build import blocks
+from bussim.plc.program.compiled.code import END
 from bussim.plc.program.instructions.coils import FIRST_RETENTIVE_TIMER
 from bussim.plc.program.machine import (
     CALLS_TOO_DEEP,
@@ -37,12 +36,10 @@ from bussim.plc.program.machine import (
     ERROR_STEP,
     LATCHED_STEP,
     Machine,
-    OperationError,
     Ports,
 )
 from bussim.plc.program.program import LINK_SETTINGS, Program
-from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.flow import MAX_CALLS, BasicBlock
+from bussim.plc.program.text.flow import MAX_CALLS
 from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes, ticks_of
 from bussim.units import TICKS_PER_MS
 
@@ -56,13 +53,11 @@ MAX_BLOCKS = 1_000_000
 _NS_PER_MS = 1_000_000
 _CLEARED_TIMERS = range(FIRST_RETENTIVE_TIMER)
 _CLEARED_COUNTERS = (range(100), range(200, 220))
-_END = -1
 #: D8010, D8011 and D8012, and their unit of 0.1 ms.
 _SCAN_NOW, _SCAN_LEAST, _SCAN_MOST = 8010, 8011, 8012
 _SCAN_UNIT = TICKS_PER_MS // 10
 #: M8000–M8003 in RUN.
 _FIRST_SCAN, _LATER_SCAN = b"\1\0\1\0", b"\1\0\0\1"
-Exit = Callable[[], int]
 
 
 class ProgramRun:
@@ -96,33 +91,22 @@ class ProgramRun:
         self._machine = Machine(memory, times, ports, size=len(program.instructions), origin=power_on)
         self._m, self._d = memory.bits("M"), memory.words("D")
         self._calls: list[int] = []
-        self._loops = [0] * len(program.blocks)
         self._watched = 0
         self._begun = 0  # the latest scan, since power-on
         self._shortest = self._longest = 0  # scans since RUN, in 0.1 ms
-        self._bind(program)
-        if not self._d[8000]:
-            self._d[8000] = WATCHDOG
-
-    def _bind(self, program: Program) -> None:
-        machine = self._machine
-        builder = Builder(machine)
-        for block in program.blocks:
-            for item in block.rungs:
-                if item.condition is not None:
-                    builder.conditions.reserve(item.condition)
-            if block.exit is not None and block.exit.condition is not None:
-                builder.conditions.reserve(block.exit.condition)
-        self._blocks: list[tuple[tuple[Step, ...], int, Exit]] = []
-        for here, block in enumerate(program.blocks):
-            steps = (builder.step(item) for item in block.rungs)
-            time = sum(standing_time(machine.times, at) for at in block.instructions)
-            self._blocks.append(
-                (tuple(step for step in steps if step is not None), time, self._exit(builder, here, block))
-            )
+        self._blocks = blocks(
+            program,
+            self._machine,
+            calls=self._calls,
+            call=self._call,
+            loops=[0] * len(program.blocks),
+            watch=self._watch,
+        )
         first = program.blocks[0].exit
         self._has_masters = any(at.name == "MC" for at in program.instructions)
         self._straight = first is not None and first.instruction.name in ("END", "FEND")
+        if not self._d[8000]:
+            self._d[8000] = WATCHDOG
 
     # -- RUN, STOP and scans -----------------------------------------------------------------------
 
@@ -207,10 +191,8 @@ class ProgramRun:
         m[8014] = time % (60_000 * TICKS_PER_MS) < 30_000 * TICKS_PER_MS
         spent = machine.spent
         if self._straight:
-            steps, fixed, _ = self._blocks[0]
-            spent[0] = fixed
-            for step in steps:
-                step()
+            spent[0] = 0
+            self._blocks[0]()
             self.unwatched = spent[0]
         else:
             self._run_blocks()
@@ -221,16 +203,12 @@ class ProgramRun:
 
     def _run_blocks(self) -> None:
         """Carry the blocks out in the order that the program's jumps determine."""
-        spent, blocks = self._machine.spent, self._blocks
+        spent, carry_out = self._machine.spent, self._blocks
         spent[0] = self._watched = self.unwatched = 0
         self._calls.clear()
         at = left = 0
-        while at != _END:
-            steps, fixed, go_on = blocks[at]
-            spent[0] += fixed
-            for step in steps:
-                step()
-            at = go_on()
+        while at != END:
+            at = carry_out[at]()
             left += 1
             if left > MAX_BLOCKS or spent[0] - self._watched > self._d[8000] * _NS_PER_MS:
                 self.unwatched = max(self.unwatched, spent[0] - self._watched)
@@ -240,75 +218,18 @@ class ProgramRun:
                 return
         self.unwatched = max(self.unwatched, spent[0] - self._watched)
 
-    # -- a block's exit ---------------------------------------------------------------------
+    # -- what the blocks call ----------------------------------------------------------------------
 
-    def _exit(self, builder: Builder, here: int, block: BasicBlock) -> Exit:
-        control, target, following = block.exit, block.target, here + 1
-        if control is None:
-            last = following >= len(self.program.blocks)
-            return lambda: _END if last else following
-        match control.instruction.spec.name:
-            case "CJ":
-                test = builder.test(control)
-                return lambda: target if test() else following
-            case "CALL":
-                return self._call(builder.test(control), target, following, control.instruction.step)
-            case "SRET":
-                calls = self._calls
-                return lambda: calls.pop() if calls else _END
-            case "FOR":
-                return self._for(control.instruction, here)
-            case "NEXT":
-                return self._next(target, following)
-            case "WDT":
-                return self._watch(builder.test(control), following)
-            case _:  # FEND, END
-                return lambda: _END
-
-    def _call(self, test: Callable[[], int], target: int, following: int, step: int) -> Exit:
-        calls, machine = self._calls, self._machine
-
-        def call() -> int:
-            if not test():
-                return following
-            if len(calls) >= MAX_CALLS:
-                machine.fail(CALLS_TOO_DEEP, step)
-                return following
-            calls.append(following)
-            return target
-
-        return call
-
-    def _for(self, at: Instruction, here: int) -> Exit:
-        machine, loops = self._machine, self._loops
-        read = value_reader(machine, at.operands[0])
-
-        def begin() -> int:
-            try:
-                loops[here] = max(read(), 1)  # 0 and less count as 1 (FX programming manual)
-            except OperationError as error:
-                machine.fail(error.code, at.step)
-                loops[here] = 1
-            return here + 1
-
-        return begin
-
-    def _next(self, body: int, following: int) -> Exit:
-        loops = self._loops
-
-        def again() -> int:
-            loops[body - 1] -= 1
-            return body if loops[body - 1] > 0 else following
-
-        return again
-
-    def _watch(self, test: Callable[[], int], following: int) -> Exit:
-        spent = self._machine.spent
-
-        def watch() -> int:
-            if test():
-                self.unwatched = max(self.unwatched, spent[0] - self._watched)
-                self._watched = spent[0]
+    def _call(self, target: int, following: int, step: int) -> int:
+        """CALL: the block to go on with."""
+        if len(self._calls) >= MAX_CALLS:
+            self._machine.fail(CALLS_TOO_DEEP, step)
             return following
+        self._calls.append(following)
+        return target
 
-        return watch
+    def _watch(self) -> None:
+        """WDT."""
+        spent = self._machine.spent[0]
+        self.unwatched = max(self.unwatched, spent - self._watched)
+        self._watched = spent

@@ -208,3 +208,12 @@ def test_an_index_beyond_the_range_is_an_error_and_the_instruction_is_skipped(te
     assert rig.error() == 6706
     assert (rig.word("D0"), rig.word("D1")) == (7, 8)
     assert rig.word("D8069") == 1  # the step of the instruction behind LD
+
+
+@pytest.mark.parametrize("others", [("OR M0", "AND X1"), ("AND X1", "OR M0"), ("INV", "OR M0"), ("INV",)])
+def test_the_longest_condition_can_be_carried_out(others: tuple[str, ...]) -> None:
+    """200 contacts, nested as deep as they can be; M0 is off and X1 on."""
+    following = list(itertools.islice(itertools.cycle(others), 199))
+    rig = Rig(" / ".join(["LD X0", *following, "OUT Y0"]))
+    turned = following.count("INV") % 2
+    assert [rig.scan(X0=on, X1=1).bit("Y0") for on in (0, 1)] == [turned, 1 - turned]

@@ -1,1 +1,1 @@
-"""A program's rungs as closures that are bound to a machine."""
+"""A program's blocks as Python functions that are bound to a machine."""

@@ -1,26 +1,29 @@
-"""Binds a program's rungs to a machine: one closure a rung, specialised for its condition and outputs."""
+"""Binds a program to a machine: its blocks as functions on the memory's arrays."""
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
+from typing import Any
 
-from bussim.plc.program.compiled.conditions import Conditions, Part, as_step, as_test
-from bussim.plc.program.compiled.outputs import Act, Bind, Coil, Drive, Level, Output, Take
-from bussim.plc.program.compiled.shapes import Step, Test, ToAct, ToCoil
+from bussim.plc.program.compiled.access import value_reader
+from bussim.plc.program.compiled.code import (
+    ARRAYS,
+    WORD_ARRAYS,
+    compiled,
+    is_bound_coil,
+    needs_function,
+)
 from bussim.plc.program.instructions import arithmetic, coils, moves, serial, shifts
-from bussim.plc.program.machine import Machine, OperationError
+from bussim.plc.program.machine import Act, Machine, OperationError
+from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.ladder import Control, Rung
-from bussim.plc.program.times import InstructionTimes
 
-_BASIC: dict[str, Callable[[Machine, Instruction], Output]] = {
-    "OUT": coils.bind_out,
-    "SET": coils.bind_set,
-    "RST": coils.bind_reset,
-    "PLS": coils.bind_pulse,
-    "PLF": coils.bind_pulse,
-}
-_APPLIED: dict[str, Bind] = {
+#: Carries a block out; returns the number of the next one, or END.
+Block = Callable[[], int]
+
+#: Bind an instruction to a machine; of an applied one only what it does while it is on.
+APPLIED: dict[str, Callable[[Machine, Instruction], Act]] = {
     "MOV": moves.move,
     "CML": moves.move,
     "XCH": moves.exchange,
@@ -51,184 +54,52 @@ _APPLIED: dict[str, Bind] = {
     "CPAVL": serial.set_up,
 }
 
-
-def standing_time(times: InstructionTimes, at: Instruction) -> int:
-    """Nanoseconds that an instruction takes whatever its condition."""
-    if _is_applied(at):
-        return times.of(f"{at.spec.name} off", "idle", wide=False)
-    return times.of(at.spec.name, _group(at), wide=at.form.wide)
-
-
-def time_when_on(times: InstructionTimes, at: Instruction) -> int:
-    """Nanoseconds that an instruction takes when it is carried out, without those for each device."""
-    return times.of(at.spec.name, _group(at), wide=at.form.wide)
+_COMPARE: dict[str, Callable[[int, int], bool]] = {
+    "=": operator.eq,
+    "<>": operator.ne,
+    ">": operator.gt,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">=": operator.ge,
+}
 
 
-def _is_applied(at: Instruction) -> bool:
-    return at.spec.name in _APPLIED
+def blocks(program: Program, machine: Machine, **flow: object) -> list[Block]:
+    """A program's blocks on a machine. ``flow``: what its jumps use (call, calls, loops, watch)."""
+    arrays = {WORD_ARRAYS[letter]: words for letter, words in machine.words.items()}
+    state = {name: getattr(machine, name) for name in ARRAYS if hasattr(machine, name)}
+    names: dict[str, Any] = machine.bits | arrays | state | flow
+    for at in program.instructions:
+        names |= _functions(machine, at)
+    # The text is made of numbers and of names that this package chooses.
+    exec(compiled(program, machine.times), names)  # noqa: S102
+    return [names[f"block_{number}"] for number in range(len(program.blocks))]
 
 
-def _group(at: Instruction) -> str:
-    timed = at.spec.name in ("OUT", "RST") and at.operands[0].kind in ("T", "C")
-    return "timer" if timed else at.spec.group
+def _functions(machine: Machine, at: Instruction) -> dict[str, Callable[..., object]]:
+    """What the blocks call of an instruction, by its name there."""
+    if at.spec.is_applied and needs_function(at):
+        act = APPLIED[at.spec.name](machine, at)
+        return {f"act_{at.number}": _guarded(machine, at, act)}
+    if at.spec.group == "comparison" and needs_function(at):
+        first, second = (value_reader(machine, operand, wide=at.form.wide) for operand in at.operands)
+        compare = _COMPARE[at.spec.test]
+        return {f"test_{at.number}": _guarded(machine, at, lambda: compare(first(), second()))}
+    if at.spec.name == "FOR":
+        return {f"count_{at.number}": _guarded(machine, at, value_reader(machine, at.operands[0]))}
+    return {f"take_{at.number}": coils.bind(machine, at)} if is_bound_coil(at) else {}
 
 
-class Builder:
-    """Makes the closures of one program for one machine."""
+def _guarded(machine: Machine, at: Instruction, function: Callable[[], object]) -> Callable[[], object]:
+    """A function whose operation error is the machine's, and then returns 0; itself if it has none."""
+    if not at.spec.fallible and all(operand.index is None for operand in at.operands):
+        return function
 
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        self.conditions = Conditions(machine)
+    def guarded() -> object:
+        try:
+            return function()
+        except OperationError as error:
+            machine.fail(error.code, at.step)
+            return 0
 
-    def step(self, item: Rung | Control) -> Step | None:
-        """What carries a rung (or MC) out; None where there is nothing to do (MCR, an unused condition)."""
-        if isinstance(item, Control):
-            return self._master(item) if item.instruction.spec.name == "MC" else None
-        outputs: list[Output] = []
-        place = self.conditions.place_of(item)
-        if place is not None:
-            outputs.append(Coil(self._machine.saved, place))
-        outputs += [self._output(at) for at in item.outputs]
-        if not outputs:
-            # No output uses the value, but its edges have to be followed.
-            test = as_test(self.conditions.build(item.condition, item.level))
-
-            def ask() -> None:
-                test()
-
-            return ask
-        return _rung(self.conditions.build(item.condition, item.level), outputs, self._machine)
-
-    def test(self, control: Control) -> Callable[[], int]:
-        """The condition of a jump."""
-        test = as_test(self.conditions.build(control.driven_by, control.level))
-        if not control.instruction.form.pulse:
-            return test
-        earlier, number = self._machine.earlier, control.instruction.number
-
-        def rises() -> int:
-            on, before = test(), earlier[number]
-            earlier[number] = on
-            return on > before
-
-        return rises
-
-    def _master(self, control: Control) -> Step:
-        level, coil = control.instruction.operands
-        condition = self.conditions.build(control.driven_by, control.level)
-        outputs: list[Output] = [
-            Coil(self._machine.levels, level.address),
-            Coil(self._machine.bits[coil.letter], coil.address),
-        ]
-        return _rung(condition, outputs, self._machine)
-
-    def _output(self, at: Instruction) -> Output:
-        basic = _BASIC.get(at.spec.name)
-        if basic is not None:
-            return basic(self._machine, at)
-        act = _APPLIED[at.spec.name](self._machine, at)
-        if at.spec.fallible or any(operand.index is not None for operand in at.operands):
-            act = self._guarded(act, at.step)
-        times = self._machine.times
-        extra = times.of(at.spec.name, at.spec.group, wide=at.form.wide) - standing_time(times, at)
-        level = Level(act, extra)
-        return coils.once(self._machine, at, level) if at.form.pulse else level
-
-    def _guarded(self, act: Act, step: int) -> Act:
-        machine = self._machine
-
-        def guarded() -> None:
-            try:
-                act()
-            except OperationError as error:
-                machine.fail(error.code, step)
-
-        return guarded
-
-
-def _rung(condition: Part, outputs: list[Output], machine: Machine) -> Step:
-    levels = [output for output in outputs if isinstance(output, Level)]
-    if len(levels) == len(outputs):
-        act, extra = _sequence([level.act for level in levels]), sum(level.extra for level in levels)
-        return as_step(condition, ToAct(act, machine.spent, extra))
-    first = outputs[0]
-    if len(outputs) == 1:
-        if isinstance(first, Coil):
-            return as_step(condition, ToCoil(first.bits, first.at))
-        if isinstance(first, Drive):
-            take, test = first.take, as_test(condition)
-            return lambda: take(test())
-    second = outputs[1]
-    if len(outputs) == 2 and isinstance(first, Coil) and isinstance(second, Coil):
-        return _two_coils(as_test(condition), first, second)
-    return _mixed(as_test(condition), [_take(output, machine) for output in outputs])
-
-
-def _two_coils(test: Test, one: Coil, other: Coil) -> Step:
-    a, i, b, j = one.bits, one.at, other.bits, other.at
-
-    def step() -> None:
-        a[i] = b[j] = test()
-
-    return step
-
-
-def _sequence(acts: list[Act]) -> Act:
-    if len(acts) == 1:
-        return acts[0]
-    if len(acts) == 2:
-        first, second = acts
-
-        def two() -> None:
-            first()
-            second()
-
-        return two
-    following = tuple(acts)
-
-    def several() -> None:
-        for act in following:
-            act()
-
-    return several
-
-
-def _mixed(test: Callable[[], int], takes: list[Take]) -> Step:
-    following = tuple(takes)
-    if len(takes) == 2:
-        first, second = takes
-
-        def two() -> None:
-            on = test()
-            first(on)
-            second(on)
-
-        return two
-
-    def step() -> None:
-        on = test()
-        for take in following:
-            take(on)
-
-    return step
-
-
-def _take(output: Output, machine: Machine) -> Take:
-    match output:
-        case Coil(bits, at):
-
-            def set_coil(on: int) -> None:
-                bits[at] = on
-
-            return set_coil
-        case Level(act, extra):
-            spent = machine.spent
-
-            def carry_out(on: int) -> None:
-                if on:
-                    spent[0] += extra
-                    act()
-
-            return carry_out
-        case Drive(take):
-            return take
+    return guarded

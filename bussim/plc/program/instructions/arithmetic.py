@@ -15,8 +15,7 @@ from collections.abc import Callable
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
 from bussim.plc.program.compiled.access import Writer, locate, plain, reader, value_reader, writer
-from bussim.plc.program.compiled.outputs import Act
-from bussim.plc.program.machine import BORROW, CARRY, ZERO, Machine, OperationError
+from bussim.plc.program.machine import BORROW, CARRY, ZERO, Act, Machine, OperationError
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.operands import Operand
 
@@ -76,14 +75,6 @@ def step(machine: Machine, at: Instruction) -> Act:
     """INC and DEC."""
     target = at.operands[0]
     by = 1 if at.spec.name == "INC" else -1
-    place = plain(machine, target)
-    if place is not None and not at.form.wide:
-        words, number = place
-
-        def count() -> None:
-            words[number] = words[number] + by & 0xFFFF
-
-        return count
     read = reader(machine, target, wide=at.form.wide)
     write = writer(machine, target, wide=at.form.wide)
     return lambda: write(read() + by)
@@ -152,29 +143,12 @@ def _double_writer(machine: Machine, target: Operand, *, wide: bool) -> Writer:
 
 def compare(machine: Machine, at: Instruction) -> Act:
     """CMP: three bits say whether the first value is above, equal to or below the second."""
-    wide = at.form.wide
-    target = at.operands[2]
-    places = [plain(machine, operand) for operand in at.operands[:2]]
-    if not wide and places[0] is not None and places[1] is not None and target.index is None:
-        return _compare_words(machine.bits[target.letter], target.address, *places[0], *places[1])
-    first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
+    first, second = (value_reader(machine, operand, wide=at.form.wide) for operand in at.operands[:2])
     set_bits = _three_bits(machine, at.operands[2])
 
     def act() -> None:
         one, other = first(), second()
         set_bits(one > other, one == other, one < other)
-
-    return act
-
-
-def _compare_words(bits: bytearray, at: int, a: array[int], i: int, b: array[int], j: int) -> Act:
-    middle, last = at + 1, at + 2
-
-    def act() -> None:
-        difference = (a[i] ^ 0x8000) - (b[j] ^ 0x8000)
-        bits[at] = difference > 0
-        bits[middle] = not difference
-        bits[last] = difference < 0
 
     return act
 

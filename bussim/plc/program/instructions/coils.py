@@ -1,4 +1,4 @@
-"""OUT SET RST PLS PLF: bits, timers and counters (FX programming manual, basic instructions).
+"""OUT and RST of timers and counters (FX programming manual, basic instructions).
 
 Timers count the pulses of a clock that runs free from power-on: the first unit after they are driven
 is cut short, so that a timer of K n units takes between n - 1 and n, and up to a scan more. They are
@@ -20,8 +20,7 @@ from __future__ import annotations
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
 from bussim.plc.program.compiled.access import value_reader, word_of
-from bussim.plc.program.compiled.outputs import Act, Coil, Drive, Level, Output, Take
-from bussim.plc.program.machine import Machine
+from bussim.plc.program.machine import Act, Machine, Take
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.operands import Operand
 from bussim.units import TICKS_PER_MS
@@ -42,46 +41,15 @@ def unit_of(timer: int) -> int:
     return next(unit for first, unit in _UNITS if timer >= first) * TICKS_PER_MS
 
 
-def bind_out(machine: Machine, at: Instruction) -> Output:
-    """OUT of a bit, a timer or a counter."""
+def bind(machine: Machine, at: Instruction) -> Take:
+    """OUT and RST of a timer or counter."""
     device = at.operands[0]
+    if at.spec.name == "RST":
+        return _reset_coil(machine, device.letter, device.address)
     if device.kind == "T":
-        return Drive(_timer(machine, device.address, at.operands[1]))
-    if device.kind == "C":
-        count = _long_counter if device.address >= FIRST_LONG_COUNTER else _counter
-        return Drive(count(machine, device.address, at.operands[1]))
-    return Coil(machine.bits[device.letter], device.address)
-
-
-def bind_set(machine: Machine, at: Instruction) -> Output:
-    """SET."""
-    bits, number = machine.bits[at.operands[0].letter], at.operands[0].address
-
-    def act() -> None:
-        bits[number] = 1
-
-    return Level(act)
-
-
-def bind_reset(machine: Machine, at: Instruction) -> Output:
-    """RST of a bit or a word, or of a timer or counter with its contact."""
-    device = at.operands[0]
-    number = device.address
-    if device.kind in ("T", "C"):
-        return Drive(_reset_coil(machine, device.letter, number))
-    if device.kind in ("D", "V", "Z"):
-        words = machine.words[device.letter]
-
-        def clear() -> None:
-            words[number] = 0
-
-        return Level(clear)
-    bits = machine.bits[device.letter]
-
-    def act() -> None:
-        bits[number] = 0
-
-    return Level(act)
+        return _timer(machine, device.address, at.operands[1])
+    count = _long_counter if device.address >= FIRST_LONG_COUNTER else _counter
+    return count(machine, device.address, at.operands[1])
 
 
 def _reset_coil(machine: Machine, letter: str, number: int) -> Take:
@@ -108,36 +76,6 @@ def reset(machine: Machine, letter: str, first: int, last: int) -> Act:
                 starts[number] = 0
 
     return act
-
-
-def bind_pulse(machine: Machine, at: Instruction) -> Output:
-    """PLS: on for the one scan in which the condition rises; PLF: in which it falls."""
-    bits, place = machine.bits[at.operands[0].letter], at.operands[0].address
-    earlier, number = machine.earlier, at.number
-
-    def rise(on: int) -> None:
-        bits[place] = on > earlier[number]
-        earlier[number] = on
-
-    def fall(on: int) -> None:
-        bits[place] = on < earlier[number]
-        earlier[number] = on
-
-    return Drive(rise if at.spec.name == "PLS" else fall)
-
-
-def once(machine: Machine, at: Instruction, level: Level) -> Drive:
-    """The P form: carried out where the condition rises."""
-    earlier, number, act = machine.earlier, at.number, level.act
-    spent, extra = machine.spent, level.extra
-
-    def take(on: int) -> None:
-        if on > earlier[number]:
-            act()
-            spent[0] += extra
-        earlier[number] = on
-
-    return Drive(take)
 
 
 # -- timers and counters ---------------------------------------------------------------------------

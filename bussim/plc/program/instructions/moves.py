@@ -7,13 +7,11 @@ reverses has the limits of one that is written the other way round, and X cannot
 from __future__ import annotations
 
 import operator
-from array import array
 from collections.abc import Callable
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
-from bussim.plc.program.compiled.access import finder, pack, plain, reader, spread, value_reader, writer
-from bussim.plc.program.compiled.outputs import Act
-from bussim.plc.program.machine import BACKWARDS, Machine, OperationError
+from bussim.plc.program.compiled.access import finder, pack, reader, spread, value_reader, writer
+from bussim.plc.program.machine import BACKWARDS, Act, Machine, OperationError
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.operands import Operand
 
@@ -23,14 +21,6 @@ def move(machine: Machine, at: Instruction) -> Act:
     source, target = at.operands
     wide = at.form.wide
     inverted = 0 if at.spec.name == "MOV" else (0xFFFFFFFF if wide else 0xFFFF)
-    one, other = plain(machine, source), plain(machine, target)
-    if one is not None and other is not None and not wide and not inverted:
-        (a, i), (b, j) = one, other
-
-        def copy() -> None:
-            b[j] = a[i]
-
-        return copy
     if source.groups >= target.groups > 0 and not inverted and source.index is None and target.index is None:
         return _copy_group(machine, source, target)
     read, write = reader(machine, source, wide=wide), writer(machine, target, wide=wide)
@@ -74,9 +64,6 @@ def exchange(machine: Machine, at: Instruction) -> Act:
 def logic(machine: Machine, at: Instruction) -> Act:
     """WAND WOR WXOR."""
     wide = at.form.wide
-    places = [plain(machine, operand) for operand in at.operands]
-    if not wide and places[0] is not None and places[1] is not None and places[2] is not None:
-        return _logic_of_words(at.spec.name, *places[0], *places[1], *places[2])
     combine = _LOGIC[at.spec.name]
     first, second = (reader(machine, operand, wide=wide) for operand in at.operands[:2])
     write = writer(machine, at.operands[2], wide=wide)
@@ -88,15 +75,6 @@ _LOGIC: dict[str, Callable[[int, int], int]] = {
     "WOR": operator.or_,
     "WXOR": operator.xor,
 }
-
-
-def _logic_of_words(name: str, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int) -> Act:
-    combine = _LOGIC[name]
-
-    def act() -> None:
-        c[k] = combine(a[i], b[j])
-
-    return act
 
 
 def to_bcd(machine: Machine, at: Instruction) -> Act:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from bussim.plc.memory import Device
-from bussim.plc.program.compiled.outputs import Act
-from bussim.plc.program.machine import Machine, Ports
+from bussim.plc.program.machine import Act, Machine, Ports
 from bussim.plc.program.text.catalog import Instruction
 
 

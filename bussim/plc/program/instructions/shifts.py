@@ -5,9 +5,8 @@ from __future__ import annotations
 from array import array
 
 from bussim.plc.program.compiled.access import locate, reader, writer
-from bussim.plc.program.compiled.outputs import Act
 from bussim.plc.program.instructions.coils import reset
-from bussim.plc.program.machine import CARRY, Machine
+from bussim.plc.program.machine import CARRY, Act, Machine
 from bussim.plc.program.text.catalog import Instruction
 
 

@@ -70,6 +70,11 @@ class Spec:
     test: str = ""  # of a contact: on off rise fall, or = > < <> <= >=
     fallible: bool = False  # may meet data that it refuses while it runs
 
+    @property
+    def is_applied(self) -> bool:
+        """Whether it is an applied instruction that the program's course does not depend on."""
+        return self.role is Role.OUTPUT and self.group != "basic"
+
 
 @dataclass(frozen=True, slots=True)
 class Form:

@@ -17,7 +17,7 @@ from bussim.plc.program.text.catalog import Instruction, Role
 #: FX programming manual: at most eight LD blocks wait for ANB or ORB, eleven MPS for MPP.
 MAX_BLOCKS = 8
 MAX_BRANCHES = 11
-#: Contacts of one condition, ours: far beyond what a screen shows, and no closure nests deeper.
+#: Contacts of one condition, ours: far beyond what a screen shows, and Python's brackets nest no deeper.
 MAX_CONTACTS = 200
 
 
