@@ -48,26 +48,6 @@ class FreePort:
     The hint SERVE: a reception has begun, which a PLC shows from its next END on.
     """
 
-    __slots__ = (
-        "_begun",
-        "_data",
-        "_deadline",
-        "_events",
-        "_expected",
-        "_framed",
-        "_out",
-        "_sending",
-        "_start",
-        "config",
-        "due",
-        "due_counter",
-        "heard",
-        "heard_end",
-        "heard_start",
-        "state",
-        "timed_out",
-    )
-
     def __init__(self, config: FreeConfig) -> None:
         self.config = config
         self.state = FreeState.STOPPED

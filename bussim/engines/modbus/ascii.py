@@ -19,8 +19,6 @@ class AsciiReader(AduReader):
     frame that is merely unfinished.
     """
 
-    __slots__ = ()
-
     immediate = True
 
     def character(self, char: RxChar, start: int, end: int) -> Adu | Damage | None:

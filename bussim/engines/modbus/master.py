@@ -79,29 +79,6 @@ class Master:
     front), do not end the wait; the timeout then names what was received, or else that nothing was.
     """
 
-    __slots__ = (
-        "_adu",
-        "_asked",
-        "_damage",
-        "_deadline",
-        "_events",
-        "_number",
-        "_overdue",
-        "_reader",
-        "_request",
-        "_sent",
-        "_station",
-        "config",
-        "due",
-        "due_counter",
-        "heard",
-        "heard_end",
-        "heard_start",
-        "quiet",
-        "ready_at",
-        "state",
-    )
-
     def __init__(self, config: MasterConfig) -> None:
         self.config = config
         self.state = MasterState.STOPPED

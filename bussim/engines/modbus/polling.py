@@ -16,8 +16,6 @@ class PollingMaster(Master):
     Raises ValueError for a poll that a master cannot send.
     """
 
-    __slots__ = ("_again", "_next", "list")
-
     def __init__(self, config: MasterConfig, polls: PollList[Poll]) -> None:
         for number, poll in enumerate(polls.polls):
             error = refusal(poll.station, poll.request, config.limits)

@@ -60,21 +60,6 @@ class PollList(Generic[TurnT]):
     poll without ``times`` had a turn: a poll with ``times`` is a command and no part of it.
     """
 
-    __slots__ = (
-        "_attempts",
-        "_begun",
-        "_cycle_start",
-        "_cycles",
-        "_cyclic",
-        "_due",
-        "_last",
-        "_late",
-        "_left",
-        "_unseen",
-        "polls",
-        "running",
-    )
-
     def __init__(self, polls: Sequence[TurnT], start: int = 0) -> None:
         self.polls = tuple(polls)
         #: Index of the poll whose turn it is, None between turns.

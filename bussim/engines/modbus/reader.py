@@ -13,8 +13,6 @@ class AduReader:
     ``immediate``: a frame is complete with its last character, else only with the silence behind it.
     """
 
-    __slots__ = ("_buffer", "_length", "_reason", "end", "heard", "quiet", "start")
-
     immediate = False
 
     def __init__(self, quiet: int) -> None:

@@ -16,8 +16,6 @@ class RtuReader(AduReader):
     the silence loses nothing: the next character ends the frame too, later.
     """
 
-    __slots__ = ("_inner", "_whole")
-
     def __init__(self, quiet: int, inner: int) -> None:
         self._inner = inner
         super().__init__(quiet)

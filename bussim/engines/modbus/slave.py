@@ -59,24 +59,6 @@ class Slave:
     are ignored in silence; a broadcast is carried out by every device and answered by none.
     """
 
-    __slots__ = (
-        "_events",
-        "_next",
-        "_number",
-        "_reader",
-        "_reply",
-        "_waiting",
-        "config",
-        "due",
-        "due_counter",
-        "heard",
-        "heard_end",
-        "heard_start",
-        "maps",
-        "quiet",
-        "state",
-    )
-
     def __init__(self, config: SlaveConfig, maps: Mapping[int, RegisterMap]) -> None:
         self.config = config
         self.maps = dict(maps)

@@ -67,44 +67,6 @@ class Master:
     while an attempt runs.
     """
 
-    __slots__ = (
-        "_attempt",
-        "_block_size",
-        "_counter",
-        "_deadline",
-        "_encoded",
-        "_encoded_image",
-        "_events",
-        "_failures",
-        "_other_characters",
-        "_poll_end",
-        "_poll_start",
-        "_polls",
-        "_reader",
-        "_reply_damaged",
-        "_scan_attempts",
-        "_scan_start",
-        "_scans",
-        "_slowest",
-        "_slowest_station",
-        "_station",
-        "_trouble",
-        "_with_parameters",
-        "config",
-        "due",
-        "due_counter",
-        "failed_attempts",
-        "heard",
-        "heard_start",
-        "image",
-        "polls",
-        "state",
-        "station_errors",
-        "status",
-        "traced",
-        "wants_image",
-    )
-
     def __init__(self, config: MasterConfig, *, traced: bool = False) -> None:
         self.config = config
         #: Whether successful attempts are reported too.

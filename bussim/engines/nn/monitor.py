@@ -65,23 +65,6 @@ class ReceptionState(NamedTuple):
 class LinkMonitor:
     """The notes of one slave. Methods return hints, see :mod:`bussim.engines.contract`."""
 
-    __slots__ = (
-        "_alert",
-        "_counter",
-        "_data_counter",
-        "_data_start",
-        "_events",
-        "_heard_master",
-        "_master_damaged",
-        "_outcome",
-        "_pending",
-        "_pending_counter",
-        "_watching",
-        "config",
-        "status",
-        "watchdog",
-    )
-
     def __init__(self, config: SlaveConfig) -> None:
         self.config = config
         self.status = LinkStatus()

@@ -23,22 +23,6 @@ class Slave(LinkMonitor):
     store code 31 about itself.
     """
 
-    __slots__ = (
-        "_encoded",
-        "_encoded_image",
-        "_reader",
-        "_sent_counter",
-        "block_size",
-        "due",
-        "due_counter",
-        "heard",
-        "heard_start",
-        "image",
-        "settings",
-        "state",
-        "wants_image",
-    )
-
     def __init__(self, config: SlaveConfig) -> None:
         super().__init__(config)
         self.state = SlaveState.STOPPED

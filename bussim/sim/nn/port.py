@@ -20,18 +20,6 @@ from bussim.sim.wire.node import Node
 class LinkPort(Node):
     """The port that M8179 selects. Its node has the PLC's name."""
 
-    __slots__ = (
-        "_longest_turnaround",
-        "_turnarounds",
-        "_waits",
-        "bus",
-        "engine",
-        "is_master",
-        "plc",
-        "replies_at_end",
-        "reporter",
-    )
-
     def __init__(self, plc: Plc, bus: LinkBus, position: int, kernel: Kernel, streams: Streams) -> None:
         self.plc = plc
         self.bus = bus

@@ -23,25 +23,6 @@ class SharedListener:
     A member's engine lags behind until :meth:`sync`.
     """
 
-    __slots__ = (
-        "_block_size",
-        "_counter",
-        "_current",
-        "_data_counter",
-        "_data_start",
-        "_flagged",
-        "_heard_master",
-        "_longest",
-        "_longest_at",
-        "_outcome",
-        "_pending_counter",
-        "_stale",
-        "_watchdog",
-        "by_station",
-        "members",
-        "pending",
-    )
-
     def __init__(self) -> None:
         self.members: tuple[LinkStation, ...] = ()
         #: The member with a station number.

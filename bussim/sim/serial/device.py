@@ -21,8 +21,6 @@ from bussim.sim.serial.reporter import SerialReporter
 class DeviceNode(SerialNode):
     """A device of the scenario with its one port."""
 
-    __slots__ = ("_attempts", "_behaviour", "_cycle", "_end_of_scan", "_polls", "_powered", "_scan", "spec")
-
     def __init__(
         self,
         spec: BusDevice,

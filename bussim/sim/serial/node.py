@@ -30,19 +30,6 @@ class SerialNode(Node):
     added to a reply's delay, uniform below ``jitter`` ticks.
     """
 
-    __slots__ = (
-        "_delays",
-        "_jitter",
-        "_received_until",
-        "_served",
-        "_silence_timer",
-        "bus",
-        "kind",
-        "protocol_name",
-        "reporter",
-        "request_chars",
-    )
-
     def __init__(
         self,
         name: str,

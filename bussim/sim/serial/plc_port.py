@@ -25,8 +25,6 @@ from bussim.sim.serial.reporter import SerialReporter
 class PlcPort(SerialNode):
     """One port of a PLC. What CPAVL and RS2 do with it is the business of its port registers."""
 
-    __slots__ = ("clock", "plc", "port_registers")
-
     def __init__(
         self, plc: Plc, port: str, bus: SerialBus, position: int, kernel: Kernel, reporter: SerialReporter
     ) -> None:

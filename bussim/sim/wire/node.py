@@ -25,30 +25,6 @@ _ASKED = TRANSMIT | DEADLINE | OPEN | EVENTS
 class Node:
     """One position of a line, in cable order from 0; ``name`` is unique in the scenario."""
 
-    __slots__ = (
-        "_deadline_timer",
-        "_end_timer",
-        "_kernel",
-        "_release_timer",
-        "_sequence",
-        "_start_timer",
-        "engine",
-        "extra_turnaround",
-        "home_timing",
-        "jabbering",
-        "late_release",
-        "line",
-        "name",
-        "nominal",
-        "pending",
-        "position",
-        "receiver",
-        "sending",
-        "tail",
-        "timing",
-        "timing_faults",
-    )
-
     def __init__(self, name: str, line: Line, position: int, kernel: Kernel) -> None:
         self.name = name
         self.line = line

@@ -21,8 +21,6 @@ from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 class _Part:
     """The part of a transmission that reaches one node: what lies between two ticks."""
 
-    __slots__ = ("since", "tx", "until")
-
     def __init__(self, tx: Transmission, since: int) -> None:
         self.tx = tx
         self.since = since
@@ -31,22 +29,6 @@ class _Part:
 
 class Receiver:
     """The receiver of one node. ``is_open``: it receives character by character."""
-
-    __slots__ = (
-        "_char_timer",
-        "_frame_open",
-        "_half_character",
-        "_idle_timer",
-        "_last_end",
-        "_next",
-        "_parts",
-        "_port",
-        "_quiet",
-        "_ready",
-        "_uart",
-        "_wave",
-        "is_open",
-    )
 
     def __init__(self, port: LineNode, kernel: Kernel, timing: LineTiming) -> None:
         self._port = port
