@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option
 from bussim.devices.contract import MasterSettings
 from bussim.errors import Problem, ScenarioError
@@ -28,7 +29,7 @@ def command(scenario: str, *, as_json: bool, allow_code: bool) -> None:
     """
     examined = examine(scenario, allow_code=allow_code)
     if as_json:
-        click.echo(json.dumps(_as_json(examined), ensure_ascii=False, indent=1))
+        print_json(_as_json(examined), indent=1)
         if examined.scenario is None:
             raise click.exceptions.Exit(2)
         return
@@ -90,15 +91,6 @@ def _as_json(examined: Examined) -> dict[str, object]:
             for plc in (found.plcs if found is not None else ())
             if plc.program is not None
         },
-        "errors": [_problem(problem) for problem in examined.errors],
-        "warnings": [_problem(problem) for problem in examined.warnings],
-    }
-
-
-def _problem(problem: Problem) -> dict[str, object]:
-    return {
-        "file": problem.file,
-        "line": problem.line,
-        "column": problem.column,
-        "message": problem.message,
+        "errors": [asdict(problem) for problem in examined.errors],
+        "warnings": [asdict(problem) for problem in examined.warnings],
     }

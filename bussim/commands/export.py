@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.export.formats import FORMATS
@@ -83,7 +83,7 @@ def command(
             trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial"
         )
     if as_json:
-        click.echo(json.dumps(_as_json(target, done, fmt), indent=2, ensure_ascii=False))
+        print_json(_as_json(target, done, fmt))
         return
     click.echo(target)
     for hint in done.hints:

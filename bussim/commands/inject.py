@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.errors import UsageError
 
 _OPTIONS = (
@@ -68,7 +67,7 @@ def command(
     except OSError as error:
         raise UsageError(f"process {chosen[0].process} does not answer: {error.strerror or error}") from error
     if as_json:
-        click.echo(json.dumps(answer, ensure_ascii=False, indent=2))
+        print_json(answer)
         return
     click.echo(answer["text"])
     for odd in answer["odd"]:
@@ -78,7 +77,7 @@ def command(
 def _list(found: list, *, as_json: bool) -> None:  # type: ignore[type-arg] # the class is imported lazily
     answers = [{"process": one.process, **one.ask(do="list")} for one in found]
     if as_json:
-        click.echo(json.dumps(answers, ensure_ascii=False, indent=2))
+        print_json(answers)
         return
     if not answers:
         click.echo("nothing is being served")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def command(
         click.echo("stopped: the run was not finished and left no results", err=True)
         raise
     if as_json:
-        click.echo(json.dumps(result.summary, ensure_ascii=False, allow_nan=False, indent=2))
+        print_json(result.summary)
     else:
         _show(result)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.commands.common.times import time_of
@@ -160,7 +160,7 @@ def _as_served(scenario: Scenario, record: RunRecord) -> str:
 
 def _show(session: Session, record: RunRecord, place: Path | None, *, as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps(record.summary, ensure_ascii=False, allow_nan=False, indent=2))
+        print_json(record.summary)
         return
     from rich.console import Console
 

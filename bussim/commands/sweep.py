@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.line.protocols import BusProtocol
 
@@ -119,7 +119,7 @@ def command(
         click.echo("stopped: what was run is kept, the same command goes on from there", err=True)
         raise
     if as_json:
-        click.echo(json.dumps(result.summary, ensure_ascii=False, allow_nan=False, indent=2))
+        print_json(result.summary)
     else:
         _show(result)
 

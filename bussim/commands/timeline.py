@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
@@ -80,7 +80,7 @@ def command(
     scene = scene_of(window)
     timeline_picture(scene, caption(record)).save(target)
     if as_json:
-        click.echo(json.dumps(_as_json(window, target), indent=2, ensure_ascii=False))
+        print_json(_as_json(window, target))
         return
     for sentence in scene.why:
         click.echo(sentence)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
@@ -104,7 +104,7 @@ def command(
             "to_s": round(seconds(end), 9),
             "devices": watch.to_json(begin, end),
         }
-        click.echo(json.dumps(answer, indent=1, ensure_ascii=False))
+        print_json(answer, indent=1)
         return
     for path in (table, picture):
         if path is not None:

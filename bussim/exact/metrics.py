@@ -14,7 +14,7 @@ from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.outages import clean_scan, dead_means, detection, longest_scan, ride_through
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
-from bussim.exact.text import ms, scans_over, years_between
+from bussim.exact.text import in_ms, ms, scans_over, years_between
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, UNIT_TICKS
 
 YEAR = int(UNIT_TICKS["y"])
@@ -102,34 +102,34 @@ class Figures:
             "mode": model.mode,
             "retries": model.retries,
             "attempts": model.attempts,
-            "timeout_ms": _ms(model.timeout),
-            "mean_ms": _ms(self.mean),
-            "sd_ms": _ms(self.sd),
-            "no_error_ms": {"min": _ms(self.shortest), "max": _ms(self.longest_clean)},
-            "worst_case_ms": _ms(self.worst_case),
-            "quantiles_ms": {key: _ms(x) for key, x in self.quantiles.items()},
+            "timeout_ms": in_ms(model.timeout),
+            "mean_ms": in_ms(self.mean),
+            "sd_ms": in_ms(self.sd),
+            "no_error_ms": {"min": in_ms(self.shortest), "max": in_ms(self.longest_clean)},
+            "worst_case_ms": in_ms(self.worst_case),
+            "quantiles_ms": {key: in_ms(x) for key, x in self.quantiles.items()},
             "p_scan_over_ms": {ms(x): p for x, p in self.over.items()},
             "station_error_per_scan": {str(k): p for k, p in self.error_per_scan.items()},
             "station_error_per_year": {str(k): p for k, p in self.error_per_year.items()},
             "false_errors_per_year": self.errors_per_year,
             "false_error_onsets_per_year": self.onsets_per_year,
             "years_between_false_errors": 1 / self.onsets_per_year if self.onsets_per_year else None,
-            "maximum_ms": {key: _ms(x) for key, x in self.maximum.items()},
+            "maximum_ms": {key: in_ms(x) for key, x in self.maximum.items()},
             "mission_s": None if self.mission is None else self.mission / TICKS_PER_SECOND,
-            "ride_through_ms": {"silence": _ms(self.silence), "corruption": _ms(self.corruption)},
-            "one_dead_ms": _ms(self.one_dead),
-            "two_dead_ms": _ms(self.two_dead),
+            "ride_through_ms": {"silence": in_ms(self.silence), "corruption": in_ms(self.corruption)},
+            "one_dead_ms": in_ms(self.one_dead),
+            "two_dead_ms": in_ms(self.two_dead),
             "detect_ms": {
-                "mean": _ms(self.detect_mean),
-                "max": _ms(self.detect_longest),
-                "bound": _ms(self.worst_case if self.detect_mean is not None else None),
-                **{key: _ms(x) for key, x in self.detect.items()},
+                "mean": in_ms(self.detect_mean),
+                "max": in_ms(self.detect_longest),
+                "bound": in_ms(self.worst_case if self.detect_mean is not None else None),
+                **{key: in_ms(x) for key, x in self.detect.items()},
             },
             "refresh_gap_ms": {
                 pair: {
-                    "mean": _ms(refresh.mean),
-                    **{key: _ms(x) for key, x in refresh.quantiles.items()},
-                    "heartbeat": _ms(refresh.heartbeat),
+                    "mean": in_ms(refresh.mean),
+                    **{key: in_ms(x) for key, x in refresh.quantiles.items()},
+                    "heartbeat": in_ms(refresh.heartbeat),
                 }
                 for pair, refresh in self.refresh.items()
             },
@@ -160,10 +160,6 @@ def tail_curve(
     )
     x = np.unique(ends[(ends >= low) & (ends <= high)])
     return x / TICKS_PER_MS, distribution.tail(x)
-
-
-def _ms(ticks: float | None) -> float | None:
-    return None if ticks is None else round(ticks / TICKS_PER_MS, 6)
 
 
 def over_mission(distribution: Distribution, mission: int, level: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from bussim.exact.bursts.scan_chain import ScanChain
 from bussim.exact.link import LinkModel
 from bussim.exact.scan.memoryless import Fails, fails_of, probabilities_of, scan_distribution
@@ -19,36 +21,21 @@ class Solved:
         if not model.valid:
             raise ValueError("; ".join(model.reasons))
         self.model = model
-        self._chain: ScanChain | None = None
-        self._distribution: Distribution | None = None
-        self._fails: tuple[Fails, ...] | None = None
 
-    @property
+    @cached_property
     def chain(self) -> ScanChain:
         """The chain from scan to scan."""
-        if self._chain is None:
-            self._chain = ScanChain(self.model)
-        return self._chain
+        return ScanChain(self.model)
 
-    @property
+    @cached_property
     def distribution(self) -> Distribution:
         """The distribution of the link scan time, in ticks."""
-        if self._distribution is None:
-            self._distribution = (
-                scan_distribution(self.model) if self.model.noise.memoryless else self.chain.distribution()
-            )
-        return self._distribution
+        return scan_distribution(self.model) if self.model.noise.memoryless else self.chain.distribution()
 
-    @property
+    @cached_property
     def fails(self) -> tuple[Fails, ...]:
         """Each station's chances of being in error, in order."""
-        if self._fails is None:
-            model = self.model
-            if model.noise.memoryless:
-                self._fails = tuple(
-                    fails_of(probabilities, model.attempts, model.absent)
-                    for probabilities in probabilities_of(model)
-                )
-            else:
-                self._fails = self.chain.fails()
-        return self._fails
+        model = self.model
+        if not model.noise.memoryless:
+            return self.chain.fails()
+        return tuple(fails_of(each, model.attempts, model.absent) for each in probabilities_of(model))

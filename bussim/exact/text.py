@@ -14,6 +14,11 @@ def ms(ticks: float) -> str:
     return f"{ticks / TICKS_PER_MS:.12g}"
 
 
+def in_ms(ticks: float | None) -> float | None:
+    """A time in ms as JSON has it, to the nanosecond; None where there is none."""
+    return None if ticks is None else round(ticks / TICKS_PER_MS, 6)
+
+
 def scans_over(probability: float, ticks: float) -> str:
     """How often a scan takes longer than a deadline."""
     if probability <= 0:

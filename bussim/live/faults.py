@@ -10,8 +10,12 @@ from enum import StrEnum
 from bussim.engines.contract import Transmit
 from bussim.engines.modbus.adu import Adu, Mode, encode_adu
 from bussim.engines.modbus.codes import ExceptionCode
+from bussim.engines.modbus.events import FrameRejected, RequestServed
 from bussim.engines.modbus.pdu import EXCEPTION_BIT, encode_exception
 from bussim.live.runner import Handling
+
+#: Requests that are remembered.
+REMEMBERED = 10_000
 
 
 class ReplyFault(StrEnum):
@@ -37,6 +41,8 @@ class Injected:
 class FaultyReplies(Handling):
     """Sends replies as they are, but for the faults that wait: each befalls one reply, in order.
 
+    It remembers what was asked, and what was ignored.
+
     Faults may be added from another thread.
     """
 
@@ -48,6 +54,10 @@ class FaultyReplies(Handling):
         self._last = 0
         #: Faults that have happened, by kind.
         self.happened: dict[ReplyFault, int] = {}
+        #: Requests that were carried out or refused, the first :data:`REMEMBERED` of them.
+        self.requests: list[RequestServed] = []
+        #: Frames that were ignored, by reason.
+        self.rejected: dict[str, int] = {}
 
     def inject(self, fault: Injected, count: int = 1) -> None:
         """Let the next ``count`` replies that have no fault yet have this one."""
@@ -63,6 +73,14 @@ class FaultyReplies(Handling):
     def waiting(self) -> int:
         """Faults that have not happened yet."""
         return len(self._waiting)
+
+    def event(self, event: object, now: int) -> None:
+        """See the base class."""
+        if isinstance(event, RequestServed):
+            if len(self.requests) < REMEMBERED:
+                self.requests.append(event)
+        elif isinstance(event, FrameRejected):
+            self.rejected[event.reason] = self.rejected.get(event.reason, 0) + 1
 
     def when(self, transmit: Transmit, now: int) -> int | None:
         """See the base class."""

@@ -8,32 +8,13 @@ from typing import Self
 
 from bussim.devices.v80.map import V80
 from bussim.engines.modbus.adu import Mode
-from bussim.engines.modbus.events import FrameRejected, RequestServed
+from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.server import RegisterMap
 from bussim.line.characters import CharFormat
 from bussim.live.faults import FaultyReplies
 from bussim.live.modbus import line_of, slave_runner
 from bussim.live.options import DEFAULT_OPTIONS, PortOptions
 from bussim.live.wire import Wire
-
-#: Requests that are remembered.
-REMEMBERED = 10_000
-
-
-class _Noting(FaultyReplies):
-    """Replies with faults, and a memory of what was asked."""
-
-    def __init__(self, mode: Mode) -> None:
-        super().__init__(mode)
-        self.requests: list[RequestServed] = []
-        self.rejected: dict[str, int] = {}
-
-    def event(self, event: object, now: int) -> None:
-        if isinstance(event, RequestServed):
-            if len(self.requests) < REMEMBERED:
-                self.requests.append(event)
-        elif isinstance(event, FrameRejected):
-            self.rejected[event.reason] = self.rejected.get(event.reason, 0) + 1
 
 
 class ServedSlave:
@@ -61,8 +42,9 @@ class ServedSlave:
         self.reports: list[str] = []
         self.mode = mode
         self.wire = Wire(url, line_of(mode, baud, fmt), options, report=self.reports.append)
-        self._notes = _Noting(mode)
-        self._runner = slave_runner(self.wire, mode, self.maps, delay=delay, handling=self._notes)
+        #: What befalls the next replies.
+        self.faults = FaultyReplies(mode)
+        self._runner = slave_runner(self.wire, mode, self.maps, delay=delay, handling=self.faults)
         self._stop = threading.Event()
         self._error: BaseException | None = None
         self._runner.start()
@@ -81,19 +63,14 @@ class ServedSlave:
         return self.wire.name
 
     @property
-    def faults(self) -> FaultyReplies:
-        """What befalls the next replies."""
-        return self._notes
-
-    @property
     def requests(self) -> list[RequestServed]:
-        """The requests that were carried out or refused, in order (the first :data:`REMEMBERED`)."""
-        return list(self._notes.requests)
+        """The requests that were carried out or refused, in order: the first of them."""
+        return list(self.faults.requests)
 
     @property
     def rejected(self) -> dict[str, int]:
         """Frames that were ignored, by reason."""
-        return dict(self._notes.rejected)
+        return dict(self.faults.rejected)
 
     def close(self) -> None:
         """Stop serving and close the port. Raises what stopped the thread, if something did."""

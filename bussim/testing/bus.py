@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Self
 
 from bussim.devices.v80.map import V80
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
-from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat
 from bussim.live.faults import Injected, ReplyFault
@@ -72,7 +70,7 @@ class Station:
         self.registers = Items(device, Space.HOLDING)
 
 
-class ServedBus:
+class ServedBus(ServedSlave):
     """Modbus slaves on a new pseudo-terminal (or another URL) until :meth:`close`.
 
     ``stations`` are their numbers, ``mode`` is "rtu" or "ascii", ``baud`` matters for the silence
@@ -97,7 +95,7 @@ class ServedBus:
         if not devices:
             raise ValueError("a bus needs a station")
         self._stations = {number: Station(device) for number, device in devices.items()}
-        self._slave = ServedSlave(
+        super().__init__(
             url,
             devices,
             mode=Mode(mode),
@@ -111,24 +109,9 @@ class ServedBus:
         self.coils, self.inputs = first.coils, first.inputs
         self.input_registers, self.registers = first.input_registers, first.registers
 
-    @property
-    def device(self) -> str:
-        """What the client opens, such as ``/dev/pts/4``."""
-        return self._slave.device
-
     def station(self, number: int) -> Station:
         """A slave by its station number. Raises KeyError if it is not on the bus."""
         return self._stations[number]
-
-    @property
-    def requests(self) -> list[RequestServed]:
-        """The requests that were carried out or refused, in order."""
-        return self._slave.requests
-
-    @property
-    def rejected(self) -> dict[str, int]:
-        """Frames that were ignored, by reason: ``{"CRC or LRC wrong": 1}``."""
-        return self._slave.rejected
 
     # -- faults --------------------------------------------------------------------------------
 
@@ -160,29 +143,17 @@ class ServedBus:
 
     def no_faults(self) -> None:
         """Forget the faults that have not happened yet."""
-        self._slave.faults.clear()
+        self.faults.clear()
 
     @property
     def pending_faults(self) -> int:
         """Faults that have not happened yet: 0 where a test has used up all of them."""
-        return self._slave.faults.waiting
+        return self.faults.waiting
 
     def _inject(self, fault: Injected, count: int) -> None:
         if count < 1:
             raise ValueError(f"count {count}, at least 1")
-        self._slave.faults.inject(fault, count)
-
-    # -- ending --------------------------------------------------------------------------------
-
-    def close(self) -> None:
-        """Stop serving. Raises what went wrong in the serving thread, if something did."""
-        self._slave.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        self.faults.inject(fault, count)
 
 
 def _ticks(seconds: float) -> int:

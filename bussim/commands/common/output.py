@@ -1,13 +1,22 @@
-"""Files that options of commands name: written whole, over an existing one only with --force."""
+"""What commands print as JSON, and files that their options name: written whole, over others by --force."""
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import click
 
 from bussim.errors import UsageError
+
+
+def print_json(data: Any, *, indent: int = 2) -> None:
+    """Print plain data as JSON; texts as they are, not escaped. Raises ValueError for what is no number."""
+    click.echo(json.dumps(data, ensure_ascii=False, allow_nan=False, indent=indent))
 
 
 def checked_target(path: Path, endings: Sequence[str], *, force: bool, option: str = "-o") -> Path:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
@@ -93,7 +93,7 @@ def command(
         answer: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
         if bounds:
             answer["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
-        click.echo(json.dumps(answer, indent=2, ensure_ascii=False))
+        print_json(answer)
     else:
         from bussim.commands.common.console import wide_console
 

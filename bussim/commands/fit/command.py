@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import busy, checked_target, write_text
+from bussim.commands.common.output import busy, checked_target, print_json, write_text
 from bussim.commands.common.recording import is_recording, line_of, line_options
 from bussim.commands.common.scenario_options import code_option
 from bussim.commands.common.times import time_of
@@ -98,7 +97,7 @@ def command(
         _plot(Path(plot), fitted, simulated)
     if as_json:
         found = to_json(fitted, comparison)
-        click.echo(json.dumps({"source": trace, "scenario": output, **found}, ensure_ascii=False, indent=2))
+        print_json({"source": trace, "scenario": output, **found})
         return
     show(fitted, simulated, comparison)
     if target is not None:

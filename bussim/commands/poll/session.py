@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.sniff.tally import statistics
 from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.pdu import READS
@@ -140,7 +140,7 @@ def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
         "port": wire.counts.to_json(),
     }
     if as_json:
-        click.echo(json.dumps(summary, ensure_ascii=False, allow_nan=False, indent=2))
+        print_json(summary)
     else:
         _show(tallies, summary)
     silent = all(not tally.ok and not tally.exceptions for tally in tallies)

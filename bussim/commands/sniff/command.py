@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import print_json
 from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.recording import bus_of, is_recording, line_of, line_options, read
 from bussim.commands.common.times import time_of
@@ -151,7 +151,7 @@ class _Session:
             self._record(source, duration)
         if as_json:
             found = to_json(self.listener, self.tally, duration, exact=self.exact)
-            click.echo(json.dumps({"source": source, **found}, ensure_ascii=False, allow_nan=False, indent=2))
+            print_json({"source": source, **found})
             return
         wide_console().print(show(self.listener, self.tally, duration, exact=self.exact))
         if self.folder is not None:

@@ -37,11 +37,11 @@ from bussim.engines.nn.frames import MODES
 from bussim.exact.from_scenario import from_scenario
 from bussim.exact.link import MASTER, LinkModel
 from bussim.exact.scan.outages import clean_scan
+from bussim.exact.text import in_ms
 from bussim.plc.link_registers import D_STATION, setting_values
 from bussim.plc.profiles import AbsentStation
 from bussim.scenario.model import Edge, Plc, Scenario
 from bussim.scenario.signals.paths import SignalPath, signal_paths
-from bussim.units import milliseconds
 
 #: Keys of the two cases beside those with lost replies.
 NO_ERROR, EVERY_RETRY = "no error", "every retry spent"
@@ -151,18 +151,14 @@ class LatencyBound:
             "gates": list(self.gates),
             "notes": list(self.caveats),
             "kind": "age of a word" if self.word else "change of a bit",
-            "no_error_ms": _ms(self.no_error) if self.valid else None,
-            "lost_replies_ms": {str(number): _ms(self.lost(number)) for number in range(self.attempts + 1)}
+            "no_error_ms": in_ms(self.no_error) if self.valid else None,
+            "lost_replies_ms": {str(number): in_ms(self.lost(number)) for number in range(self.attempts + 1)}
             if self.valid and self.link_scan
             else {},
-            "every_retry_ms": _ms(self.every_retry) if self.valid else None,
-            "missed_frame_ms": _ms(self.missed) if self.valid and self.link_scan else None,
-            "parts_ms": {part: _ms(getattr(self, part)) for part in parts} if self.valid else {},
+            "every_retry_ms": in_ms(self.every_retry) if self.valid else None,
+            "missed_frame_ms": in_ms(self.missed) if self.valid and self.link_scan else None,
+            "parts_ms": {part: in_ms(getattr(self, part)) for part in parts} if self.valid else {},
         }
-
-
-def _ms(ticks: int) -> float:
-    return round(milliseconds(ticks), 6)
 
 
 def bounds_of(scenario: Scenario) -> dict[str, LatencyBound]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from bussim.exact.link import LinkModel
 from bussim.exact.sizing.grid import evaluate
+from bussim.exact.text import in_ms
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
 from bussim.units import TICKS_PER_MS
 
@@ -55,8 +56,8 @@ class NoiseLevels:
                 {
                     "D8179": rung.retries,
                     "attempts": rung.attempts,
-                    "one_dead_ms": round(rung.dead / TICKS_PER_MS, 6),
-                    "ride_through_ms": round(rung.ride / TICKS_PER_MS, 6),
+                    "one_dead_ms": in_ms(rung.dead),
+                    "ride_through_ms": in_ms(rung.ride),
                     "false_errors_per_year": rung.errors,
                     "survives_ms": [outage / TICKS_PER_MS for outage in rung.survived],
                 }

@@ -17,7 +17,7 @@ from bussim.exact.sizing.evaluation import (
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.noise_levels import OUTAGE, NoiseLevels, noise_levels_of, under_bad_noise
 from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
-from bussim.exact.text import ms
+from bussim.exact.text import in_ms, ms
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
@@ -56,11 +56,11 @@ class Choice:
             "D8179": self.retries,
             "D8180": self.d8180,
             "attempts": self.attempts,
-            "mean_ms": _ms(self.mean),
+            "mean_ms": in_ms(self.mean),
             "false_errors_per_year": self.errors,
-            "one_dead_ms": _ms(self.dead),
-            "detect_ms": {"mean": _ms(self.detect), "max": _ms(self.detect_longest)},
-            "ride_through_ms": _ms(self.ride),
+            "one_dead_ms": in_ms(self.dead),
+            "detect_ms": {"mean": in_ms(self.detect), "max": in_ms(self.detect_longest)},
+            "ride_through_ms": in_ms(self.ride),
         }
 
 
@@ -154,7 +154,7 @@ class Sizing:
             "notes": list(self.model.notes),
             "assumed_noise": None if self.noise_levels is None else "ladder",
             "goals": list(self.goals.texts().values()),
-            "timeout_floor_ms": _ms(self.floor),
+            "timeout_floor_ms": in_ms(self.floor),
             "recommended": None if self.recommended is None else self.recommended.to_json(),
             "robust": None if self.robust is None else self.robust.to_json(),
             "robust_unmet": list(self.robust_unmet),
@@ -278,7 +278,3 @@ def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
         best.append((detect, errors))
         front.append(_choice(checked, reading, retries, timeout))
     return tuple(front)
-
-
-def _ms(ticks: float) -> float:
-    return round(ticks / TICKS_PER_MS, 6)

@@ -8,8 +8,10 @@ channel is the line, high when idle; an RS485 receiver's output is.
 from __future__ import annotations
 
 import configparser
+import lzma
 import re
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +36,18 @@ MOST_LOWS = 20_000_000
 _LARGEST_METADATA = 1 << 20
 #: Samples of a bit below which a UART model cannot decode a character.
 _LEAST_SAMPLES = 4
+#: What a damaged archive may raise.
+_ZIP_ERRORS = (
+    KeyError,
+    OSError,
+    EOFError,
+    ValueError,
+    RuntimeError,  # an encrypted part
+    NotImplementedError,  # an unknown compression
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+)
 
 
 class SigrokFile:
@@ -170,24 +184,3 @@ class SigrokFile:
         if self._capture in names:
             return [self._capture]
         raise RecordingError(f"{self._name}: its samples {self._capture!r} are missing")
-
-
-def _zip_errors() -> tuple[type[Exception], ...]:
-    import lzma
-    import zlib
-
-    return (
-        KeyError,
-        OSError,
-        EOFError,
-        ValueError,
-        RuntimeError,  # an encrypted part
-        NotImplementedError,  # an unknown compression
-        zipfile.BadZipFile,
-        zlib.error,
-        lzma.LZMAError,
-    )
-
-
-#: What a damaged archive may raise.
-_ZIP_ERRORS = _zip_errors()
