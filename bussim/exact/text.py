@@ -14,6 +14,11 @@ def ms(ticks: float) -> str:
     return f"{ticks / TICKS_PER_MS:.12g}"
 
 
+def ms_cell(ticks: float | None) -> str:
+    """A time in ms for a table, to the microsecond; a dash where there is none."""
+    return "–" if ticks is None else f"{ticks / TICKS_PER_MS:,.3f}"
+
+
 def in_ms(ticks: float | None) -> float | None:
     """A time in ms as JSON has it, to the nanosecond; None where there is none."""
     return None if ticks is None else round(ticks / TICKS_PER_MS, 6)

@@ -16,10 +16,7 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
     from rich.text import Text
 
     from bussim.commands.common.console import plain_table
-    from bussim.units import TICKS_PER_MS
-
-    def cell(ticks: int) -> str:
-        return f"{ticks / TICKS_PER_MS:,.3f}"
+    from bussim.exact.text import ms_cell
 
     parts = ["scan", "turn", "wire", "destination", "output"]
     if any(bound.program for bound in bounds.values()):
@@ -34,7 +31,7 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
             lost = [bound.lost(1), bound.every_retry] if bound.link_scan else []
             label = f"{name} (age)" if bound.word else name
             table.add_row(
-                Text(label), *map(cell, (*(getattr(bound, part) for part in parts), bound.no_error, *lost))
+                Text(label), *map(ms_cell, (*(getattr(bound, part) for part in parts), bound.no_error, *lost))
             )
     if table.row_count:
         console.print(table)
@@ -43,11 +40,12 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
             console.print(Text(f"  {name}: {sentence}"))
     linked = [bound for bound in bounds.values() if bound.valid and bound.link_scan]
     if linked:
-        longest = cell(max(bound.missed for bound in linked))
+        flag = ms_cell(max(bound.parameters for bound in linked))
+        longest = ms_cell(max(bound.missed for bound in linked))
         console.print(
             Text(
                 "  no error: nor is a station's error flag still on at the change, which would cost "
-                f"{cell(max(bound.parameters for bound in linked))} ms. every retry: the source is in error "
+                f"{flag} ms. every retry: the source is in error "
                 "for one link scan and answers the last attempt of the next, any reply of all others may be "
                 f"lost. A frame that only the target misses adds up to {longest} ms. None holds "
                 "for a change before the link has formed."

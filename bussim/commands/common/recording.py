@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from bussim.live.recordings.sources import Kind
     from bussim.live.sniff.heard import Protocol
     from bussim.live.sniff.listener import Listener
-    from bussim.trace.records import TraceBus
 
 
 #: Protocols of a recorded line; auto: what is recognised.
@@ -49,17 +49,35 @@ def line_options(function: FuncT) -> FuncT:
     return function
 
 
-def bus_of(source: str, name: str | None) -> tuple[TraceBus, bool]:
-    """The bus of a trace (of that name, else the first), and whether its times are exact."""
+@dataclass(frozen=True, slots=True)
+class KnownLine:
+    """What is known of a line before anything of it is read; ``exact``: the times of a recording are."""
+
+    bus: str
+    timing: LineTiming
+    names: dict[int, str]
+    exact: bool
+
+
+def known_line(source: str, kind: Kind | None, timing: LineTiming, name: str | None) -> KnownLine:
+    """The line of a recording: of a trace (the bus of that name, else the first) as it says itself.
+
+    ``kind`` is None for a port. Raises UsageError for a trace without such a bus.
+    """
+    from bussim.line.characters import CharFormat, LineTiming
+    from bussim.live.recordings.sources import Kind
     from bussim.trace.file import read_trace
 
+    if kind is not Kind.TRACE:
+        return KnownLine(name or "line", timing, {}, kind in (Kind.SIGROK, Kind.PCAPNG))
     trace = read_trace(source)
-    if name is None and trace.header.buses:
-        if others := [repr(bus.name) for bus in trace.header.buses[1:]]:
-            first = trace.header.buses[0].name
-            click.echo(f"this is bus {first!r}; with --bus also: {', '.join(others)}", err=True)
-        return trace.header.buses[0], trace.header.exact
-    return trace.bus(name or "line"), trace.header.exact
+    buses = trace.header.buses
+    if name is None and (others := [repr(bus.name) for bus in buses[1:]]):
+        click.echo(f"this is bus {buses[0].name!r}; with --bus also: {', '.join(others)}", err=True)
+    bus = buses[0] if name is None and buses else trace.bus(name or "line")
+    names = {number: node for node, number in reversed(bus.stations.items())}
+    timing = LineTiming(bus.baud, CharFormat.parse(bus.format))
+    return KnownLine(bus.name, timing, names, trace.header.exact)
 
 
 def is_recording(source: str) -> bool:

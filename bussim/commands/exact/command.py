@@ -11,6 +11,7 @@ from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
+from bussim.exact.text import ms, ms_cell
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -144,7 +145,6 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     from rich.text import Text
 
     from bussim.commands.common.console import named_values
-    from bussim.exact.text import ms
     from bussim.wording import about
 
     model = figures.model
@@ -162,30 +162,30 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     if not figures.valid:
         return
     rows: list[tuple[str, str]] = [
-        ("link scan time", f"mean {_ms(figures.mean)}, sd {_ms(figures.sd)} ms"),
-        ("  without errors", f"{_ms(figures.shortest)} to {_ms(figures.longest_clean)} ms"),
-        ("  at worst", f"{_ms(figures.worst_case)} ms (every attempt of every station spent)"),
+        ("link scan time", f"mean {ms_cell(figures.mean)}, sd {ms_cell(figures.sd)} ms"),
+        ("  without errors", f"{ms_cell(figures.shortest)} to {ms_cell(figures.longest_clean)} ms"),
+        ("  at worst", f"{ms_cell(figures.worst_case)} ms (every attempt of every station spent)"),
     ]
     rows += [
-        (f"  exceeded by 1 scan in {about(1 / request.levels[key])}", f"{_ms(x)} ms")
+        (f"  exceeded by 1 scan in {about(1 / request.levels[key])}", f"{ms_cell(x)} ms")
         for key, x in figures.quantiles.items()
     ]
     middle, high = figures.maximum.values()
-    longest = f"median {_ms(middle)}, with a chance of 1 % above {_ms(high)} ms"
+    longest = f"median {ms_cell(middle)}, with a chance of 1 % above {ms_cell(high)} ms"
     rows.append((f"  longest in {_span(request.mission)}", longest))
     for station, chance in figures.error_per_scan.items():
         year = figures.error_per_year[station]
         text = f"{about(chance)} a scan, {about(year)} at least once a year"
         rows.append((f"error flag of {model.name(station)}", text))
     if figures.silence is not None and figures.corruption is not None:
-        text = f"silence of {_ms(figures.silence)} ms, corruption of {_ms(figures.corruption)} ms"
+        text = f"silence of {ms_cell(figures.silence)} ms, corruption of {ms_cell(figures.corruption)} ms"
         rows.append(("ride-through", text))
     if figures.one_dead is not None:
-        rows.append(("one station dead", f"link scan {_ms(figures.one_dead)} ms"))
+        rows.append(("one station dead", f"link scan {ms_cell(figures.one_dead)} ms"))
     if figures.two_dead is not None:
-        rows.append(("two stations dead", f"link scan {_ms(figures.two_dead)} ms"))
+        rows.append(("two stations dead", f"link scan {ms_cell(figures.two_dead)} ms"))
     if figures.detect_mean is not None:
-        text = f"mean {_ms(figures.detect_mean)}, at worst {_ms(figures.detect_longest)} ms"
+        text = f"mean {ms_cell(figures.detect_mean)}, at worst {ms_cell(figures.detect_longest)} ms"
         rows.append(("dead station noticed", text))
     console.print(named_values(rows))
     _show_refresh(console, figures)
@@ -204,14 +204,8 @@ def _show_refresh(console: Console, figures: Figures) -> None:
     )
     for pair, refresh in figures.refresh.items():
         times = [refresh.mean, *(refresh.quantiles.get(key) for key in keys), refresh.heartbeat]
-        table.add_row(Text(pair), *(_ms(time) for time in times))
+        table.add_row(Text(pair), *(ms_cell(time) for time in times))
     console.print(table)
-
-
-def _ms(ticks: float | None) -> str:
-    from bussim.units import TICKS_PER_MS
-
-    return "–" if ticks is None else f"{ticks / TICKS_PER_MS:,.3f}"
 
 
 def _span(ticks: int) -> str:

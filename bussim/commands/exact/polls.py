@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from bussim.exact.polls.master_timing import Span
 from bussim.exact.polls.metrics import PollFigures
 from bussim.exact.polls.text import percent
-from bussim.exact.text import ms
-from bussim.units import milliseconds
+from bussim.exact.text import ms, ms_cell
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,12 +37,12 @@ def show(console: Console, figures: PollFigures) -> None:
 def _rows(figures: PollFigures) -> list[tuple[str, str]]:
     rows: list[tuple[str, str]] = []
     if figures.cycle is not None:
-        mean = f", mean {_number(figures.mean)}" if figures.mean is not None else ""
+        mean = f", mean {ms_cell(figures.mean)}" if figures.mean is not None else ""
         rows.append(("poll cycle", f"{_span(figures.cycle)} ms without errors{mean}"))
     if figures.worst is not None:
-        rows.append(("  at worst", f"{_number(figures.worst)} ms (every attempt of every poll spent)"))
+        rows.append(("  at worst", f"{ms_cell(figures.worst)} ms (every attempt of every poll spent)"))
     if figures.command is not None and figures.worst_command is not None:
-        text = f"up to {_number(figures.command)} ms, at worst {_number(figures.worst_command)} ms"
+        text = f"up to {ms_cell(figures.command)} ms, at worst {ms_cell(figures.worst_command)} ms"
         rows.append(("  with a command", f"{text} more"))
     if figures.load is not None:
         rows.append(("bus load", f"{percent(figures.load)} by these polls"))
@@ -73,16 +72,12 @@ def _show_polls(console: Console, figures: PollFigures) -> None:
             every,
             _span(one.response),
             _span(one.transaction),
-            _number(one.on_arrival),
-            _number(one.before_refresh),
+            ms_cell(one.on_arrival),
+            ms_cell(one.before_refresh),
         )
         table.add_row(*map(Text, cells))
     console.print(table)
 
 
-def _number(ticks: float | None) -> str:
-    return "–" if ticks is None else f"{milliseconds(ticks):,.3f}"
-
-
 def _span(span: Span) -> str:
-    return _number(span.least) if span.fixed else f"{_number(span.least)} to {_number(span.most)}"
+    return ms_cell(span.least) if span.fixed else f"{ms_cell(span.least)} to {ms_cell(span.most)}"

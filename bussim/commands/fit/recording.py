@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bussim.commands.common.recording import bus_of, read
+from bussim.commands.common.recording import known_line, read
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
-from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.characters import LineTiming
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
 from bussim.live.recordings.sources import Kind, kind_of
@@ -47,23 +47,19 @@ def fit(
 ) -> Fitted:
     """The estimates of a recording. Raises UsageError if it cannot be read or has no exchange."""
     path, kind = Path(source), kind_of(Path(source))
-    names: dict[int, str] = {}
-    exact = kind in (Kind.SIGROK, Kind.PCAPNG)
-    if kind is Kind.TRACE:
-        known, exact = bus_of(source, bus)
-        bus, line = known.name, LineTiming(known.baud, CharFormat.parse(known.format))
-        names = {number: node for node, number in reversed(known.stations.items())}
+    known = known_line(source, kind, line, bus)
+    line = known.timing
     gap = 20 * TICKS_PER_MS if kind is Kind.RAW else 0
     if tolerance is not None:
         gap = time_of("--tolerance", tolerance)
-    sink = Collector(bus_of={names.get(0, station_name(0)): bus or "line"})
+    sink = Collector(bus_of={known.names.get(0, station_name(0)): known.bus})
     listener = Listener(
-        bus or "line",
+        known.bus,
         line,
         sink,
         tolerance=gap,
         protocol=protocol,
-        names=names,
+        names=known.names,
         decoders=(LinkObserver, BusObserver),
     )
     duration = read(path, kind, listener, channel, None)
@@ -77,4 +73,4 @@ def fit(
         )
     totals = listener.totals(max(duration, listener.last))
     measured = sink.run(totals, scenario="measured", seed=0)
-    return Fitted(listener.bus, names, exact, totals.duration, link, ports, measured)
+    return Fitted(known.bus, known.names, known.exact, totals.duration, link, ports, measured)

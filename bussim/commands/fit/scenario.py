@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from bussim.engines.modbus.pdu import WRITES
 from bussim.engines.modbus.server import SPACES, Space
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
-from bussim.live.fit.link import LinkEstimate, StationEstimate
+from bussim.live.fit.link import LinkEstimate
 from bussim.live.fit.modbus import BusEstimate
 from bussim.live.fit.turnaround import TurnaroundDistribution
 from bussim.plc.link_registers import D_STATION
@@ -39,22 +40,15 @@ def link_scenario(
     settings = link.settings
     low, high = PROFILES["pw10"].timeout_range
     base = "pw10" if low <= settings.timeout <= high else "fx2n"
-    master = {
-        "name": names.get(0, "station0"),
-        "profile": _master_profile(link, base),
-        "nn": {"bus": bus, "port": "COM4", "station": 0, **_settings(link)},
-    }
-    plcs = [master]
-    for number in range(1, settings.slaves + 1):
-        found = next((each for each in link.stations if each.station == number), None)
-        plcs.append(
-            {
-                "name": names.get(number, f"station{number}"),
-                "profile": _slave_profile(found, base),
-                "nn": {"bus": bus, "port": "COM4", "station": number},
-            }
-        )
-    name_of = {number: str(plc["name"]) for number, plc in enumerate(plcs)}
+    name_of = {number: names.get(number, f"station{number}") for number in range(settings.slaves + 1)}
+    plcs = [
+        {
+            "name": node,
+            "profile": {"base": base} | _profile(link, number),
+            "nn": {"bus": bus, "port": "COM4", "station": number} | ({} if number else _settings(link)),
+        }
+        for number, node in name_of.items()
+    ]
     return {
         "schema": 1,
         "name": name,
@@ -66,7 +60,7 @@ def link_scenario(
         "faults": [
             {
                 "at": format_time(outage.start),
-                **_lasting(outage.start, outage.end),
+                **({} if outage.end is None else {"for": format_time(max(1, outage.end - outage.start))}),
                 "power_off": name_of[k.station],
             }
             for k in link.stations
@@ -100,15 +94,11 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
         if number is None:
             continue
         old = plc.get("profile", "pw10")
-        kept = dict(old) if isinstance(old, dict) else {"base": old}
-        if number == 0:
-            new = _master_profile(link, str(kept.get("base", "pw10")))
-            if link.settings_received and isinstance(plc.get("nn"), dict):
-                plc["nn"] |= _settings(link)
-        else:
-            found = next((each for each in link.stations if each.station == number), None)
-            new = _slave_profile(found, str(kept.get("base", "pw10")))
-        plc["profile"] = kept | new
+        profile = dict(old) if isinstance(old, dict) else {"base": old}
+        profile.setdefault("base", "pw10")
+        plc["profile"] = profile | _profile(link, number)
+        if number == 0 and link.settings_received and isinstance(plc.get("nn"), dict):
+            plc["nn"] |= _settings(link)
     kept_noise = [
         each
         for each in data.get("noise", [])
@@ -210,33 +200,22 @@ def _settings(link: LinkEstimate) -> dict[str, int | str]:
     return {"slaves": slaves, "mode": mode, "retries": retries, "timeout": f"{timeout * 10} ms"}
 
 
-def _master_profile(link: LinkEstimate, base: str) -> dict[str, Any]:
-    profile: dict[str, Any] = {"base": base}
-    if link.master_gap is not None:
-        profile["master_gap"] = format_time(round(link.master_gap.value))
-    if link.scan_overhead is not None:
-        profile["scan_overhead"] = format_time(max(0, round(link.scan_overhead.value)))
-    return profile
-
-
-def _slave_profile(found: StationEstimate | None, base: str) -> dict[str, Any]:
-    if found is None or found.distribution is None:
-        return {"base": base}
-    distribution = found.distribution
+def _profile(link: LinkEstimate, number: int) -> dict[str, Any]:
+    """What was measured of a station, as keys of its profile."""
+    if number == 0:
+        times = {"master_gap": link.master_gap, "scan_overhead": link.scan_overhead}
+        return {
+            key: format_time(max(0, round(found.value))) for key, found in times.items() if found is not None
+        }
+    distribution = next((each.distribution for each in link.stations if each.station == number), None)
+    if distribution is None:
+        return {}
     if distribution.values:
-        counts: dict[int, int] = {}
-        for value in distribution.values:
-            counts[value] = counts.get(value, 0) + 1
-        turnaround: dict[str, Any] = {
-            "values": [format_time(value) for value in counts],
-            "weights": list(counts.values()),
-        }
-    else:
-        turnaround = {
-            "mean": format_time(distribution.mean),
-            "jitter": format_time(min(distribution.jitter, distribution.mean)),
-        }
-    return {"base": base, "turnaround": turnaround}
+        counts = Counter(distribution.values)
+        values = [format_time(value) for value in counts]
+        return {"turnaround": {"values": values, "weights": list(counts.values())}}
+    mean, jitter = distribution.mean, min(distribution.jitter, distribution.mean)
+    return {"turnaround": {"mean": format_time(mean), "jitter": format_time(jitter)}}
 
 
 def _link_noise(link: LinkEstimate, bus: str, name_of: dict[int, str]) -> list[dict[str, Any]]:
@@ -249,7 +228,3 @@ def _link_noise(link: LinkEstimate, bus: str, name_of: dict[int, str]) -> list[d
         if found.loss is not None and found.loss.value and found.station in name_of
     ]
     return noise
-
-
-def _lasting(start: int, end: int | None) -> dict[str, str]:
-    return {} if end is None else {"for": format_time(max(1, end - start))}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from bussim.units import milliseconds, seconds
 
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
+    from bussim.live.fit.link import LinkEstimate
     from bussim.live.fit.turnaround import TurnaroundDistribution
     from bussim.results.run_record import RunRecord
 
@@ -50,14 +52,12 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
     link = fitted.link
     if link is not None:
         found["link"] = {
-            "settings": dict(
-                zip(("slaves", "mode", "retries", "timeout_ms"), _settings(fitted), strict=True)
-            ),
+            "settings": dict(zip(("slaves", "mode", "retries", "timeout_ms"), _settings(link), strict=True)),
             "settings_heard": link.settings_received,
-            "master_gap_ms": _time(link.master_gap),
-            "scan_overhead_ms": _time(link.scan_overhead),
-            "reply_loss": _plain(link.loss),
-            "ber": _plain(link.ber),
+            "master_gap_ms": _interval(link.master_gap, _ms),
+            "scan_overhead_ms": _interval(link.scan_overhead, _ms),
+            "reply_loss": _interval(link.loss),
+            "ber": _interval(link.ber),
             "frames": link.frames,
             "damaged": link.damaged,
             "scans": len(link.scans),
@@ -65,9 +65,9 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
                 str(each.station): {
                     "name": fitted.names.get(each.station),
                     "polls": each.polls,
-                    "turnaround_ms": _time(each.turnaround),
+                    "turnaround_ms": _interval(each.turnaround, _ms),
                     "law": _distribution(each.distribution),
-                    "reply_loss": _plain(each.loss),
+                    "reply_loss": _interval(each.loss),
                     "outages_s": [
                         [seconds(o.start), None if o.end is None else seconds(o.end)] for o in each.outages
                     ],
@@ -81,7 +81,7 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
             "protocol": ports.protocol.value,
             "interval_ms": _ms(ports.interval),
             "timeout_ms": _ms(ports.timeout),
-            "ber": _plain(ports.ber),
+            "ber": _interval(ports.ber),
             "frames": ports.frames,
             "damaged": ports.damaged,
             "polls": [
@@ -101,9 +101,9 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
             "stations": {
                 str(each.station): {
                     "requests": each.requests,
-                    "delay_ms": _time(each.delay),
+                    "delay_ms": _interval(each.delay, _ms),
                     "law": _distribution(each.distribution),
-                    "reply_loss": _plain(each.loss),
+                    "reply_loss": _interval(each.loss),
                     "exceptions": {f"{code:02X}": count for code, count in each.exceptions.items()},
                 }
                 for each in ports.slaves
@@ -119,9 +119,8 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
     return found
 
 
-def _settings(fitted: Fitted) -> tuple[int, int, int, int]:
-    assert fitted.link is not None  # noqa: S101 - narrows the type
-    slaves, mode, retries, timeout = fitted.link.settings
+def _settings(link: LinkEstimate) -> tuple[int, int, int, int]:
+    slaves, mode, retries, timeout = link.settings
     return slaves, mode, retries, 10 * timeout
 
 
@@ -129,16 +128,21 @@ def _ms(ticks: float | None) -> float | None:
     return None if ticks is None else round(milliseconds(ticks), 6)
 
 
-def _time(found: Estimate | None) -> dict[str, float | None] | None:
-    if found is None:
-        return None
-    return {"value": _ms(found.value), "low": _ms(found.low), "high": _ms(found.high), "count": found.count}
+def _same(value: float | None) -> float | None:
+    return value
 
 
-def _plain(found: Estimate | None) -> dict[str, float | None] | None:
+def _interval(
+    found: Estimate | None, unit: Callable[[float | None], float | None] = _same
+) -> dict[str, float | None] | None:
     if found is None:
         return None
-    return {"value": found.value, "low": found.low, "high": found.high, "count": found.count}
+    return {
+        "value": unit(found.value),
+        "low": unit(found.low),
+        "high": unit(found.high),
+        "count": found.count,
+    }
 
 
 def _distribution(distribution: TurnaroundDistribution | None) -> dict[str, Any] | None:
@@ -163,7 +167,7 @@ def show(fitted: Fitted, simulated: RunRecord | None, comparison: Comparison | N
     source = "exact times" if fitted.exact else "times of the operating system, its delays included"
     click.echo(f"{fitted.bus}: {seconds(fitted.duration):.1f} s, {source}")
     if fitted.link is not None:
-        slaves, mode, retries, timeout = _settings(fitted)
+        slaves, mode, retries, timeout = _settings(fitted.link)
         origin = "by a parameter frame" if fitted.link.settings_received else "as observed"
         click.echo(f"  {slaves} slaves, mode {mode}, {retries} retries, timeout {timeout} ms ({origin})")
     table = plain_table(["  estimate"], ["value", "95 % confidence", "from"])

@@ -12,14 +12,14 @@ import click
 
 from bussim.commands.common.output import print_json
 from bussim.commands.common.port_options import options_of, port_options
-from bussim.commands.common.recording import bus_of, is_recording, line_of, line_options, read
+from bussim.commands.common.recording import is_recording, known_line, line_of, line_options, read
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
 
 if TYPE_CHECKING:
+    from bussim.commands.common.recording import KnownLine
     from bussim.commands.sniff.tally import Tally
-    from bussim.line.characters import LineTiming
     from bussim.live.sniff.heard import Protocol
     from bussim.live.sniff.listener import Listener
     from bussim.results.store.folder import RunFolder
@@ -59,7 +59,6 @@ def command(
     a pcapng file, a sigrok session (.sr), or a text file of lines "seconds hexbytes". Nothing is ever
     sent, except with --bridge.
     """
-    from bussim.line.characters import CharFormat, LineTiming
     from bussim.live.recordings.sources import Kind, kind_of
     from bussim.live.sniff.heard import Protocol
 
@@ -70,22 +69,16 @@ def command(
     kind = kind_of(Path(source)) if is_recording(source) else None
     if kind is not None and bridge is not None:
         raise UsageError("--bridge joins two ports; a recording has none")
-    names: dict[int, str] = {}
-    if kind is Kind.TRACE:
-        known_bus, exact = bus_of(source, bus)
-        bus = known_bus.name
-        timing = LineTiming(known_bus.baud, CharFormat.parse(known_bus.format))
-        names = {number: node for node, number in reversed(known_bus.stations.items())}
-    else:
-        bus = bus or "line"
-        exact = kind in (Kind.SIGROK, Kind.PCAPNG)
+    line = known_line(source, kind, timing, bus)
     gap = options.tolerance if kind in (None, Kind.RAW) else 0
     with ExitStack() as stack:
-        session = _Session(stack, bus, timing, known, gap, names, exact=exact, out=out, force=force)
+        session = _Session(stack, line, known, gap, out=out, force=force)
         if kind is None:
             from bussim.commands.sniff.port import listen
 
-            ended = listen(source, bridge, timing, options, session.listener, limit, session.display(as_json))
+            ended = listen(
+                source, bridge, line.timing, options, session.listener, limit, session.display(as_json)
+            )
         else:
             ended = read(Path(source), kind, session.listener, channel, limit)
         session.finish(source, ended, as_json=as_json)
@@ -97,13 +90,10 @@ class _Session:
     def __init__(
         self,
         stack: ExitStack,
-        bus: str,
-        timing: LineTiming,
+        known: KnownLine,
         protocol: Protocol | None,
         tolerance: int,
-        names: dict[int, str],
         *,
-        exact: bool,
         out: str | None,
         force: bool,
     ) -> None:
@@ -115,14 +105,15 @@ class _Session:
         from bussim.results.store.folder import RunFolder
         from bussim.trace.records import TraceBus, TraceHeader
 
-        self.exact = exact
+        bus, timing, names = known.bus, known.timing, known.names
+        self.exact = known.exact
         self.folder: RunFolder | None = None
         if out is not None:
             link = protocol is Protocol.NN or (protocol is None and timing == NN_LINE)
             shared = BusProtocol.NN if link else BusProtocol.SERIAL
             stations = {name: number for number, name in sorted(names.items())}
             line = TraceBus(bus, shared, timing.baud, str(timing.format), tuple(stations), stations)
-            header = TraceHeader(buses=(line,), scenario=bus, exact=exact)
+            header = TraceHeader(buses=(line,), scenario=bus, exact=known.exact)
             folder = RunFolder(Path(out), rows=True, traced=True, fmt="csv", force=force, header=header)
             self.folder = stack.enter_context(folder)
         rows = self.folder.rows if self.folder is not None else None
