@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from collections.abc import Mapping
+from dataclasses import replace
+from enum import StrEnum
+from fractions import Fraction
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 
-from bussim.forms.fields import Time, fail, time
+from bussim.forms.fields import Time, exact, fail, time
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 
 class Model(BaseModel):
@@ -63,6 +72,23 @@ def in_order(model: Model, written: dict[str, Any]) -> dict[str, object]:
     """The keys in the order of the form, wherever their values came from."""
     order = [info.alias or name for name, info in type(model).model_fields.items()]
     return {key: written[key] for key in order if key in written}
+
+
+def changed(base: T, given: Mapping[str, Any]) -> T:
+    """A dataclass's instance with some fields as a file gives them, each of the type that it had."""
+    return replace(base, **{key: _like(getattr(base, key), value) for key, value in given.items()})
+
+
+def _like(before: object, given: Any) -> Any:
+    match before:
+        case Fraction():
+            return exact(given)
+        case StrEnum():
+            return type(before)(given)
+        case tuple():
+            return tuple(given)
+        case _:
+            return given
 
 
 class ScanIn(Model):

@@ -14,7 +14,7 @@ from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import coil, put, registers
 
 S = TICKS_PER_SECOND
-ADDRESS = {c.name: c.address for c in COILS}
+ADDRESS = {name: number - 1 for number, name in COILS.items()}
 
 # 1.8°, 8 microsteps: 1600 pulses a turn; pitch 5.00: 3.2 pulses a hundredth; 60 rpm: 1600 Hz.
 TOP, LOW, SLOPE, PER_UNIT = 1600, 500, 2000, Fraction(16, 5)

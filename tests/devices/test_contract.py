@@ -118,7 +118,9 @@ def test_ports_speak_what_they_say(name: str) -> None:
 
 # -- the stepper in time ---------------------------------------------------------------------------
 
-MOVES = [c.address for c in COILS if c.name not in ("save", "read_project", "clear_project", "reset_basic")]
+MOVES = [
+    n - 1 for n, name in COILS.items() if name not in ("save", "read_project", "clear_project", "reset_basic")
+]
 WRITABLE = [
     r.address for r in BY_NAME.values() if r.writable and r.name not in ("project_loops", "step_number")
 ]

@@ -40,7 +40,7 @@ class Stepper(AreaMap):
         if baud not in STEPPER_PORT.bauds:
             raise ValueError(f"baud (={baud}) must be one of {', '.join(map(str, STEPPER_PORT.bauds))}")
         areas: list[Area] = [Area(Space.HOLDING, r.address, r.words, r.name, r.writable) for r in REGISTERS]
-        coils = {coil.address: coil.name for coil in COILS if coil.name != "save"}
+        coils = {number - 1: name for number, name in COILS.items() if name != "save"}
         if coils.setdefault(profile.save_coil - 1, "save") != "save":
             raise ValueError(f"save_coil (={profile.save_coil}) is {coils[profile.save_coil - 1]}")
         areas += [Area(Space.COILS, address, 1, name) for address, name in coils.items()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -15,8 +15,8 @@ from bussim.devices.stepper.map import Stepper
 from bussim.devices.stepper.profile import STEPPER_PORT, STEPPER_PROFILE, StepOutput, StepperProfile
 from bussim.devices.stepper.registers import BY_NAME, COILS, INPUTS, MAX_STEPS, Group, signed
 from bussim.engines.modbus.slave import Slave
-from bussim.forms.fields import Flag, choice, exact, fail, number, whole
-from bussim.forms.form import Model
+from bussim.forms.fields import Flag, choice, fail, number, whole
+from bussim.forms.form import Model, changed
 from bussim.forms.report import EntryView, Path, Reporter
 from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
@@ -161,20 +161,13 @@ class StepperIn(SlaveIn):
                 path = (*entry.path, "steps", index)
                 _check_parameter(path, name, value, _OF_STEPS, "belongs to no step", report)
         coil = self.profile.save_coil if self.profile is not None else None
-        taken = next((known.name for known in COILS if known.number == coil and known.name != "save"), None)
-        if taken is not None:
+        taken = COILS.get(coil) if coil is not None else None
+        if taken not in (None, "save"):
             report.error((*entry.path, "profile", "save_coil"), f"is {coil}, the coil of {taken}")
 
     def _profile(self) -> StepperProfile:
         """The controller's profile with the given fields changed."""
-        if self.profile is None:
-            return STEPPER_PROFILE
-        changes = self.profile.given()
-        if "acceleration_unit" in changes:
-            changes["acceleration_unit"] = exact(changes["acceleration_unit"])
-        if "step_output" in changes:
-            changes["step_output"] = StepOutput(changes["step_output"])
-        return replace(STEPPER_PROFILE, **changes)
+        return changed(STEPPER_PROFILE, self.profile.given() if self.profile is not None else {})
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> StepperSettings:
         """Its profile, switches, parameters and steps."""

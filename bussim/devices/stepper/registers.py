@@ -121,42 +121,30 @@ REGISTERS: Final[tuple[Register, ...]] = (
 BY_NAME: Final = {register.name: register for register in REGISTERS}
 
 
-class Coil(NamedTuple):
-    """One command coil: ``number`` as in the manual."""
-
-    number: int  # 00001…
-    name: str
-
-    @property
-    def address(self) -> int:
-        """The protocol address."""
-        return self.number - 1
-
-
-#: 00001 has lost its name in the manual: saving (assumed; its note 1 speaks of a save command). It
-#: prints 00008 as 80000, and calls 00017 "output 3 on".
-COILS: Final[tuple[Coil, ...]] = (
-    Coil(1, "save"),
-    Coil(2, "read_project"),
-    Coil(3, "clear_project"),
-    Coil(4, "stop"),
-    Coil(5, "jog_forward"),
-    Coil(6, "jog_reverse"),
-    Coil(7, "to_zero"),
-    Coil(8, "run_once"),
-    Coil(9, "start_project"),
-    Coil(10, "home"),
-    Coil(11, "clear_position"),
-    Coil(12, "output_1_on"),
-    Coil(13, "output_1_off"),
-    Coil(14, "output_2_on"),
-    Coil(15, "output_2_off"),
-    Coil(16, "output_3_on"),
-    Coil(17, "output_3_off"),
-    Coil(18, "previous_step"),
-    Coil(19, "next_step"),
-    Coil(37, "reset_basic"),
-)
+#: The command coils by their numbers in the manual, 00001 and on. 00001 has lost its name there: saving
+#: (assumed; its note 1 speaks of a save command). The manual prints 00008 as 80000, and calls 00017 "output 3 on".
+COILS: Final = {
+    1: "save",
+    2: "read_project",
+    3: "clear_project",
+    4: "stop",
+    5: "jog_forward",
+    6: "jog_reverse",
+    7: "to_zero",
+    8: "run_once",
+    9: "start_project",
+    10: "home",
+    11: "clear_position",
+    12: "output_1_on",
+    13: "output_1_off",
+    14: "output_2_on",
+    15: "output_2_off",
+    16: "output_3_on",
+    17: "output_3_off",
+    18: "previous_step",
+    19: "next_step",
+    37: "reset_basic",
+}
 
 #: Ticks of a millisecond of 40035/40036.
 DELAY_UNIT: Final = TICKS_PER_SECOND // 1000
