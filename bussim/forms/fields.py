@@ -108,32 +108,13 @@ def _parsed(parse: Callable[[str], object], expected: str) -> Kind:
     return Kind(check, str)
 
 
-def name() -> Kind:
-    """A name: letters, digits, _ and - (not as the first), at least one letter, at most 64 characters."""
-    return _matching(
-        _NAME,
-        "not a name; allowed are letters, digits, _ and -, with at least one letter",
-        lambda value: ", and no - at the beginning" if str(value).startswith("-") else "",
-    )
-
-
-def node() -> Kind:
-    """The name of a node of a bus: a PLC, one of its ports (press1.COM3), a device."""
-    return _matching(_NODE, "expected the name of a PLC, a port such as press1.COM3, or a device")
-
-
-def title() -> Kind:
-    """A line of free text, 1 to 200 characters."""
-
-    def check(value: object) -> str:
-        value = _unread(value)
-        if not isinstance(value, str) or not value.strip():
-            raise fail(f"{_found(value)}, expected a line of text")
-        if len(value) > 200 or not value.isprintable():
-            raise fail(f"{_found(value)}, expected one line of at most 200 printable characters")
-        return value
-
-    return Kind(check)
+def _title(value: object) -> str:
+    value = _unread(value)
+    if not isinstance(value, str) or not value.strip():
+        raise fail(f"{_found(value)}, expected a line of text")
+    if len(value) > 200 or not value.isprintable():
+        raise fail(f"{_found(value)}, expected one line of at most 200 printable characters")
+    return value
 
 
 def whole(low: int, high: int) -> Kind:
@@ -218,11 +199,6 @@ def nanoseconds(low: int, high: int) -> Kind:
     return Kind(check, format_nanoseconds)
 
 
-def flag() -> Kind:
-    """True or false."""
-    return _those(lambda value: isinstance(value, bool), "allowed true, false")
-
-
 def choice(*options: str) -> Kind:
     """One of some words."""
 
@@ -240,26 +216,16 @@ def one_of(options: Sequence[int]) -> Kind:
     return _those(lambda value: _is_int(value) and value in options, allowed)
 
 
-def link_port() -> Kind:
-    """The port of an N:N link."""
-
-    def check(value: object) -> str:
-        if value in ("COM5", "COM6"):
-            raise fail(f"is {value}, which M8179 cannot select (0: COM3, 1: COM4); allowed COM3, COM4")
-        return cast("str", allowed.read(value))
-
-    allowed = _those(lambda value: value in ("COM3", "COM4"), "allowed COM3, COM4")
-    return Kind(check)
+_LINK_PORTS = _those(lambda value: value in ("COM3", "COM4"), "allowed COM3, COM4")
 
 
-def character_format() -> Kind:
-    """A character format such as 7E1, which YAML may have read as a number."""
-    return _parsed(CharFormat.parse, "a character format such as 8N1")
+def _link_port(value: object) -> str:
+    if value in ("COM5", "COM6"):
+        raise fail(f"is {value}, which M8179 cannot select (0: COM3, 1: COM4); allowed COM3, COM4")
+    return cast("str", _LINK_PORTS.read(value))
 
 
-def device() -> Kind:
-    """A device of a PLC's memory, such as D400."""
-    return _parsed(parse_device, "a device such as D400")
+allowed = _those(lambda value: value in ("COM3", "COM4"), "allowed COM3, COM4")
 
 
 class PlcPoint(NamedTuple):
@@ -272,38 +238,18 @@ class PlcPoint(NamedTuple):
         return f"{self.plc}.{self.device}"
 
 
-def plc_device() -> Kind:
-    """A device of a PLC that can be observed, such as press1.D8201 or press1.TN0."""
-
-    def check(value: object) -> PlcPoint:
-        plc, dot, device = value.partition(".") if isinstance(value, str) else ("", "", "")
-        if not dot or not _NAME.fullmatch(plc):
-            raise fail(f"{_found(value)}, expected a device of a PLC such as press1.D8201")
-        try:
-            return PlcPoint(plc, parse_device(device[:100], observed=True))
-        except ValueError as error:
-            raise fail(f"is {value}, whose device {error}") from None
-
-    return Kind(check, str)
+def _plc_device(value: object) -> PlcPoint:
+    plc, dot, device = value.partition(".") if isinstance(value, str) else ("", "", "")
+    if not dot or not _NAME.fullmatch(plc):
+        raise fail(f"{_found(value)}, expected a device of a PLC such as press1.D8201")
+    try:
+        return PlcPoint(plc, parse_device(device[:100], observed=True))
+    except ValueError as error:
+        raise fail(f"is {value}, whose device {error}") from None
 
 
-def file_name() -> Kind:
-    """The name of a file, with folders or without."""
-    return _those(
-        lambda value: (
-            isinstance(value, str) and bool(value.strip()) and len(value) <= 1000 and value.isprintable()
-        ),
-        "expected the name of a file",
-    )
-
-
-def function_code() -> Kind:
-    """A Modbus function that is known here."""
-    return _those(
-        lambda value: _is_int(value) and value in FUNCTIONS,
-        "allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10)",
-        lambda value: "; did you mean 0x10?" if value == 10 else "",
-    )
+def _is_file_name(value: object) -> bool:
+    return isinstance(value, str) and 0 < len(value.strip()) <= len(value) <= 1000 and value.isprintable()
 
 
 def characters(most: int) -> Kind:
@@ -343,22 +289,20 @@ def _sized(data: bytes, most: int) -> bytes:
     return data
 
 
-def callable_name() -> Kind:
-    """A Python function as ``module:function``."""
-    return _matching(_CALLABLE, "expected module:function, such as sensors:level")
+_CHARACTER_CODE = _those(
+    lambda value: _is_int(value) and 0 <= value <= 0xFF,
+    'expected a character code 0..255 or one character such as "\\r"',
+)
 
 
-def character() -> Kind:
-    """One character: its code 0 to 255, or itself in quotes."""
+def _character(value: object) -> int:
+    if isinstance(value, str) and len(value) == 1 and ord(value) <= 0xFF:
+        return ord(value)
+    return cast("int", _CHARACTER_CODE.read(value))
 
-    def check(value: object) -> int:
-        if isinstance(value, str) and len(value) == 1 and ord(value) <= 0xFF:
-            return ord(value)
-        return cast("int", code.read(value))
 
-    wanted = 'expected a character code 0..255 or one character such as "\\r"'
-    code = _those(lambda value: _is_int(value) and 0 <= value <= 0xFF, wanted)
-    return Kind(check)
+wanted = 'expected a character code 0..255 or one character such as "\\r"'
+code = _those(lambda value: _is_int(value) and 0 <= value <= 0xFF, wanted)
 
 
 def exact(value: float) -> Fraction:
@@ -366,16 +310,48 @@ def exact(value: float) -> Fraction:
     return Fraction(Decimal(repr(value)))
 
 
-Name = Annotated[str, name()]
+#: Letters, digits, _ and - (not as the first), at least one letter, at most 64 characters.
+Name = Annotated[
+    str,
+    _matching(
+        _NAME,
+        "not a name; allowed are letters, digits, _ and -, with at least one letter",
+        lambda value: ", and no - at the beginning" if str(value).startswith("-") else "",
+    ),
+]
+#: The name of a node of a bus: a PLC, one of its ports (press1.COM3), a device.
+NodeName = Annotated[
+    str, _matching(_NODE, "expected the name of a PLC, a port such as press1.COM3, or a device")
+]
+#: A line of free text, 1 to 200 characters.
+Title = Annotated[str, Kind(_title)]
 Time = Annotated[int, time()]
 Positive = Annotated[int, time(low=1)]
 Probability = Annotated[float, number(0, 1)]
-Baud = Annotated[int, one_of(BAUDS)]
-Format = Annotated[CharFormat, character_format()]
-NodeName = Annotated[str, node()]
-DeviceName = Annotated[Device, device()]
-PlcDevice = Annotated[PlcPoint, plc_device()]
-Flag = Annotated[bool, flag()]
+Flag = Annotated[bool, _those(lambda value: isinstance(value, bool), "allowed true, false")]
 Times = Annotated[int, whole(1, 1_000_000_000)]
+Baud = Annotated[int, one_of(BAUDS)]
+#: A character format such as 7E1, which YAML may have read as a number.
+Format = Annotated[CharFormat, _parsed(CharFormat.parse, "a character format such as 8N1")]
+#: A device of a PLC's memory, such as D400; one of a PLC that can be observed, such as press1.D8201.
+DeviceName = Annotated[Device, _parsed(parse_device, "a device such as D400")]
+PlcDevice = Annotated[PlcPoint, Kind(_plc_device, str)]
+#: The port of an N:N link.
+LinkPort = Annotated[str, Kind(_link_port)]
+#: The name of a file, with folders or without.
+FileName = Annotated[str, _those(_is_file_name, "expected the name of a file")]
+#: A Modbus function that is known here.
+FunctionCode = Annotated[
+    int,
+    _those(
+        lambda value: _is_int(value) and value in FUNCTIONS,
+        "allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10)",
+        lambda value: "; did you mean 0x10?" if value == 10 else "",
+    ),
+]
+#: A Python function as ``module:function``.
+CallableName = Annotated[str, _matching(_CALLABLE, "expected module:function, such as sensors:level")]
+#: One character: its code 0 to 255, or itself in quotes.
+Character = Annotated[int, Kind(_character)]
 Text = Annotated[bytes, characters(MAX_BYTES)]
 Hex = Annotated[bytes, hexadecimal(MAX_BYTES)]

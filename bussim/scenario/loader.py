@@ -73,12 +73,6 @@ def from_data(
     ).get()
 
 
-def check(path: str | os.PathLike[str], overrides: Overrides = ()) -> tuple[list[Problem], list[Problem]]:
-    """The mistakes and the warnings of a scenario file, in file order."""
-    examined = examine(path, overrides)
-    return list(examined.errors), list(examined.warnings)
-
-
 def examine(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_code: bool = False) -> Examined:
     """Like :func:`load`, but mistakes are returned, and warnings with their places."""
     place, shown = builtin.locate(os.fspath(path))

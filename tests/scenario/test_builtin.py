@@ -9,7 +9,7 @@ import pytest
 
 from bussim.errors import UsageError
 from bussim.scenario import builtin, model
-from bussim.scenario.loader import check, load
+from bussim.scenario.loader import examine, load
 
 #: Those whose point is something that the loader warns of.
 ODD = {
@@ -33,9 +33,9 @@ def test_the_default_is_first_and_there_are_enough() -> None:
 
 @pytest.mark.parametrize("name", builtin.names())
 def test_each_loads_and_says_what_to_look_at(name: str) -> None:
-    errors, warnings = check(builtin.path(name))
-    assert errors == []
-    assert bool(warnings) == (name in ODD)
+    examined = examine(builtin.path(name))
+    assert examined.errors == ()
+    assert bool(examined.warnings) == (name in ODD)
     lines = builtin.read(name).splitlines()
     assert lines[0].startswith("# ")
     assert builtin.title(name) == lines[0][2:]

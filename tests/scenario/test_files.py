@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import Problem, ScenarioError
-from bussim.scenario.loader import check, load, loads
+from bussim.scenario.loader import examine, load, loads
 from bussim.scenario.yaml import parser as yaml
 
 from .samples import BASE
@@ -24,7 +24,8 @@ def test_a_good_file(tmp_path: Path) -> None:
     file = tmp_path / "good.yaml"
     file.write_text(BASE, encoding="utf-8")
     assert load(file) == load(str(file)) == loads(BASE)
-    assert check(file) == ([], [])
+    examined = examine(file)
+    assert examined.errors == examined.warnings == ()
 
 
 @pytest.mark.parametrize(
@@ -53,7 +54,7 @@ def test_a_file_that_is_no_scenario(tmp_path: Path, content: bytes, message: str
     file = tmp_path / "bad.yaml"
     file.write_bytes(content)
     assert _only_mistake(file) == message
-    assert [str(problem).replace(str(file), "FILE") for problem in check(file)[0]] == [message]
+    assert [str(problem).replace(str(file), "FILE") for problem in examine(file).errors] == [message]
 
 
 def test_a_directory(tmp_path: Path) -> None:

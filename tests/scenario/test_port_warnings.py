@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bussim.scenario.loader import check, loads
+from bussim.scenario.loader import examine, loads
 
 from .port_samples import DRIVE, FREE_POLL, MASTER, POLL, PORTS, SLAVE, more, spoilt
 
@@ -248,10 +248,10 @@ def test_a_warning_has_its_place_and_does_not_stop_the_scenario(
 ) -> None:
     file = tmp_path / "odd.yaml"
     file.write_text(text, encoding="utf-8")
-    errors, warnings = check(file)
-    assert errors == []
-    assert [f"{w.line}:{w.column}: {w.message}" for w in warnings] == expected
-    assert set(loads(text).warnings) == {w.message for w in warnings}
+    examined = examine(file)
+    assert examined.errors == ()
+    assert [f"{w.line}:{w.column}: {w.message}" for w in examined.warnings] == expected
+    assert set(loads(text).warnings) == {w.message for w in examined.warnings}
 
 
 @pytest.mark.parametrize("text", RIGHT.values(), ids=RIGHT.keys())

@@ -16,7 +16,7 @@ from bussim.devices.map.values import Computed, Fixed, Noise, Sweep, Value, nois
 from bussim.devices.port import DevicePort
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.slave import Slave
-from bussim.forms.fields import Flag, Name, Positive, callable_name, fail, function_code, whole
+from bussim.forms.fields import CallableName, Flag, FunctionCode, Name, Positive, fail, whole
 from bussim.forms.form import Model, only_one
 from bussim.forms.report import EntryView, Path, Reporter
 from bussim.line.characters import LineTiming
@@ -111,7 +111,7 @@ class ItemIn(Model):
     value: Long | None = None
     ramp: SweepIn | None = None
     noise: NoiseValueIn | None = None
-    call: Annotated[str, callable_name()] | None = None
+    call: CallableName | None = None
     words: Annotated[int, whole(1, 2)] = 1
     high_first: Flag = False
     writable: Flag = False
@@ -148,7 +148,7 @@ class ItemIn(Model):
 
 
 _Items = Annotated[list[ItemIn], Field(max_length=MAX_ENTRIES)]
-_Functions = Annotated[list[Annotated[int, function_code()]], Field(min_length=1, max_length=8)]
+_Functions = Annotated[list[FunctionCode], Field(min_length=1, max_length=8)]
 
 
 class MapIn(SlaveIn):

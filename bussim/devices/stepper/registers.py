@@ -122,7 +122,8 @@ BY_NAME: Final = {register.name: register for register in REGISTERS}
 
 
 #: The command coils by their numbers in the manual, 00001 and on. 00001 has lost its name there: saving
-#: (assumed; its note 1 speaks of a save command). The manual prints 00008 as 80000, and calls 00017 "output 3 on".
+#: (assumed; its note 1 speaks of a save command). The manual prints 00008 as 80000, and calls 00017
+#: "output 3 on".
 COILS: Final = {
     1: "save",
     2: "read_project",

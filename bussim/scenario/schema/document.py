@@ -13,19 +13,19 @@ from pydantic import Field, ValidationInfo, model_validator
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.forms.fields import (
     Baud,
+    Character,
     DeviceName,
     Flag,
     Format,
+    LinkPort,
     Name,
     PlcDevice,
     Positive,
     Time,
-    character,
+    Title,
     choice,
-    link_port,
     one_of,
     time,
-    title,
     whole,
 )
 from bussim.forms.form import Model, ScanIn, given_of, only_one
@@ -51,7 +51,7 @@ class DocumentIn(Model):
     example = "keys such as schema: 1, name: …, duration: 60 s"
 
     schema_: Annotated[int, one_of([1])] = Field(alias="schema")
-    name: Annotated[str, title()]
+    name: Title
     duration: Positive
     seed: Annotated[int, whole(0, 2**63 - 1)] = 1
     buses: list[Any] = Field(default_factory=list)  # none: PLCs by themselves
@@ -85,7 +85,7 @@ class NNIn(Model):
     example = "{bus: link, port: COM4, station: 1}"
 
     bus: Name
-    port: Annotated[str, link_port()] | None = None
+    port: LinkPort | None = None
     station: Annotated[int, whole(0, MAX_SLAVES)]
     slaves: Annotated[int, whole(1, MAX_SLAVES)] | None = None
     mode: Annotated[int, whole(0, 4)] | None = None
@@ -112,8 +112,8 @@ class PortIn(Model):
     station: Annotated[int, whole(FIRST_STATION, LAST_STATION)] | None = None
     timeout: Annotated[int, time(TIMEOUT_UNIT, _WORD_MAX * TIMEOUT_UNIT)] | None = None
     interval: Annotated[int, time(0, _WORD_MAX * INTERVAL_UNIT)] | None = None
-    start: Annotated[int, character()] | None = None
-    end: Annotated[int, character()] | None = None
+    start: Character | None = None
+    end: Character | None = None
     eight_bit: Flag | None = None
     baud: Baud | None = None
     format: Format | None = None

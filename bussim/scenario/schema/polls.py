@@ -11,13 +11,13 @@ from bussim.engines.modbus.adu import LAST_STATION
 from bussim.engines.modbus.pdu import STANDARD_LIMITS
 from bussim.forms.fields import (
     DeviceName,
+    FunctionCode,
     Hex,
     Name,
     Text,
     Time,
     Times,
     choice,
-    function_code,
     whole,
 )
 from bussim.forms.form import Model
@@ -31,7 +31,7 @@ class TransactionIn(Model):
 
     name: Name | None = None
     station: Annotated[int, whole(0, LAST_STATION)] | None = None
-    function: Annotated[int, function_code()] | None = None
+    function: FunctionCode | None = None
     address: Annotated[int, whole(0, 0xFFFF)] | None = None
     count: Annotated[int, whole(0, 0xFFFF)] | None = None
     values: Annotated[list[Annotated[int, whole(-32768, 0xFFFF)]], Field(max_length=_MOST_VALUES)] | None = (

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo, model_validator
 
 from bussim.forms.fields import (
+    FileName,
     Flag,
     Name,
     PlcDevice,
@@ -15,7 +16,6 @@ from bussim.forms.fields import (
     Time,
     choice,
     fail,
-    file_name,
     time,
     whole,
 )
@@ -37,7 +37,7 @@ class ProgramIn(Model):
 
     example = "the name of a file such as press1.il, or the program's lines as a block (program: |)"
 
-    file: Annotated[str, file_name()] | None = None
+    file: FileName | None = None
     text: Annotated[str, Field()] | None = None
 
     @model_validator(mode="before")
@@ -111,7 +111,7 @@ class InputIn(Model):
     square: SquareIn | None = None
     random: RandomIn | None = None
     times: Annotated[list[Time], Field(min_length=1, max_length=MAX_TIMES)] | None = None
-    csv: Annotated[str, file_name()] | None = None
+    csv: FileName | None = None
 
     @model_validator(mode="after")
     def _one_kind(self, info: ValidationInfo) -> InputIn:
