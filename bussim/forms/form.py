@@ -63,12 +63,15 @@ def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
         raise fail(f"says nothing; expected one of {', '.join(keys)}")
 
 
-def as_written(model: Model) -> dict[str, Any]:
-    """A mapping as the file has it: times as text, keys by their names in the file."""
-    return model.model_dump(by_alias=True, exclude_none=True)
+def as_written(model: Model, **defaults: object) -> dict[str, Any]:
+    """A mapping as the file has it: times as text, keys by their names in the file.
+
+    ``defaults`` are the values of keys that it leaves open.
+    """
+    return in_order(model, {**defaults, **model.model_dump(by_alias=True, exclude_none=True)})
 
 
-def in_order(model: Model, written: dict[str, Any]) -> dict[str, object]:
+def in_order(model: Model, written: dict[str, Any]) -> dict[str, Any]:
     """The keys in the order of the form, wherever their values came from."""
     order = [info.alias or name for name, info in type(model).model_fields.items()]
     return {key: written[key] for key in order if key in written}

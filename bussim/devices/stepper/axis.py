@@ -144,11 +144,8 @@ class Axis:
 
     def next_change(self) -> int | None:
         """When the motion ends or a switch changes."""
-        crossing = self._crossings[-1] if self._crossings else None
         end = None if self.motion is None else self.motion.end
-        if crossing is None or end is None:
-            return end if crossing is None else crossing
-        return min(crossing, end)
+        return min((at for at in (*self._crossings[-1:], end) if at is not None), default=None)
 
     def passed(self, tick: int) -> None:
         """Forget the crossings up to a tick."""

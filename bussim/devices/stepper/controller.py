@@ -47,9 +47,8 @@ class Controller:
 
     def next_change(self) -> int | None:
         """The next tick at which something happens on its own, None for never."""
-        at = self.axis.next_change()
         until = self._project.until if self._project is not None else None
-        return until if at is None else at if until is None else min(at, until)
+        return min((at for at in (self.axis.next_change(), until) if at is not None), default=None)
 
     def advance(self, now: int) -> None:
         """Let everything happen that is to happen by ``now``."""

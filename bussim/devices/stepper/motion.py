@@ -109,13 +109,6 @@ class Motion:
         done = int(self._phase(ticks).done(ticks))
         return done if self.length is None else min(done, self.length)
 
-    def rate(self, tick: int) -> Fraction:
-        """The pulse rate in Hz at a tick; 0 before the start and from the end on."""
-        if tick < self.start or (self.end is not None and tick >= self.end):
-            return Fraction(0)
-        ticks = Fraction(tick - self.start)
-        return self._phase(ticks).rate_at(ticks)
-
     def _phase(self, ticks: Fraction) -> Phase:
         return self.phases[bisect_right(self.phases, ticks, key=lambda phase: phase.begin) - 1]
 

@@ -47,11 +47,8 @@ def canonical(resolved: Resolved, document: DocumentIn) -> dict[str, object]:
 
 
 def _latency(latency: LatencyIn) -> dict[str, object]:
-    written = as_written(latency)
-    if not latency.from_.device.is_word:
-        written.setdefault("edge", "both")
-        written.setdefault("inverted", False)
-    return in_order(latency, written)
+    defaults = {} if latency.from_.device.is_word else {"edge": "both", "inverted": False}
+    return as_written(latency, **defaults)
 
 
 def _bus(line: Line) -> dict[str, object]:
@@ -71,12 +68,10 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
         profile["turnaround"].setdefault("jitter", format_time(0))
     raw = member.raw
     for config in member.ports:
-        port = written["ports"][config.name]
-        for key, value in written_keys(config, member.registers, raw).items():
-            port[key] = format_time(value) if key in ("timeout", "interval") else value
+        port = as_written(config.given, **written_keys(config, member.registers, raw))
         if config.name not in member.logic.first.ports:  # else its program says it
             port["cpavl"] = {"words": str(config.words), "bits": str(config.bits)}
-        written["ports"][config.name] = in_order(config.given, port)
+        written["ports"][config.name] = port
     for key in ("registers", "sources", "inputs"):
         written[key] = {device_name(name) or name: value for name, value in written[key].items()}
     for key in ("registers", "ports", "polls", "sources", "inputs"):
@@ -130,10 +125,8 @@ def _nn(member: Member, plc: PlcIn) -> dict[str, object]:
 
 
 def _noise(noise: NoiseIn) -> dict[str, object]:
-    written = as_written(noise)
-    if noise.station is not None and noise.reply_loss is None:
-        written.setdefault("direction", "rx")
-    return in_order(noise, written)
+    sided = noise.station is not None and noise.reply_loss is None
+    return as_written(noise, **({"direction": "rx"} if sided else {}))
 
 
 def _fault(fault: FaultIn) -> dict[str, object]:

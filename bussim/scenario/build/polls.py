@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from bussim.forms.form import as_written, in_order
+from bussim.forms.form import as_written
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.scenario.build.names import unique_names
 from bussim.scenario.resolve.members import Member
@@ -59,12 +59,7 @@ def _free(name: str, poll: PollIn) -> FreeSpec:
 
 def written_poll(poll: TransactionIn) -> dict[str, object]:
     """A poll in the file's own form. A name that it was not given stays open: what it asks names it."""
-    written = as_written(poll)
     if poll.function is not None:
-        written.setdefault("count", poll.quantity)
-        written.setdefault("retries", 0)
-    elif isinstance(poll, PollIn):
-        data = poll.data or poll.text
-        if data is not None:
-            written.setdefault("send_count", len(data))
-    return in_order(poll, written)
+        return as_written(poll, count=poll.quantity, retries=0)
+    data = poll.data or poll.text if isinstance(poll, PollIn) else None
+    return as_written(poll, **({} if data is None else {"send_count": len(data)}))

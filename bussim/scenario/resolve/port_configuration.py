@@ -15,6 +15,7 @@ from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.ports import cpavl
 from bussim.scenario.schema.document import PortIn
 from bussim.scenario.yaml.source_map import Path
+from bussim.units import format_time
 
 #: M8000 and D8000 on are special devices.
 FIRST_SPECIAL = 8000
@@ -206,12 +207,13 @@ def _explicit(name: str, words: Device, given: PortIn, line: LineTiming) -> dict
 
 def written_keys(
     config: PortConfiguration, registers: Mapping[str, int], raw: Mapping[str, int]
-) -> dict[str, int]:
-    """The keys with defaults that a port leaves open and that no raw register gives, with their values."""
+) -> dict[str, object]:
+    """The keys with defaults that a port leaves open and that no raw register gives, as a file has them."""
     if config.given.protocol is None:
         return {}
+    values = {key: registers[config.register(key)] for key in _WORDS if config.register(key) in registers}
     return {
-        key: registers[config.register(key)] * _UNITS.get(key, 1)
+        key: format_time(values[key] * _UNITS[key]) if key in _UNITS else values[key]
         for key in keys_of(config.given.protocol)
         if (key in _DEFAULTS or _is_com2_station(config.name, key))
         and getattr(config.given, key) is None

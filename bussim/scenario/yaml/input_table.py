@@ -29,10 +29,7 @@ def read_times(text: str, file: str, report: Report) -> tuple[int, ...] | None:
         cells = [cell.strip().strip('"').strip() for cell in _cells(line)]
         if not any(cells) or cells[0].startswith("#"):
             continue
-        if table.columns or not _is_heading(cells):
-            table.row(number, cells)
-        else:
-            table.heading(number, cells)
+        table.row(number, cells)
         if len(table.problems) >= _MOST_PROBLEMS or table.full:
             break
     for line_number, message in table.problems or table.lacking():
@@ -71,19 +68,15 @@ class _Table:
         self._last: int | None = None
         self._level = 0
 
-    def heading(self, number: int, cells: list[str]) -> None:
-        self.columns, self._first = len(cells), number
-        if len(cells) > 2:
-            self._wrong(number, f"has {len(cells)} columns, allowed are a time and a level (0 or 1)")
-
     def row(self, number: int, cells: list[str]) -> None:
+        heading = not self.columns and _is_heading(cells)
         if not self.columns:
             self.columns, self._first = len(cells), number
-        if self._misshapen(number, cells):
+        if self._misshapen(number, cells) or heading:
             return
         tick = self._tick(number, cells[0])
         if len(cells) == 2 and cells[1] not in ("0", "1"):
-            self._wrong(number, f"the level is {_found(cells[1])}, allowed 0, 1")
+            self._wrong(number, f"the level is {show(cells[1]) if cells[1] else 'empty'}, allowed 0, 1")
             return
         if tick is None:
             return
@@ -135,7 +128,3 @@ class _Table:
                 return tick
             self._wrong(number, f"{cell} s is not later than the time before; times must rise")
         return None
-
-
-def _found(cell: str) -> str:
-    return show(cell) if cell else "empty"

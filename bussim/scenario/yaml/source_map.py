@@ -37,19 +37,17 @@ class SourceMap:
 
         Where the path itself has no mark, the nearest enclosing value's place is given.
         """
-        file, mark = self._locate(path, key=key)
-        subject = self.short_name(path) if mark is not None else self.full_name(path)
-        return self._make(file, mark, f"{subject} {predicate}".strip())
+        subject = self.short_name(path) if self._locate(path, key=key)[1] else self.full_name(path)
+        return self.remark(path, f"{subject} {predicate}".strip(), key=key)
 
     def remark(self, path: Path, text: str, *, key: bool = False) -> Problem:
         """A complete sentence about the value at ``path``."""
-        file, mark = self._locate(path, key=key)
-        return self._make(file, mark, text)
+        return Problem(*self._locate(path, key=key), text)
 
     def where(self, path: Path) -> str:
         """The place of a value, for a message about another one: its line, or its path."""
-        _, mark = self._locate(path, key=False)
-        return ".".join(map(str, path)) if mark is None else f"in line {mark[0]}"
+        _, line, _ = self._locate(path, key=False)
+        return f"in line {line}" if line else ".".join(map(str, path))
 
     def short_name(self, path: Path) -> str:
         """The name of a value without the list element that it is in, which line and column tell."""
@@ -68,20 +66,16 @@ class SourceMap:
             parts.append(shorten(name if name and unique else str(part)))
         return ".".join(parts)
 
-    def _locate(self, path: Path, *, key: bool) -> tuple[str, Mark | None]:
+    def _locate(self, path: Path, *, key: bool) -> tuple[str, int, int]:
+        """File, line and column; no line for what has no mark."""
         for end in range(len(path), -1, -1):
             part = path[:end]
             if part in self.labels:
-                return self.labels[part], None
+                return self.labels[part], 0, 0
             marks = self.keys if key and end == len(path) else self.values
             if part in marks:
-                return self.file, marks[part]
-        return self.file, None
-
-    @staticmethod
-    def _make(file: str, mark: Mark | None, message: str) -> Problem:
-        line, column = mark or (0, 0)
-        return Problem(file, line, column, message)
+                return self.file, *marks[part]
+        return self.file, 0, 0
 
 
 def _child(value: object, part: str | int) -> object:
