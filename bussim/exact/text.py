@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
 #: Nobody's noise stays the same for longer.
 LONGEST_YEARS = 100
+
+#: What the ride-through of an interrupted line does not mean.
+NOT_COVERED = (
+    "a station's supply or STOP is not covered: 1 ms without supply costs it its parameters, always an error"
+)
 
 
 def ms(ticks: float) -> str:
@@ -22,6 +29,45 @@ def ms_cell(ticks: float | None) -> str:
 def in_ms(ticks: float | None) -> float | None:
     """A time in ms as JSON has it, to the nanosecond; None where there is none."""
     return None if ticks is None else round(ticks / TICKS_PER_MS, 6)
+
+
+def at_most(value: float, digits: int = 2) -> float:
+    """A figure rounded up to so many significant digits: what it stands for is not more."""
+    return -at_least(-value, digits)
+
+
+def at_least(value: float, digits: int = 2) -> float:
+    """A figure rounded down to so many significant digits."""
+    if value == 0 or not math.isfinite(value):
+        return value
+    step = digits - 1 - math.floor(math.log10(abs(value)))
+    # Through text, as 0.3 times 10 is not quite 3; a figure that has no more digits stays.
+    if float(f"{value:.{digits - 1}e}") == value:
+        return value
+    rounded = float(f"{math.floor(value * 10.0**step)}e{-step}")
+    return rounded if rounded <= value else float(f"{math.floor(value * 10.0**step) - 1}e{-step}")
+
+
+def a_year(per_year: float, goal: float = math.inf) -> str:
+    """False station errors a year to one digit, rounded up: noise is never known to a factor.
+
+    Where that would exceed the goal although the figure does not, it has more digits.
+    """
+    digits = 1
+    while at_most(per_year, digits) > goal >= per_year:
+        digits += 1
+    shown = at_most(per_year, digits)
+    return f"{shown:.{digits - 1}e}" if 0 < shown < 1e-3 or shown >= 1e9 else f"{shown:,.12g}"
+
+
+def ms_at_most(ticks: float) -> str:
+    """A time in whole ms, rounded up; a whole number of ms stays one."""
+    return f"{math.ceil(ticks / TICKS_PER_MS):,} ms"
+
+
+def ms_at_least(ticks: float) -> str:
+    """A time in whole ms, rounded down."""
+    return f"{math.floor(ticks / TICKS_PER_MS):,} ms"
 
 
 def scans_over(probability: float, ticks: float) -> str:

@@ -17,6 +17,9 @@ from tests.exact.links import MS
         ("errors <= 0.5 / y", Goals(errors=0.5)),
         ("errors<=2/d", Goals(errors=730.0)),
         ("errors<=3", Goals(errors=3.0)),
+        ("onsets<=2/d", Goals(onsets=730.0)),
+        ("ride>=0", Goals(ride=0)),
+        ("ride>=0 ms", Goals(ride=0)),
         ("errors<=1 per year", Goals(errors=1.0)),
         ("scan<=200ms@1e-6", Goals(scan=(200 * MS, 1e-6))),
         ("scan <= 0.2 s @ 0.001", Goals(scan=(200 * MS, 1e-3))),
@@ -35,7 +38,7 @@ def test_every_form_in_the_help_is_understood_and_told_again() -> None:
     for form in FORMS.values():
         goals = goals.with_text(form)
     assert list(goals.texts()) == list(FORMS)
-    assert goals.texts()["ride"] == "an outage of 100 ms without a station error"
+    assert goals.texts()["ride"] == "an interruption of the line of 100 ms without a station error"
     assert goals.texts()["heartbeat"] == "a heartbeat of 500 ms missed at most 0.1 times a year"
 
 
@@ -46,7 +49,7 @@ def test_every_form_in_the_help_is_understood_and_told_again() -> None:
         ("fast", "not a goal"),
         (
             "erors<=1/y",
-            "whose goal 'erors' is none of errors, scan, dead, ride, heartbeat; did you mean errors<=1/y",
+            "whose goal 'erors' is none of errors, onsets, scan, dead, ride, heartbeat; did you mean errors<=1/y",
         ),
         ("latency<=1ms", "whose goal 'latency' is none of"),
         ("errors>=1/y", "write errors<=…, such as errors<=1/y"),
@@ -69,6 +72,23 @@ def test_what_is_not(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=r"^is ") as caught:
         Goals().with_text(text)
     assert message in str(caught.value)
+
+
+def test_goals_are_shown_as_they_were_given() -> None:
+    goals = Goals()
+    for text in ("errors<=1/d", "onsets<=0.5/h", "scan<=150.5ms@2e-05", "ride>=20ms", "heartbeat=1000ms@3/d"):
+        goals = goals.with_text(text)
+        assert text in goals.forms().values()
+    texts = goals.texts()
+    assert texts["errors"] == "false station errors: at most 1 a day"
+    assert texts["onsets"] == "false station errors that begin: at most 0.5 an hour"
+    assert texts["heartbeat"] == "a heartbeat of 1000 ms missed at most 3 times a day"
+    assert "ride" not in Goals(ride=0).texts()
+
+
+def test_a_goal_given_twice_is_refused() -> None:
+    with pytest.raises(ValueError, match="a second goal ride; give each once"):
+        Goals().with_text("ride>=20ms").with_text("ride>=300ms")
 
 
 @given(st.text(max_size=30))

@@ -43,7 +43,9 @@ def test_a_grid_is_its_settings(name: str) -> None:
         assert grid.valid[j] == figures.valid
         assert figures.mean is not None
         assert grid.mean[i, j] == pytest.approx(figures.mean, rel=1e-9)
-        assert grid.errors_per_year[i, j] == pytest.approx(figures.errors_per_year, rel=1e-9)
+        assert grid.error_per_scan[i, j] == pytest.approx(sum(figures.error_per_scan.values()), rel=1e-9)
+        onsets = figures.onsets_per_year
+        assert grid.onset_per_scan[i, j] * YEAR / grid.mean[i, j] == pytest.approx(onsets, rel=1e-9)
         assert grid.one_dead[i, j] == pytest.approx(figures.one_dead, rel=1e-9)
         assert grid.detect_mean[i, j] == pytest.approx(figures.detect_mean, rel=1e-7)
         assert grid.detect_longest[i, j] == pytest.approx(figures.detect_longest, rel=1e-9)
@@ -60,7 +62,9 @@ def test_burst_grids() -> None:
         for j, timeout in enumerate(columns):
             figures = figures_of(model.with_setting(attempts, timeout), REQUEST)
             assert grid.mean[i, j] == pytest.approx(figures.mean, rel=1e-10)
-            assert grid.errors_per_year[i, j] == pytest.approx(figures.errors_per_year, rel=1e-8)
+            assert grid.error_per_scan[i, j] == pytest.approx(sum(figures.error_per_scan.values()), rel=1e-8)
+            onsets = figures.onsets_per_year
+            assert grid.onset_per_scan[i, j] * YEAR / grid.mean[i, j] == pytest.approx(onsets, rel=1e-6)
             assert grid.one_dead[i, j] == pytest.approx(figures.one_dead, rel=1e-9)
             assert grid.detect_mean[i, j] == pytest.approx(figures.detect_mean, rel=1e-6)
             assert grid.silence[i, j] == figures.silence
@@ -72,7 +76,8 @@ def test_burst_grids_with_probed_stations_are_nearly_exact() -> None:
     grid = evaluate(model, (3,), [60 * MS])
     figures = figures_of(model.with_setting(3, 60 * MS), REQUEST)
     # The other stations' flags are taken as off: an error of the order of errors together.
-    assert grid.errors_per_year[0, 0] == pytest.approx(figures.errors_per_year, rel=1e-2)
+    assert grid.errors[0, 0] == pytest.approx(figures.errors_per_year, rel=1e-2)
+    assert grid.onsets[0, 0] == pytest.approx(figures.onsets_per_year, rel=1e-2)
     assert grid.mean[0, 0] == pytest.approx(figures.mean, rel=1e-5)
 
 
@@ -80,7 +85,7 @@ def test_settings_without_a_law_have_no_number() -> None:
     model = change(link(2, ber=1e-5), 1, extra=70 * MS)
     grid = evaluate(model, ATTEMPTS, [50 * MS, 80 * MS, 90 * MS], (150 * MS,))
     assert grid.valid.tolist() == [False, False, True]
-    for figures in (grid.mean, grid.errors_per_year, grid.one_dead, grid.silence, *grid.over.values()):
+    for figures in (grid.mean, grid.errors, grid.one_dead, grid.silence, *grid.over.values()):
         assert np.isnan(figures[:, :2]).all()
         assert not np.isnan(figures[:, 2]).any()
 
@@ -90,10 +95,11 @@ def test_settings_without_a_law_have_no_number() -> None:
 def test_more_attempts_and_longer_timeouts(slaves: int, mode: int, exponent: float, probe: bool) -> None:
     model: LinkModel = link(slaves, mode=mode, ber=10**exponent, absent=PROBE if probe else link().absent)
     grid = evaluate(model, ATTEMPTS, [50 * MS, 90 * MS, 400 * MS])
-    assert np.all(np.diff(grid.errors_per_year, axis=0) < 0)
+    assert np.all(np.diff(grid.errors, axis=0) < 0)
+    assert np.all(np.diff(grid.errors, axis=1) == 0)  # slower scans are no merit
     assert np.all(np.diff(grid.silence, axis=0) >= 0)
     assert np.all(np.diff(grid.detect_mean, axis=0) > 0)
     for increasing in (grid.mean, grid.one_dead, grid.detect_mean, grid.detect_longest):
         assert np.all(np.diff(increasing, axis=1) > 0)
     expected = fails_of(probabilities_of(model)[0], 3, model.absent).error
-    assert grid.errors_per_year[2] == pytest.approx(slaves * expected * YEAR / grid.mean[2])
+    assert grid.errors[2] == pytest.approx(slaves * expected * YEAR / grid.mean[2, 0])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from bussim.exact.sizing.size import Sizing
     from bussim.scenario.model import Scenario
 
-_FORMS = "errors<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500ms@0.1/y"
+_FORMS = "errors<=1/y, onsets<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500ms@0.1/y"
 
 
 @click.command()
@@ -30,7 +30,7 @@ _FORMS = "errors<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500
 @click.option("--profile", metavar="NAME", help=f"Their profile. [default: {DEFAULT_PROFILE}]")
 @click.option("--goal", "goals", metavar="GOAL", multiple=True, help=f"What it must achieve: {_FORMS}.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-@click.option("--verify", "check", is_flag=True, help="Simulate the choice and two neighbours.")
+@click.option("--verify", "check", is_flag=True, help="Simulate the choice, one retry less and none.")
 @set_option
 @click.option("--out", metavar="DIR", help="Folder for size.json and the picture of the trade-off.")
 @code_option
@@ -126,9 +126,9 @@ def _goals(texts: tuple[str, ...]) -> Goals:
 
 def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verdict]:
     from bussim.commands.size.verify import verify
-    from bussim.exact.sizing.noise_levels import BAD, LEVELS
+    from bussim.exact.sizing.noise_levels import BAD
 
-    loss = None if sizing.noise_levels is None else LEVELS[BAD]
+    loss = None if sizing.noise_levels is None else sizing.noise_levels.failing[BAD]
     return [verify(scenario, bus, retries, timeout, loss) for retries, timeout in sizing.neighbours()]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from rich.console import Console
@@ -9,11 +10,11 @@ from rich.text import Text
 
 from bussim.commands.common.console import plain_table
 from bussim.commands.size.verify import Verdict
+from bussim.exact.sizing.choice import Choice
 from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
-from bussim.exact.sizing.size import Choice, Sizing
-from bussim.exact.text import ms
+from bussim.exact.sizing.size import Sizing
+from bussim.exact.text import NOT_COVERED, a_year, ms, ms_at_least, ms_at_most
 from bussim.units import TICKS_PER_MS
-from bussim.wording import about
 
 #: Settings of the Pareto front that are printed.
 _MOST = 12
@@ -38,73 +39,74 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verdicts: Sequence[V
     if best is None:
         for unmet in sizing.unmet:
             line(f"not to be met: {unmet.text}", style="bold")
-            for help_ in unmet.helps:
-                line(f"would help: {help_}", 4)
+        for help_ in sizing.unmet[0].helps if sizing.unmet else ():
+            line(f"would help: {help_}", 4)
     else:
         line(
             f"recommended: D8179 = {best.retries} ({best.attempts} attempts a poll), "
             f"D8180 = {best.d8180} ({ms(best.timeout)} ms)",
             style="bold green",
         )
-        for cost in _costs(best):
+        for cost in _costs(best, sizing.goals.errors, noisy=sizing.model.noisy):
             line(cost, 4)
+        line(NOT_COVERED, 4)
         for mov in sizing.mov_lines():
             line(mov, 4)
     line(f"the timeout is at least {ms(sizing.floor)} ms: longest reply, PLC scan and one tick of 10 ms")
     if sizing.noise_levels is not None:
-        _show_noise_levels(console, sizing.noise_levels)
+        _show_noise_levels(console, sizing.noise_levels, sizing.goals.errors)
     if best is None:
         return
+    for margin in sizing.margins:
+        line(margin.in_words(sizing.goals.errors))
     for text in (sizing.apart(), *sizing.robust_unmet):
         if text:
             line(text)
-    _show_front(console, sizing.front)
+    _show_front(console, sizing.front, sizing.goals.errors)
     for verdict in verdicts:
-        line(_simulated(verdict))
+        line(verdict.in_words())
+    line("the assumptions that change the answer most:")
+    for assumption in sizing.assumptions:
+        line(assumption.in_words(), 4)
 
 
-def _costs(best: Choice) -> list[str]:
+def _costs(best: Choice, goal: float, *, noisy: bool) -> list[str]:
+    level = "at the assumed level bad"
+    if noisy:
+        level = "the worse of the noise as entered and the assumed level bad"
     return [
-        f"link scan: mean {_ms(best.mean)}; with a dead station {_ms(best.dead)}",
-        f"a dead station is noticed after {_ms(best.detect)} on average, {_ms(best.detect_longest)} at worst",
-        f"false station errors: {about(best.errors)} a year",
-        f"silence of {_ms(best.ride)} passes without a station error",
+        f"link scan: mean {_ms(best.mean)}; with a dead station {ms_at_most(best.dead)}",
+        (
+            f"a dead station is noticed after {ms_at_most(best.detect)} on average, "
+            f"{ms_at_most(best.detect_longest)} at worst"
+        ),
+        f"false station errors: {a_year(best.errors, goal)} a year ({level})",
+        f"an interruption of the line of {ms_at_least(best.ride)} passes without a station error",
     ]
 
 
-def _simulated(verdict: Verdict) -> str:
-    low, high = verdict.allowed
-    sign = "agrees" if verdict.agrees else "DISAGREES"
-    return (
-        f"simulated {verdict.retries} retries, {ms(verdict.timeout)} ms: mean "
-        f"{verdict.mean:.3f} ± {verdict.half:.3f} ms (exact {verdict.exact_mean:.3f}), "
-        f"{verdict.errors} station errors (exact {about(verdict.expected_errors)}, "
-        f"within {low} to {high}) in {verdict.scans:,} scans: {sign}"
-    )
-
-
-def _show_noise_levels(console: Console, noise_levels: NoiseLevels) -> None:
-    levels = ", ".join(f"{name} {chance:g}" for name, chance in LEVELS.items())
+def _show_noise_levels(console: Console, noise_levels: NoiseLevels, goal: float) -> None:
+    levels = ", ".join(f"{name} {ber:g}" for name, ber in LEVELS.items())
     timeout = ms(noise_levels.timeout)
-    console.print(Text(f"  no noise is given; assumed chance that an attempt fails: {levels}"))
+    console.print(Text(f"  no noise is given; assumed bit error rates: {levels}"))
     table = plain_table(
         (),
         ("D8179", "attempts", *LEVELS, "dead-station scan", "outage passed", "of 20, 100, 300 ms"),
-        title=f"false station errors a year under each, with a timeout of {timeout} ms; outages are silence",
+        title=f"false station errors a year at each, timeout {timeout} ms; outages are of the line",
     )
     for rung in noise_levels.rungs:
         table.add_row(
             str(rung.retries),
             str(rung.attempts),
-            *(about(rung.errors[name]) for name in LEVELS),
-            _ms(rung.dead),
-            _ms(rung.ride),
+            *(a_year(rung.errors[name], goal) for name in LEVELS),
+            ms_at_most(rung.dead),
+            ms_at_least(rung.ride),
             ", ".join(ms(outage) for outage in rung.survived) or "–",
         )
     console.print(table)
 
 
-def _show_front(console: Console, front: Sequence[Choice]) -> None:
+def _show_front(console: Console, front: Sequence[Choice], goal: float) -> None:
     table = plain_table(
         (),
         ("D8179", "D8180", "attempts", "false errors a year", "dead-station scan", "noticed after"),
@@ -115,9 +117,9 @@ def _show_front(console: Console, front: Sequence[Choice]) -> None:
             str(choice.retries),
             str(choice.d8180),
             str(choice.attempts),
-            about(choice.errors),
-            _ms(choice.dead),
-            _ms(choice.detect),
+            a_year(choice.errors, goal),
+            ms_at_most(choice.dead),
+            ms_at_most(choice.detect),
         )
     console.print(table)
     if len(front) > _MOST:
@@ -125,4 +127,5 @@ def _show_front(console: Console, front: Sequence[Choice]) -> None:
 
 
 def _ms(ticks: float) -> str:
-    return f"{ticks / TICKS_PER_MS:,.1f} ms"
+    """A time in tenths of a ms, rounded up."""
+    return f"{math.ceil(10 * ticks / TICKS_PER_MS) / 10:,.1f} ms"

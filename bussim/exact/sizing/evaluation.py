@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.metrics import YEAR
 from bussim.exact.refresh import gap_distributions
+from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.grid import Grid, evaluate
+from bussim.exact.sizing.noise_levels import BAD, LEVELS, with_level
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
 from bussim.units import TICKS_PER_MS
@@ -40,37 +43,52 @@ def timeout_floor(model: LinkModel) -> int:
 class Checked:
     """A grid by attempts and timeout, and for each goal where it is met.
 
-    ``met`` and ``values`` (the figure that each goal limits) have an entry for every goal but the heartbeat,
-    which takes a distribution per setting and is asked for one by one: :meth:`heartbeat_met`.
+    ``views`` are the links with the noise under which the goals must be met, ``grid`` has the worst figures
+    of them. ``met`` and ``values`` (the figure that each goal limits) have an entry for every goal but the
+    heartbeat, which takes a distribution per setting and is asked for one by one: :meth:`heartbeat_met`.
     """
 
-    def __init__(self, grid: Grid, goals: Goals) -> None:
+    def __init__(self, views: Sequence[LinkModel], grid: Grid, goals: Goals) -> None:
+        self.views = views
         self.grid = grid
         self.goals = goals
-        self.values: dict[str, Floats] = {"errors": grid.errors_per_year}
-        self.met: dict[str, Mask] = {"errors": grid.errors_per_year <= goals.errors}
+        self.values: dict[str, Floats] = {"errors": grid.errors}
+        self.met: dict[str, Mask] = {"errors": grid.errors <= goals.errors}
+        if goals.onsets is not None:
+            self.values["onsets"] = grid.onsets
+            self.met["onsets"] = grid.onsets <= goals.onsets
         if goals.scan is not None:
             self.values["scan"] = grid.over[goals.scan[0]]
             self.met["scan"] = self.values["scan"] <= goals.scan[1]
         if goals.dead is not None:
             self.values["dead"] = grid.one_dead
             self.met["dead"] = grid.one_dead <= goals.dead
-        if goals.ride is not None:
+        if goals.ride:
             self.values["ride"] = grid.silence
             self.met["ride"] = grid.silence >= goals.ride
         #: How often a year a heartbeat is missed falsely, for the settings that were evaluated.
         self.missed = np.full(grid.mean.shape, np.nan)
 
     @property
-    def candidates(self) -> Mask:
-        """Where every goal but the heartbeat is met."""
-        return np.asarray(np.logical_and.reduce(list(self.met.values())) & self.grid.valid, dtype=np.bool_)
+    def names(self) -> tuple[str, ...]:
+        """The goals."""
+        return (*self.met, *(["heartbeat"] if self.goals.heartbeat is not None else []))
+
+    @property
+    def memoryless(self) -> bool:
+        """Whether no noise has a memory."""
+        return all(view.noise.memoryless for view in self.views)
+
+    def candidates(self, names: Iterable[str]) -> Mask:
+        """Where the named goals are met, the heartbeat left out."""
+        masks = [self.met[name] for name in names if name != "heartbeat"]
+        return np.asarray(np.logical_and.reduce([self.grid.valid & self.evaluated, *masks]), dtype=np.bool_)
 
     @property
     def evaluated(self) -> Mask:
         """Settings at which a heartbeat is worth looking at: all, but with bursts only some timeouts."""
         columns = np.ones(len(self.grid.timeouts), dtype=np.bool_)
-        if self.goals.heartbeat is not None and not self.grid.model.noise.memoryless:
+        if self.goals.heartbeat is not None and not self.memoryless:
             columns[:] = False
             columns[np.geomspace(1, columns.size, _BURST_SAMPLES).astype(np.int64) - 1] = True
         return np.broadcast_to(columns, self.grid.mean.shape)
@@ -81,12 +99,24 @@ class Checked:
             return True
         preset, most = self.goals.heartbeat
         grid = self.grid
-        if grid.model.noise.memoryless and bool((self.missed[row, :column] > most).any()):
+        if self.memoryless and bool((self.missed[row, :column] > most).any()):
             return False  # with as many attempts, a longer timeout only lengthens the gaps
         if np.isnan(self.missed[row, column]):
-            model = grid.model.with_setting(grid.attempts[row], grid.timeouts[column])
-            self.missed[row, column] = missed_per_year(Solved(model), preset)
+            setting = grid.attempts[row], grid.timeouts[column]
+            self.missed[row, column] = max(
+                missed_per_year(view.with_setting(*setting), preset) for view in self.views
+            )
         return bool(self.missed[row, column] <= most)
+
+    def possible(self, names: Iterable[str], rows: Iterable[int]) -> bool:
+        """Whether some setting of these rows meets the named goals.
+
+        A heartbeat is looked at with the shortest timeout of each row that meets the others.
+        """
+        names = tuple(names)
+        met = self.candidates(names)
+        found = [(row, int(np.argmax(met[row]))) for row in dict.fromkeys(rows) if met[row].any()]
+        return any("heartbeat" not in names or self.heartbeat_met(*place) for place in found)
 
 
 def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | None:
@@ -95,12 +125,12 @@ def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | N
     Least is the shortest scan with a dead station, the longest of the views'; then the soonest
     noticed, then the fewest errors. A view is a checked grid and its row for each number of retries.
     """
-    met = np.logical_and.reduce([(view.candidates & view.evaluated)[list(rows)] for view, rows in views])
+    met = np.logical_and.reduce([view.candidates(view.names)[list(rows)] for view, rows in views])
     retries, columns = np.nonzero(met)
     if not retries.size:
         return None
     keys = []
-    for values in ("one_dead", "detect_mean", "errors_per_year"):
+    for values in ("one_dead", "detect_mean", "errors"):
         worst = np.max(np.stack([getattr(view.grid, values)[list(rows)] for view, rows in views]), axis=0)
         keys.append(worst[retries, columns])
     for place in np.lexsort((columns, retries, *reversed(keys))).tolist():
@@ -115,31 +145,59 @@ def rows_of(checked: Checked, reading: Attempts) -> list[int]:
     return [checked.grid.attempts.index(attempts_per_poll(reading, r)) for r in range(MAX_RETRIES + 1)]
 
 
-def evaluate_goals(model: LinkModel, goals: Goals, absent: AbsentStation | None = None) -> Checked:
-    """All settings from the timeout floor on, for 1 to 11 attempts."""
+def noise_views(model: LinkModel) -> tuple[LinkModel, ...]:
+    """A link under each noise at which its goals must be met.
+
+    What is entered is never known to a factor, so it does not count as less than the level ``bad``, which
+    stands for noise that is not known at all: entering some noise never leads to fewer attempts.
+    """
+    bad = with_level(model, LEVELS[BAD])
+    return (model, bad) if model.noisy else (bad,)
+
+
+def evaluate_goals(
+    model: LinkModel, goals: Goals, absent: AbsentStation | None = None, *, alone: bool = False
+) -> Checked:
+    """All settings from the timeout floor on, for 1 to 11 attempts.
+
+    ``alone``: with the link's own noise only, however little it is.
+    """
     if absent is not None:
         model = replace(model, absent=absent)
+    views = (model,) if alone else noise_views(model)
+    return Checked(views, _worst_grid(views, () if goals.scan is None else (goals.scan[0],)), goals)
+
+
+@lru_cache(maxsize=64)
+def _worst_grid(views: tuple[LinkModel, ...], deadlines: tuple[int, ...]) -> Grid:
+    model = views[0]
     top = model.timeout_range[1] * TIMEOUT_UNIT
     low = max(timeout_floor(model), model.timeout_range[0] * TIMEOUT_UNIT)
     timeouts = tuple(range(low, top + 1, TIMEOUT_UNIT))
-    deadlines = () if goals.scan is None else (goals.scan[0],)
-    return Checked(evaluate(model, range(1, MAX_RETRIES + 2), timeouts, deadlines), goals)
+    grid, *others = (evaluate(view, range(1, MAX_RETRIES + 2), timeouts, deadlines) for view in views)
+    for other in others:
+        grid.take_worse(other)
+    return grid
 
 
-def missed_per_year(solved: Solved, preset: int) -> float:
+@lru_cache(maxsize=512)
+def _gaps(model: LinkModel) -> tuple[tuple[Distribution, int, float], ...]:
+    """The refresh gaps of all pairs that differ: distribution, PLC scans of both, gaps a year."""
+    solved = Solved(model)
+    year = YEAR / solved.distribution.mean
+    found = {}
+    for gap in gap_distributions(solved, _GAP_FLOOR, by_place=False).values():
+        scans = model.scans_between(gap.source, gap.receiver)
+        found[id(gap.distribution), scans] = (gap.distribution, scans, year * gap.per_scan)
+    return tuple(found.values())
+
+
+def missed_per_year(model: LinkModel, preset: int) -> float:
     """How often a year a heartbeat's watchdog (ticks) runs out although all stations live, worst pair.
 
     The heartbeat is a word that changes in every PLC scan of its source; the longest PLC scans of
     both stations are taken off the preset.
     """
-    model = solved.model
-    worst = 0.0
-    known: dict[tuple[int, int], float] = {}
-    for gap in gap_distributions(solved, _GAP_FLOOR, by_place=False).values():
-        scans = model.scans_between(gap.source, gap.receiver)
-        key = (id(gap.distribution), scans)
-        if key not in known:
-            beyond = float(gap.distribution.tail(float(preset - scans))) + gap.distribution.lost
-            known[key] = beyond * gap.per_scan * YEAR / solved.distribution.mean
-        worst = max(worst, known[key])
-    return worst
+    return max(
+        (float(gaps.tail(float(preset - scans))) + gaps.lost) * year for gaps, scans, year in _gaps(model)
+    )

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
 from bussim.exact.text import ms
-from bussim.units import UNIT_TICKS, parse_time
-from bussim.wording import about
+from bussim.units import TICKS_PER_MS, UNIT_TICKS, parse_time
 
 #: The forms of a goal, for messages and help texts.
 FORMS = {
     "errors": "errors<=1/y",
+    "onsets": "onsets<=1/y",
     "scan": "scan<=200ms@1e-6",
     "dead": "dead<=400ms",
     "ride": "ride>=100ms",
@@ -21,24 +21,59 @@ FORMS = {
 
 _GOAL = re.compile(r"\s*([A-Za-z_]+)\s*(<=|>=|=)\s*([^@]+?)\s*(?:@\s*(\S+)\s*)?")
 _RATE = re.compile(r"([0-9.eE+-]+)\s*(?:/|per\s*)\s*(y|year|d|day|h)?")
-_PER_YEAR = {"y": 1.0, "year": 1.0, "d": 365.0, "day": 365.0, "h": 8760.0, None: 1.0}
+_PER_YEAR = {"y": 1.0, "d": 365.0, "h": 8760.0}
+_UNITS = {"y": "a year", "d": "a day", "h": "an hour"}
+
+#: The outage of the line in ticks that must pass unless the user says otherwise (assumed).
+OUTAGE = 100 * TICKS_PER_MS
+
+
+class Rate(float):
+    """How often a year, with the count and the unit (``y``, ``d``, ``h``) that the user wrote."""
+
+    count: float
+    unit: str
+
+    def __new__(cls, count: float, unit: str = "y") -> Rate:
+        """So many times a year, day or hour."""
+        self = super().__new__(cls, count * _PER_YEAR[unit])
+        self.count, self.unit = count, unit
+        return self
+
+    @classmethod
+    def of(cls, per_year: float) -> Rate:
+        """A rate in its own unit: of a bare number that is the year."""
+        return per_year if isinstance(per_year, Rate) else cls(per_year)
+
+    @property
+    def form(self) -> str:
+        """The rate as in a goal: ``1/d``."""
+        return f"{self.count:.12g}/{self.unit}"
+
+    def __str__(self) -> str:
+        """The rate in words: ``1 a day``."""
+        return f"{self.count:.12g} {_UNITS[self.unit]}"
 
 
 @dataclass(frozen=True, slots=True)
 class Goals:
     """Goals of a sizing; None where there is no such goal. Times in ticks.
 
-    ``errors``: false station errors a year, of all stations together, at most. ``scan``: (deadline,
-    probability) with which a scan may exceed it. ``dead``: mean scan with one station dead, at most.
-    ``ride``: silence that raises no station error, at least. ``heartbeat``: (preset, times a year)
-    that a heartbeat's watchdog may run out falsely, of any pair.
+    ``errors``: false station errors (scans in which a living station is in error) a year, of all stations
+    together, at most. ``scan``: (deadline, probability) with which a scan may exceed it. ``dead``: mean
+    scan with one station dead, at most. ``ride``: interruption of the line that raises no station error, at
+    least; 0 for no such goal. ``heartbeat``: (preset, times a year) that a heartbeat's watchdog may run out
+    falsely, of any pair. ``onsets``: how often a year a false station error begins, at most. ``given``
+    names the goals that the user wrote.
     """
 
     errors: float = 1.0
     scan: tuple[int, float] | None = None
     dead: int | None = None
-    ride: int | None = None
+    ride: int = OUTAGE
     heartbeat: tuple[int, float] | None = None
+    onsets: float | None = None
+    given: tuple[str, ...] = field(default=(), compare=False)
 
     def with_text(self, text: str) -> Goals:
         """These goals and one more as a user writes it (:data:`FORMS`).
@@ -59,37 +94,68 @@ class Goals:
             raise ValueError(f"is {text!r}; write {name}{wanted}…, such as {form}")
         if extra is not None and name not in ("scan", "heartbeat"):
             raise ValueError(f"is {text!r}; @ belongs to scan and heartbeat only, write {form}")
-        if name == "errors":
-            return replace(self, errors=_rate(text, value, form))
-        ticks = _time(text, value)
-        if name == "scan":
-            return replace(self, scan=(ticks, _probability(text, extra, form)))
-        if name == "heartbeat":
-            return replace(self, heartbeat=(ticks, 0.1 if extra is None else _rate(text, extra, form)))
-        return replace(self, dead=ticks) if name == "dead" else replace(self, ride=ticks)
+        if name in self.given:
+            raise ValueError(f"is {text!r}, a second goal {name}; give each once")
+        goals = replace(self, given=(*self.given, name))
+        match name:
+            case "errors":
+                return replace(goals, errors=_rate(text, value, form))
+            case "onsets":
+                return replace(goals, onsets=_rate(text, value, form))
+            case "ride" if value.strip() == "0":
+                return replace(goals, ride=0)
+            case "ride":
+                return replace(goals, ride=_time(text, value, least=0))
+            case "dead":
+                return replace(goals, dead=_time(text, value))
+            case "scan":
+                return replace(goals, scan=(_time(text, value), _probability(text, extra, form)))
+            case _:
+                missed = Rate(0.1) if extra is None else _rate(text, extra, form)
+                return replace(goals, heartbeat=(_time(text, value), missed))
+
+    def forms(self) -> dict[str, str]:
+        """Each goal as a user writes it, by its name."""
+        found = {"errors": f"errors<={Rate.of(self.errors).form}"}
+        if self.onsets is not None:
+            found["onsets"] = f"onsets<={Rate.of(self.onsets).form}"
+        if self.scan is not None:
+            found["scan"] = f"scan<={ms(self.scan[0])}ms@{self.scan[1]:.12g}"
+        if self.dead is not None:
+            found["dead"] = f"dead<={ms(self.dead)}ms"
+        if self.ride:
+            found["ride"] = f"ride>={ms(self.ride)}ms"
+        if self.heartbeat is not None:
+            found["heartbeat"] = f"heartbeat={ms(self.heartbeat[0])}ms@{Rate.of(self.heartbeat[1]).form}"
+        return found
 
     def texts(self) -> dict[str, str]:
-        """Each goal in words, by its name."""
-        plural = "error" if self.errors == 1 else "errors"
-        found = {"errors": f"at most {about(self.errors)} false station {plural} a year"}
+        """Each goal in words, by its name, with the user's own figures."""
+        found = {"errors": f"false station errors: at most {Rate.of(self.errors)}"}
+        if self.onsets is not None:
+            found["onsets"] = f"false station errors that begin: at most {Rate.of(self.onsets)}"
         if self.scan is not None:
-            found["scan"] = f"a scan over {ms(self.scan[0])} ms with probability at most {self.scan[1]:g}"
+            found["scan"] = f"a scan over {ms(self.scan[0])} ms with probability at most {self.scan[1]:.12g}"
         if self.dead is not None:
             found["dead"] = f"a scan of at most {ms(self.dead)} ms with one station dead"
-        if self.ride is not None:
-            found["ride"] = f"an outage of {ms(self.ride)} ms without a station error"
+        if self.ride:
+            found["ride"] = f"an interruption of the line of {ms(self.ride)} ms without a station error"
         if self.heartbeat is not None:
             preset, missed = self.heartbeat
-            found["heartbeat"] = f"a heartbeat of {ms(preset)} ms missed at most {about(missed)} times a year"
+            found["heartbeat"] = f"a heartbeat of {ms(preset)} ms missed at most {_times(Rate.of(missed))}"
         return found
 
 
-def _time(text: str, value: str) -> int:
+def _times(rate: Rate) -> str:
+    return f"{rate.count:.12g} times {_UNITS[rate.unit]}"
+
+
+def _time(text: str, value: str, least: int = 1) -> int:
     try:
         ticks = parse_time(value)
     except ValueError as error:
         raise ValueError(f"is {text!r}, whose time {error}") from None
-    if not 0 < ticks <= UNIT_TICKS["y"]:
+    if not least <= ticks <= UNIT_TICKS["y"]:
         raise ValueError(f"is {text!r}, whose time must lie between 0 and 1 y")
     return ticks
 
@@ -101,12 +167,12 @@ def _number(text: str, value: str) -> float:
         raise ValueError(f"is {text!r}, where {value!r} is not a number") from None
 
 
-def _rate(text: str, value: str, form: str) -> float:
+def _rate(text: str, value: str, form: str) -> Rate:
     match = _RATE.fullmatch(value.strip())
     if match is None and not re.fullmatch(r"[0-9.eE+-]+", value.strip()):
         raise ValueError(f"is {text!r}, where {value!r} is not a rate; write {form}")
     number, unit = match.groups() if match else (value.strip(), None)
-    rate = _number(text, number) * _PER_YEAR[unit]
+    rate = Rate(_number(text, number), (unit or "y")[0])
     if not 0 < rate < 1e9:
         raise ValueError(f"is {text!r}, whose rate must be above 0 and below 1e9 a year")
     return rate

@@ -40,7 +40,9 @@ _LIGHT = 1e-11
 class Grid:
     """Figures of a link by attempts (first axis) and timeout (second axis). Times in ticks.
 
-    ``errors_per_year`` counts scans in which a living station is in error, of all of them together;
+    ``error_per_scan`` counts the living stations in error at a scan's end, ``onset_per_scan`` those that were
+    not so at the scan before; ``errors`` and ``onsets`` are the same a year, at the rate of scans that the
+    shortest timeout gives: a longer one makes scans slower, and thereby errors fewer, which is no merit.
     ``silence`` is the ride-through. ``over`` has the probability that a scan exceeds each deadline. Where
     ``valid`` is false (a reply would not fit the timeout), and where a figure was not asked for, it is NaN.
     """
@@ -56,15 +58,25 @@ class Grid:
         self.attempts = attempts
         self.timeouts = timeouts
         self.valid = np.array(timeouts, dtype=np.float64) >= model.least_timeout()
-        every = np.full((6 + len(deadlines), len(attempts), len(timeouts)), np.nan)
-        self.mean, self.errors_per_year, self.one_dead = every[:3]
-        self.detect_mean, self.detect_longest, self.silence = every[3:6]
-        self.over = dict(zip(deadlines, every[6:], strict=True))
+        every = np.full((9 + len(deadlines), len(attempts), len(timeouts)), np.nan)
+        self.mean, self.error_per_scan, self.onset_per_scan, self.one_dead = every[:4]
+        self.detect_mean, self.detect_longest, self.silence, self.errors, self.onsets = every[4:9]
+        self.over = dict(zip(deadlines, every[9:], strict=True))
         self._every = every
 
-    def blank_invalid(self) -> None:
-        """Make the figures of settings for which the closed form does not hold NaN."""
+    def finish(self) -> None:
+        """Work out the figures a year; those of settings without a closed form become NaN."""
+        scans = YEAR / self.mean[:, [int(np.argmax(self.valid))]]
+        self.errors[:], self.onsets[:] = scans * self.error_per_scan, scans * self.onset_per_scan
         self._every[:, :, ~self.valid] = np.nan
+
+    def take_worse(self, other: Grid) -> None:
+        """Take over what is worse in a grid of the same settings under other noise.
+
+        Ride-through depends on no noise; of all other figures more is worse.
+        """
+        self.valid &= other.valid
+        np.maximum(self._every, other._every, out=self._every)
 
     def at(self, attempts: int, timeout: int) -> tuple[int, int]:
         """Indices of a setting."""
@@ -92,7 +104,7 @@ def evaluate(
     worker = _Memoryless(model, tau) if model.noise.memoryless else _Bursts(model, tau)
     for row, count in enumerate(grid.attempts):
         worker.fill(grid, row, count, details=details)
-    grid.blank_invalid()
+    grid.finish()
     return grid
 
 
@@ -133,10 +145,11 @@ class _Memoryless:
             waits, fixed = waits + mean.waits, fixed + mean.fixed
             exchanges.append(mean)
             all_fails.append(fails_of(probabilities, count, model.absent))
-        errors = [f.error for f, s in zip(all_fails, model.stations, strict=True) if s.alive]
+        alive = [f for f, s in zip(all_fails, model.stations, strict=True) if s.alive]
+        errors, onsets = [f.error for f in alive], [f.onset for f in alive]
         parameters = model.parameters_cost
         grid.mean[row] = model.base + fixed + waits * tau + parameters * any_flag(all_fails)
-        grid.errors_per_year[row] = YEAR / grid.mean[row] * sum(errors)
+        grid.error_per_scan[row], grid.onset_per_scan[row] = sum(errors), sum(onsets)
         if details:
             dead = model.attempts_at(flagged=True) * (model.gap + model.poll + tau)
             gains = [
@@ -225,7 +238,8 @@ class _Bursts:
         alive = self.model.alive
         moments = self.stacks.moments(count)
         grid.mean[row] = moments.mean
-        grid.errors_per_year[row] = YEAR / moments.mean * np.sum(moments.errors, axis=0)
+        grid.error_per_scan[row] = np.sum(moments.errors, axis=0)
+        grid.onset_per_scan[row] = np.sum(moments.onsets, axis=0)
         if details and alive:
             _fill_outages(grid, row, count, moments.mean, moments.square)
             means = [self.stacks.moments(count, dead=station.number).mean for station in alive]

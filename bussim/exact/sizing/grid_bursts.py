@@ -9,7 +9,6 @@ neglects is of the order of the chance that two stations are in error at once.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -24,11 +23,15 @@ Stack = NDArray[np.float64]  # (timeout, state, state)
 
 
 class Moments(NamedTuple):
-    """Of a scan, by timeout: mean in ticks, mean square in ticks², errors by living station and timeout."""
+    """Of a scan, by timeout: mean in ticks, mean square in ticks², errors by living station and timeout.
+
+    ``onsets`` are errors of stations that were not in error at the scan before.
+    """
 
     mean: Floats
     square: Floats
     errors: Floats
+    onsets: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,16 +99,10 @@ class BurstStacks:
         for answered, error in ends:
             good, bad = good.then(answered), bad.then(answered) + (good + bad).then(error)
         scan = good.then(short) + bad.then(long)
-        errors = []
-        for place, station in enumerate(model.stations):
-            if dead is not None or not station.alive:
-                continue
-            if model.absent is AbsentStation.FULL:
-                errors.append(np.einsum("ts,tsu,tuv->t", start, before[place], ends[place].error.zero))
-            else:
-                errors.append(self._probed(model, place, before[place], ends))
-        each = np.minimum(np.array(errors), 1.0).reshape(len(errors), self.tau.size)
-        return Moments(scan.one.sum(axis=(1, 2)), scan.two.sum(axis=(1, 2)), each)
+        counted = [] if dead is not None else [i for i, s in enumerate(model.stations) if s.alive]
+        each = np.array([self._fails(model, place, ends, start, before[place]) for place in counted])
+        errors, onsets = np.minimum(each, 1.0).reshape(len(counted), 2, self.tau.size).swapaxes(0, 1)
+        return Moments(scan.one.sum(axis=(1, 2)), scan.two.sum(axis=(1, 2)), errors, onsets)
 
     # -- one exchange ------------------------------------------------------------------------------
 
@@ -152,21 +149,45 @@ class BurstStacks:
         matrix = np.broadcast_to(self.line.after(ticks), (self.tau.size, self.line.states, self.line.states))
         return _Timed.lasting(matrix, np.full(self.tau.size, float(ticks)))
 
-    # -- the policy probe --------------------------------------------------------------------------
+    # -- a station's flag --------------------------------------------------------------------------
 
-    def _probed(self, model: LinkModel, place: int, before: Stack, ends: list[_Exchange]) -> Floats:
-        """The chance that a station is in error, its flag being followed together with the line's state."""
-        once = self.exchange(model, model.stations[place], 1)
-        later = [end.answered.zero + end.error.zero for end in ends[place + 1 :]]
-        rest = reduce(np.matmul, [*later, self._fixed(model.overhead + model.gap).zero])
+    def _fails(
+        self, model: LinkModel, place: int, ends: list[_Exchange], start: Floats, before: Stack
+    ) -> tuple[Floats, Floats]:
+        """The chances that a station is in error and that its error begins, by timeout.
+
+        Its flag is followed together with the line's state.
+        """
+        probed = model.absent is AbsentStation.PROBE
+        flagged = self.exchange(model, model.stations[place], 1) if probed else ends[place]
         states = self.line.states
         chain = np.empty((self.tau.size, 2 * states, 2 * states))
-        for flag, end in enumerate((ends[place], once)):
-            for outcome, matrix in enumerate((end.answered.zero, end.error.zero)):
+        for flag, own in enumerate((ends[place], flagged)):
+            for outcome in (0, 1):
                 rows = slice(flag * states, (flag + 1) * states)
                 columns = slice(outcome * states, (outcome + 1) * states)
-                chain[:, rows, columns] = before @ matrix @ rest
-        return np.asarray(_stationary(chain)[:, states:].sum(axis=1), dtype=np.float64)
+                chain[:, rows, columns] = self._scan(
+                    model, [*ends[:place], own, *ends[place + 1 :]], (place, outcome)
+                )
+        both = _stationary(chain)
+        onset = np.einsum("ts,tsu,tuv->t", both[:, :states], before, ends[place].error.zero)
+        if probed:
+            return np.asarray(both[:, states:].sum(axis=1), dtype=np.float64), onset
+        return np.einsum("ts,tsu,tuv->t", start, before, ends[place].error.zero), onset
+
+    def _scan(self, model: LinkModel, ends: list[_Exchange], only: tuple[int, int]) -> Stack:
+        """The states' transitions over a whole scan in which the exchange at a place had one outcome.
+
+        ``only`` is the place and 0 for answered, 1 for in error.
+        """
+        clean = self._fixed(model.data).zero
+        marked = np.zeros_like(clean)
+        for place, (answered, error) in enumerate(ends):
+            good = answered.zero if (place, 1) != only else np.zeros_like(clean)
+            bad = error.zero if (place, 0) != only else np.zeros_like(clean)
+            clean, marked = clean @ good, marked @ good + (clean + marked) @ bad
+        plain = model.overhead + model.gap
+        return clean @ self._fixed(plain).zero + marked @ self._fixed(plain + model.parameters_cost).zero
 
 
 def _stationary(step: Stack) -> Floats:

@@ -1,12 +1,13 @@
 """What to assume where the noise is not known: levels of noise and outages, always shown as assumed.
 
 A scenario without noise says nothing about retries: on a perfect line none would ever be needed. So
-every number of retries is shown against three levels of noise, each the chance that one attempt
-fails by silence, and three outages.
+every number of retries is shown against three levels of noise, each a bit error rate, and three outages.
+A level costs time as silence does: every attempt that its bit errors damage runs to its deadline.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from bussim.exact.link import LinkModel
@@ -15,20 +16,19 @@ from bussim.exact.text import in_ms
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
 from bussim.units import TICKS_PER_MS
 
-#: Chance that one attempt fails, by the level's name (assumed).
-LEVELS = {"quiet": 1e-6, "typical": 1e-4, "bad": 1e-2}
-BAD = "bad"
-#: Outages in ticks (assumed), and the one that a recommendation must survive.
+#: Bit error rate by the level's name (assumed).
+LEVELS = {"quiet": 1e-9, "typical": 1e-7, "bad": 1e-5}
+TYPICAL, BAD = "typical", "bad"
+#: Outages in ticks (assumed).
 OUTAGES = tuple(ms * TICKS_PER_MS for ms in (20, 100, 300))
-OUTAGE = OUTAGES[1]
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseLevel:
     """One number of retries.
 
-    ``dead``: mean scan with a dead station, ``ride``: ride-through, in ticks; ``errors``: false
-    station errors a year by level; ``survived``: the outages (ticks) that raise no error.
+    ``dead``: mean scan with a dead station at the level bad, ``ride``: ride-through, in ticks; ``errors``:
+    false station errors a year by level; ``survived``: the outages (ticks) that raise no error.
     """
 
     retries: int
@@ -41,16 +41,18 @@ class NoiseLevel:
 
 @dataclass(frozen=True, slots=True)
 class NoiseLevels:
-    """The table for one timeout (ticks)."""
+    """The table for one timeout (ticks); ``failing`` is by level the chance that an attempt fails."""
 
     timeout: int
+    failing: dict[str, float]
     rungs: tuple[NoiseLevel, ...]
 
     def to_json(self) -> dict[str, object]:
         """The table, times in ms."""
         return {
             "timeout_ms": self.timeout / TICKS_PER_MS,
-            "attempt_fails": dict(LEVELS),
+            "bit_error_rate": dict(LEVELS),
+            "attempt_fails": self.failing,
             "outages_ms": [outage / TICKS_PER_MS for outage in OUTAGES],
             "rows": [
                 {
@@ -66,38 +68,36 @@ class NoiseLevels:
         }
 
 
-def with_failing(model: LinkModel, chance: float) -> LinkModel:
-    """A link without noise, each attempt of which fails with this chance: the reply does not come."""
-    stations = tuple(replace(station, loss=chance) for station in model.without_noise().stations)
-    return replace(model.without_noise(), stations=stations)
+def failing(model: LinkModel, ber: float) -> float:
+    """The chance that a bit error rate damages an attempt: its poll or its reply."""
+    return -math.expm1((model.poll_bits + model.data_bits) * math.log1p(-ber))
 
 
-def under_bad_noise(model: LinkModel) -> LinkModel:
-    """The link under the level ``bad``."""
-    return with_failing(model, LEVELS[BAD])
+def with_level(model: LinkModel, ber: float) -> LinkModel:
+    """A link with a level of noise instead of its own: what it damages does not arrive at all."""
+    clean = model.without_noise()
+    loss = failing(model, ber)
+    return replace(clean, stations=tuple(replace(station, loss=loss) for station in clean.stations))
 
 
 def noise_levels_of(model: LinkModel, timeout: int) -> NoiseLevels:
     """The noise levels of a link for one timeout in ticks, for D8179 0…10."""
     every = range(1, MAX_RETRIES + 2)
-    clean = evaluate(model.without_noise(), every, (timeout,))
-    grids = {
-        name: evaluate(with_failing(model, chance), every, (timeout,), details=False)
-        for name, chance in LEVELS.items()
-    }
+    grids = {name: evaluate(with_level(model, ber), every, (timeout,)) for name, ber in LEVELS.items()}
+    bad = grids[BAD]
     rungs = []
     for retries in range(MAX_RETRIES + 1):
         attempts = attempts_per_poll(model.reading, retries)
-        i, j = clean.at(attempts, timeout)
-        ride = float(clean.silence[i, j])
+        i, j = bad.at(attempts, timeout)
+        ride = float(bad.silence[i, j])
         rungs.append(
             NoiseLevel(
                 retries,
                 attempts,
-                float(clean.one_dead[i, j]),
+                float(bad.one_dead[i, j]),
                 ride,
-                {name: float(grid.errors_per_year[i, j]) for name, grid in grids.items()},
+                {name: float(grid.errors[i, j]) for name, grid in grids.items()},
                 tuple(outage for outage in OUTAGES if ride >= outage),
             )
         )
-    return NoiseLevels(timeout, tuple(rungs))
+    return NoiseLevels(timeout, {name: failing(model, ber) for name, ber in LEVELS.items()}, tuple(rungs))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
+from bussim.exact.sizing.assumptions import Assumption, assumptions, classes
+from bussim.exact.sizing.choice import Choice, choice_of, recommend
 from bussim.exact.sizing.evaluation import (
     Checked,
     evaluate_goals,
@@ -15,53 +17,17 @@ from bussim.exact.sizing.evaluation import (
     timeout_floor,
 )
 from bussim.exact.sizing.goals import Goals
-from bussim.exact.sizing.noise_levels import OUTAGE, NoiseLevels, noise_levels_of, under_bad_noise
+from bussim.exact.sizing.margin import Margin, margins
+from bussim.exact.sizing.noise_levels import NoiseLevels, noise_levels_of
 from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
-from bussim.exact.text import in_ms, ms
+from bussim.exact.text import in_ms, ms, ms_at_most
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
-from bussim.units import TICKS_PER_MS
-from bussim.wording import about
+from bussim.units import TICKS_PER_SECOND
 
-#: Error rates within this factor count as equal on the Pareto front.
+#: Chances of an error within this factor count as equal on the Pareto front, and the longest scan with a
+#: dead station, in ticks, that is looked at there.
 _EQUAL = 1.25
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """One setting and its figures. ``timeout`` in ticks; other times in ticks too.
-
-    ``errors`` are false station errors a year of all stations together, ``dead`` the mean scan with
-    one station dead, ``detect`` the mean time to notice that, ``ride`` the longest silence that
-    raises no error.
-    """
-
-    retries: int
-    timeout: int
-    attempts: int
-    mean: float
-    errors: float
-    dead: float
-    detect: float
-    detect_longest: float
-    ride: float
-
-    @property
-    def d8180(self) -> int:
-        """D8180: the timeout in 10 ms."""
-        return self.timeout // TIMEOUT_UNIT
-
-    def to_json(self) -> dict[str, object]:
-        """The setting and its figures, times in ms."""
-        return {
-            "D8179": self.retries,
-            "D8180": self.d8180,
-            "attempts": self.attempts,
-            "mean_ms": in_ms(self.mean),
-            "false_errors_per_year": self.errors,
-            "one_dead_ms": in_ms(self.dead),
-            "detect_ms": {"mean": in_ms(self.detect), "max": in_ms(self.detect_longest)},
-            "ride_through_ms": in_ms(self.ride),
-        }
+_LONGEST = TICKS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +58,9 @@ class Sizing:
     """A recommendation for one link, or why there is none.
 
     ``floor`` is the least timeout considered (ticks). ``noise_levels`` is there where the link has no
-    noise: its goals are then checked under the level ``bad``. ``front`` are the settings that no
-    other one beats in errors, dead-station scan and detection together. ``checked`` has the grid.
+    noise. ``front`` are the settings that no other one beats in errors, dead-station scan and detection
+    together. ``margins`` say what more noise does to the recommended setting, ``assumptions`` what it rests
+    on, what changes it most first. ``checked`` has the grid.
     """
 
     model: LinkModel
@@ -107,6 +74,8 @@ class Sizing:
     unmet: tuple[Unmet, ...] = ()
     robust_unmet: tuple[str, ...] = ()
     noise_levels: NoiseLevels | None = None
+    margins: tuple[Margin, ...] = ()
+    assumptions: tuple[Assumption, ...] = ()
     checked: Checked | None = field(default=None, compare=False)
 
     def apart(self) -> str:
@@ -122,7 +91,7 @@ class Sizing:
         return (
             f"D8179 = {safe.retries}, D8180 = {safe.timeout // TIMEOUT_UNIT} would meet the goals under "
             "every reading of the assumptions (attempts, absent_station); a dead station would then make a "
-            f"scan up to {about(worst / TICKS_PER_MS)} ms long"
+            f"scan up to {ms_at_most(worst)} long"
         )
 
     def mov_lines(self) -> list[str]:
@@ -138,13 +107,15 @@ class Sizing:
         ]
 
     def neighbours(self) -> list[tuple[int, int]]:
-        """The chosen (retries, timeout in ticks) and two settings beside it, for a check by simulation."""
+        """The chosen (retries, timeout in ticks), one retry less and none, for a check by simulation.
+
+        Without retries errors are frequent enough to be compared.
+        """
         best = self.recommended
-        if best is None or self.checked is None:
+        if best is None:
             return []
-        fewer = best.retries - 1 if best.retries > 0 else best.retries + 2
-        more = best.retries + 1 if best.retries < MAX_RETRIES else best.retries - 2
-        return [(retries, best.timeout) for retries in (best.retries, fewer, more)]
+        every = dict.fromkeys((best.retries, max(0, best.retries - 1), 0))
+        return [(retries, best.timeout) for retries in every]
 
     def to_json(self) -> dict[str, object]:
         """One link of the JSON form, times in ms."""
@@ -162,6 +133,9 @@ class Sizing:
             "pareto": [choice.to_json() for choice in self.front],
             "unmet": [unmet.to_json() for unmet in self.unmet],
             "ladder": None if self.noise_levels is None else self.noise_levels.to_json(),
+            "margins": [margin.to_json() for margin in self.margins],
+            "assumptions": [assumption.to_json() for assumption in self.assumptions],
+            "classes": classes(self.model, self.goals),
             "mov": self.mov_lines(),
         }
 
@@ -169,8 +143,8 @@ class Sizing:
 def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     """Choose D8179 and D8180 of a link; the setting that the model has does not matter.
 
-    Without noise nothing could be concluded from the errors, so the goals are checked under the
-    level ``bad``, and an outage of 100 ms must pass (:mod:`bussim.exact.sizing.noise_levels`).
+    Without noise nothing could be concluded from the errors, and noise that is entered is never known to a
+    factor: the goals must be met at the level ``bad`` as well (:func:`noise_views`).
     """
     goals = goals or Goals()
     if model.obstacles:
@@ -184,23 +158,15 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
             f"D8180 allows {ms(model.timeout_range[1] * TIMEOUT_UNIT)} ms"
         )
         return Sizing(model, goals, valid=False, reasons=(reason,), floor=floor)
-    assumed = not model.noisy
-    checked_model = model
-    if assumed:
-        goals = replace(goals, ride=max(goals.ride or 0, OUTAGE))
-        checked_model = under_bad_noise(model)
-    views = {absent: evaluate_goals(checked_model, goals, absent) for absent in AbsentStation}
+    views = {absent: evaluate_goals(model, goals, absent) for absent in AbsentStation}
     checked = views[model.absent]
-    chosen = least([(checked, rows_of(checked, model.reading))])
-    recommended = None
-    if chosen is not None:
-        recommended = _choice(checked, model.reading, chosen[0], checked.grid.timeouts[chosen[1]])
+    recommended = recommend(model, goals)
     robust, why_not = _robust(views)
     unmet: tuple[Unmet, ...] = ()
     if recommended is None:
-        unmet = unmet_goals(checked_model, goals, checked)
+        unmet = unmet_goals(model, goals, checked)
     noise_levels = None
-    if assumed:
+    if not model.noisy:
         timeout = recommended.timeout if recommended else checked.grid.timeouts[0]
         noise_levels = noise_levels_of(model, timeout)
     return Sizing(
@@ -215,23 +181,10 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         unmet=unmet,
         robust_unmet=why_not,
         noise_levels=noise_levels,
+        margins=margins(model, goals, recommended) if recommended else (),
+        assumptions=assumptions(model, goals, recommended) if recommended else (),
         checked=checked,
     )
-
-
-def _choice(checked: Checked, reading: Attempts, retries: int, timeout: int) -> Choice:
-    grid = checked.grid
-    attempts = attempts_per_poll(reading, retries)
-    i, j = grid.at(attempts, timeout)
-    figures = (
-        grid.mean,
-        grid.errors_per_year,
-        grid.one_dead,
-        grid.detect_mean,
-        grid.detect_longest,
-        grid.silence,
-    )
-    return Choice(retries, timeout, attempts, *(float(values[i, j]) for values in figures))
 
 
 def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[str, ...]]:
@@ -244,7 +197,7 @@ def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[s
     chosen = least(list(readings.values()))
     if chosen is not None:
         retries, timeout = chosen[0], views[AbsentStation.FULL].grid.timeouts[chosen[1]]
-        found = {key: _choice(view, key[0], retries, timeout) for key, (view, _) in readings.items()}
+        found = {key: choice_of(view, key[0], retries, timeout) for key, (view, _) in readings.items()}
         return Robust(retries, timeout, found), ()
     failing = tuple(
         f"no setting meets the goals with D8179 read as {reading} and absent_station: {absent}"
@@ -257,9 +210,9 @@ def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[s
 def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
     """The settings that no other beats in errors, dead-station scan and detection, shortest scan first.
 
-    Errors that differ by less than a quarter count as equal: a longer timeout makes scans longer and
-    so fewer, which is no merit. Of settings with the same attempts (D8179 0 and 1, read as exactly
-    D8179) the lower one stands.
+    Errors are compared by their chance in a scan; within a quarter they count as equal. Of settings with the
+    same attempts (D8179 0 and 1, read as exactly D8179) the lower one stands. Scans of over a second are no
+    choice, but the shortest.
     """
     grid = checked.grid
     rows = {attempts_per_poll(reading, r): r for r in range(MAX_RETRIES, -1, -1)}
@@ -267,14 +220,16 @@ def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
     for attempts, retries in sorted(rows.items()):
         i = grid.attempts.index(attempts)
         for j in np.nonzero(grid.valid)[0].tolist():
-            figures = (grid.one_dead, grid.detect_mean, grid.errors_per_year)
+            figures = (grid.one_dead, grid.detect_mean, grid.error_per_scan)
             points.append((tuple(float(values[i, j]) for values in figures), retries, grid.timeouts[j]))
     points.sort()
     front: list[Choice] = []
     best: list[tuple[float, float]] = []  # (detect, errors) of the front so far
-    for (_, detect, errors), retries, timeout in points:
+    for (dead, detect, errors), retries, timeout in points:
+        if front and dead > _LONGEST:
+            break
         if any(d <= detect and e <= _EQUAL * errors for d, e in best):
             continue
         best.append((detect, errors))
-        front.append(_choice(checked, reading, retries, timeout))
+        front.append(choice_of(checked, reading, retries, timeout))
     return tuple(front)

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.sizing.grid import evaluate
-from bussim.exact.sizing.noise_levels import LEVELS, with_failing
+from bussim.exact.sizing.margin import FACTORS
+from bussim.exact.sizing.noise_levels import LEVELS, with_level
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.sizing.unmet_goals import scaled_noise
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
-
-#: How many times the entered noise the points are worked out for.
-FACTORS = (1, 10, 100)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +43,7 @@ def trade_off(sizing: Sizing) -> TradeOff:
     series = {}
     for name, noisy in _noises(model, assumed=assumed).items():
         grid = evaluate(noisy, lowest, (timeout,))
-        series[name] = tuple(
-            zip(grid.one_dead[:, 0].tolist(), grid.errors_per_year[:, 0].tolist(), strict=True)
-        )
+        series[name] = tuple(zip(grid.one_dead[:, 0].tolist(), grid.errors[:, 0].tolist(), strict=True))
     names = list(series)
     return TradeOff(timeout, tuple(lowest.values()), names[-1] if assumed else names[0], series)
 
@@ -55,8 +51,8 @@ def trade_off(sizing: Sizing) -> TradeOff:
 def _noises(model: LinkModel, *, assumed: bool) -> dict[str, LinkModel]:
     if assumed:
         return {
-            f"{name} (assumed): 1 attempt in {1 / chance:,.0f} fails": with_failing(model, chance)
-            for name, chance in LEVELS.items()
+            f"{name} (assumed): 1 bit in {1 / ber:,.0f} wrong": with_level(model, ber)
+            for name, ber in LEVELS.items()
         }
     return {
         "noise as entered" if factor == 1 else f"{factor} times the noise": scaled_noise(model, factor)

@@ -1,29 +1,44 @@
-"""Goals that no setting meets: by how much they are missed, and what would help."""
+"""Goals that no setting meets: which stand against each other, by how much, and what would help."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import partial
+from itertools import combinations, islice
+from typing import NamedTuple
 
 import numpy as np
 
 from bussim.engines.nn.frames import data_chars
 from bussim.exact.link import TIMEOUT_UNIT, LineNoise, LinkModel, frame_ticks
 from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
-from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.goals import Goals, Rate
+from bussim.exact.text import at_most, ms_at_least, ms_at_most
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
-#: How much less noise is tried.
+#: How much less noise is tried, and how much further goals are set.
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)
+_FURTHER = (1.1, 1.25, 1.5, 2, 3, 5, 10)
+#: So many remedies are looked for, and so many changes belong to one at most.
+_REMEDIES, _CHANGES = 4, 3
+
+
+class Changed(NamedTuple):
+    """A link, its goals, and by how many times its noise was made less."""
+
+    model: LinkModel
+    goals: Goals
+    less: int = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Unmet:
     """What cannot be met: one goal by itself, or several only together.
 
-    ``goals`` are names, ``text`` says it with numbers, ``helps`` what would make all goals possible.
+    ``goals`` are names; each of them left out, the others can be met. ``text`` says it with numbers,
+    ``helps`` what would make all goals possible.
     """
 
     goals: tuple[str, ...]
@@ -36,105 +51,245 @@ class Unmet:
 
 
 def unmet_goals(model: LinkModel, goals: Goals, checked: Checked) -> tuple[Unmet, ...]:
-    """Why no setting meets all goals: each goal that fails alone, else the fewest that fail together."""
+    """Why no setting meets all goals: all smallest sets of goals that stand against each other."""
     index = sorted(set(rows_of(checked, model.reading)))
-    met = {name: mask[index] & checked.grid.valid for name, mask in checked.met.items()}
-    if goals.heartbeat is not None:
-        met["heartbeat"] = _heartbeats(checked, index, np.logical_and.reduce(list(met.values())))
-    texts = goals.texts()
-    helps = tuple(_helps(model, goals, checked))
-    alone = [name for name, mask in met.items() if not mask.any()]
-    if alone:
-        every = np.broadcast_to(checked.grid.valid, next(iter(met.values())).shape)
-        return tuple(
-            Unmet((name,), f"{texts[name]}: no setting does; {_best(checked, index, name, every)}", helps)
-            for name in alone
-        )
-    for size in range(2, len(met) + 1):
-        for names in combinations(met, size):
-            if not np.logical_and.reduce([met[name] for name in names]).any():
-                return (Unmet(names, _conflict(checked, index, names, met, texts), helps),)
-    return ()
+    sets = conflicts(checked, index)
+    helps = tuple(remedy.text for remedy in remedies(model, goals)) if sets else ()
+    return tuple(Unmet(names, _conflict(checked, index, names), helps) for names in sets)
 
 
-def _heartbeats(checked: Checked, index: list[int], others: Mask) -> Mask:
-    """Where a heartbeat is met, looked at with two timeouts for each number of attempts.
-
-    These are the shortest one, and the shortest one that meets the other goals.
-    """
-    met = np.zeros(others.shape, dtype=np.bool_)
-    for row, attempts in enumerate(index):
-        columns = {int(np.argmax(checked.grid.valid)), *np.nonzero(others[row])[0][:1].tolist()}
-        for column in columns:
-            met[row, column] = checked.heartbeat_met(attempts, column)
-    return met
+def conflicts(checked: Checked, index: Sequence[int]) -> list[tuple[str, ...]]:
+    """All sets of goals that no setting of these rows meets and of which no smaller part is such a set."""
+    found: list[tuple[str, ...]] = []
+    for size in range(1, len(checked.names) + 1):
+        for names in combinations(checked.names, size):
+            known = any(set(smaller) <= set(names) for smaller in found)
+            if not known and not checked.possible(names, index):
+                found.append(names)
+    return found
 
 
-def _conflict(
-    checked: Checked, index: list[int], names: tuple[str, ...], met: dict[str, Mask], texts: dict[str, str]
-) -> str:
+def _conflict(checked: Checked, index: list[int], names: tuple[str, ...]) -> str:
+    texts = checked.goals.texts()
+    if len(names) == 1:
+        best = _best(checked, index, names[0], checked.candidates(())[index])
+        return f"{texts[names[0]]}: no setting does; {best}"
     parts = []
     for name in names:
-        others = np.logical_and.reduce([met[other] for other in names if other != name])
-        given = " and ".join(texts[other] for other in names if other != name)
-        parts.append(f"with {given}, {_best(checked, index, name, others)}")
+        others = [other for other in names if other != name]
+        given = " and ".join(texts[other] for other in others)
+        parts.append(f"with {given}, {_best(checked, index, name, checked.candidates(others)[index])}")
     return f"{' and '.join(texts[name] for name in names)}: not together; {'; '.join(parts)}"
 
 
-def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
-    """The best value that a goal's figure has among settings, and where."""
+def best_value(
+    checked: Checked, index: Sequence[int], name: str, among: Mask
+) -> tuple[float, int, int] | None:
+    """The best value that a goal's figure has among settings, with its row of ``index`` and its column."""
     every = checked.missed if name == "heartbeat" else checked.values[name]
-    values = np.where(among, every[index], np.nan)
+    values = np.where(among, every[list(index)], np.nan)
     if np.isnan(values).all():
-        return "nothing better was found"
+        return None
     place = int(np.nanargmax(values) if name == "ride" else np.nanargmin(values))
     row, column = divmod(place, values.shape[1])
-    value = float(values[row, column])
+    return float(values[row, column]), row, column
+
+
+def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
+    found = best_value(checked, index, name, among)
+    if found is None:
+        return "nothing better was found"
+    value, row, column = found
+    match name:
+        case "ride":
+            shown = ms_at_least(value)
+        case "dead":
+            shown = ms_at_most(value)
+        case "scan":
+            shown = f"a probability of {at_most(value):.1e}"
+        case "heartbeat":
+            shown = f"{about(at_most(value))} times a year"
+        case _:
+            shown = f"{about(at_most(value))} a year"
     attempts = checked.grid.attempts[index[row]]
-    d8180 = checked.grid.timeouts[column] // TIMEOUT_UNIT
-    shown = {
-        "errors": lambda: f"{about(value)} false station errors a year",
-        "scan": lambda: f"a probability of {value:.1e}",
-        "dead": lambda: f"{about(value / TICKS_PER_MS)} ms",
-        "ride": lambda: f"{about(value / TICKS_PER_MS)} ms",
-        "heartbeat": lambda: f"{about(value)} times a year",
-    }[name]()
-    return f"the best is {shown} (attempts {attempts}, D8180 {d8180})"
+    return f"the best is {shown} (attempts {attempts}, D8180 {checked.grid.timeouts[column] // TIMEOUT_UNIT})"
 
 
 # -- what would help ------------------------------------------------------------------------------
 
 
-def _helps(model: LinkModel, goals: Goals, checked: Checked) -> Iterator[str]:
-    """Each single change that makes all goals possible, the smallest of its kind, with a setting."""
-    for count in range(len(model.stations) - 1, 0, -1):
-        fewer = replace(model, stations=model.stations[:count])
-        if fewer.alive and (found := _possible(fewer, goals)):
-            yield f"{count + 1} stations on the link instead of {len(model.stations) + 1} ({found})"
-            break
-    for mode in range(model.mode - 1, -1, -1):
-        if found := _possible(with_mode(model, mode), goals):
-            yield f"refresh mode {mode} instead of {model.mode} ({found})"
-            break
-    for factor in _LESS:
-        if found := _possible(scaled_noise(model, 1 / factor), goals):
-            yield f"{factor:,} times less noise ({found})"
-            break
-    if goals.ride is not None:
-        index = rows_of(checked, model.reading)
-        others = [mask for name, mask in checked.met.items() if name != "ride"]
-        among = (np.logical_and.reduce(others) & checked.grid.valid)[index]
-        if among.any() and (ride := float(checked.grid.silence[index][among].max())) > 0:
-            less, wanted = about(ride / TICKS_PER_MS), about(goals.ride / TICKS_PER_MS)
-            yield f"outages of at most {less} ms instead of {wanted} ms"
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """Changes of the link or its goals that make all goals possible together: the solver met them."""
+
+    text: str
+    model: LinkModel
+    goals: Goals
 
 
-def _possible(model: LinkModel, goals: Goals) -> str | None:
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """One kind of change, the smallest first. ``name`` is the goal whose limit is moved, else empty."""
+
+    name: str
+    steps: tuple[Callable[[Changed], Changed], ...]
+
+
+def remedies(model: LinkModel, goals: Goals) -> list[Remedy]:
+    """Changes that help, of as few kinds at once as do; of each kind the smallest that does."""
+    kinds = list(_kinds(model, goals))
+    for count in range(1, _CHANGES + 1):
+        each = (_smallest(model, goals, chosen) for chosen in combinations(kinds, count))
+        most = len(kinds) if count == 1 else _REMEDIES
+        if found := list(islice(filter(None, each), most)):
+            return found
+    return []
+
+
+def _kinds(model: LinkModel, goals: Goals) -> Iterator[_Kind]:
+    fewer = [
+        count
+        for count in range(len(model.stations) - 1, 0, -1)
+        if any(s.alive for s in model.stations[:count])
+    ]
+    if fewer:
+        yield _Kind("", tuple(partial(_fewer, count) for count in fewer))
+    if model.mode:
+        yield _Kind("", tuple(partial(_simpler, mode) for mode in range(model.mode - 1, -1, -1)))
+    if model.noisy:
+        yield _Kind("", tuple(partial(_quieter, less) for less in _LESS))
+    for name in goals.forms():
+        factors = _FURTHER if name in ("scan", "heartbeat") else _FURTHER[-1:]
+        yield _Kind(name, tuple(partial(_further, name, factor) for factor in factors))
+
+
+def _fewer(count: int, now: Changed) -> Changed:
+    return now._replace(model=replace(now.model, stations=now.model.stations[:count]))
+
+
+def _simpler(mode: int, now: Changed) -> Changed:
+    return now._replace(model=with_mode(now.model, mode))
+
+
+def _quieter(less: int, now: Changed) -> Changed:
+    return now._replace(model=scaled_noise(now.model, 1 / less), less=less)
+
+
+def _further(name: str, factor: float, now: Changed) -> Changed:
+    return now._replace(goals=relaxed(now.goals, name, factor))
+
+
+def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Remedy | None:
+    """The smallest changes of these kinds that help together, or None where the largest do not."""
+    steps = [len(kind.steps) - 1 for kind in kinds]
+
+    def changed(at: Sequence[int]) -> Changed:
+        now = Changed(model, goals)
+        for kind, step in zip(kinds, at, strict=True):
+            now = kind.steps[step](now)
+        return now
+
+    def works(at: Sequence[int]) -> bool:
+        now = changed(at)
+        return _setting(now.model, now.goals) is not None
+
+    if not works(steps):
+        return None
+    for place, kind in enumerate(kinds):
+        tried = ([*steps[:place], step, *steps[place + 1 :]] for step in range(len(kind.steps)))
+        steps = next(at for at in tried if works(at))
+    now = changed(steps)
+    for kind in kinds:
+        if kind.name:
+            now = now._replace(goals=_no_further(now.model, now.goals, kind.name))
+    setting = _setting(now.model, now.goals)
+    return (
+        None
+        if setting is None
+        else Remedy(f"{_changes(model, goals, now)} (then {setting})", now.model, now.goals)
+    )
+
+
+def _no_further(model: LinkModel, goals: Goals, name: str) -> Goals:
+    """The goals with one of them as strict as the others allow, its figure rounded to the safe side."""
+    if name in ("scan", "heartbeat"):
+        return goals
+    checked = evaluate_goals(model, goals)
+    index = rows_of(checked, model.reading)
+    found = best_value(
+        checked, index, name, checked.candidates([n for n in checked.names if n != name])[index]
+    )
+    if found is None:
+        return goals
+    value = found[0]
+    match name:
+        case "ride":
+            strict = replace(goals, ride=int(value // TICKS_PER_MS) * TICKS_PER_MS)
+        case "dead":
+            strict = replace(goals, dead=int(-(-value // TICKS_PER_MS)) * TICKS_PER_MS)
+        case "errors":
+            strict = replace(goals, errors=_rounded(goals.errors, value))
+        case _:
+            strict = replace(goals, onsets=_rounded(goals.onsets or 1.0, value))
+    return strict if _setting(model, strict) else goals
+
+
+def _rounded(given: float, value: float) -> Rate:
+    """A rate a year that is not less than a value, in the unit of the given one."""
+    unit = Rate.of(given).unit
+    return Rate(at_most(value / float(Rate(1.0, unit))), unit)
+
+
+def relaxed(goals: Goals, name: str, factor: float) -> Goals:
+    """The goals with one of them easier to meet by a factor."""
+    match name:
+        case "errors":
+            return replace(goals, errors=_times(goals.errors, factor))
+        case "onsets":
+            return replace(goals, onsets=_times(goals.onsets or 1.0, factor))
+        case "dead":
+            return replace(goals, dead=round((goals.dead or 0) * factor))
+        case "ride":
+            return replace(goals, ride=round(goals.ride / factor))
+        case "scan":
+            deadline, chance = goals.scan or (0, 1.0)
+            return replace(goals, scan=(round(deadline * factor / TICKS_PER_MS) * TICKS_PER_MS, chance))
+        case _:
+            preset, missed = goals.heartbeat or (0, 1.0)
+            unit = 10 * TICKS_PER_MS
+            return replace(goals, heartbeat=(round(preset * factor / unit) * unit, missed))
+
+
+def _times(rate: float, factor: float) -> Rate:
+    known = Rate.of(rate)
+    return Rate(known.count * factor, known.unit)
+
+
+def _setting(model: LinkModel, goals: Goals) -> str | None:
+    """The least setting that meets all goals, in words, or None."""
     checked = evaluate_goals(model, goals)
     chosen = least([(checked, rows_of(checked, model.reading))])
     if chosen is None:
         return None
-    return f"then D8179 {chosen[0]}, D8180 {checked.grid.timeouts[chosen[1]] // TIMEOUT_UNIT}"
+    return f"D8179 {chosen[0]}, D8180 {checked.grid.timeouts[chosen[1]] // TIMEOUT_UNIT}"
+
+
+def _changes(model: LinkModel, goals: Goals, now: Changed) -> str:
+    """What differs from a link and its goals, in words."""
+    parts = []
+    if len(now.model.stations) != len(model.stations):
+        parts.append(
+            f"{len(now.model.stations) + 1} stations on the link instead of {len(model.stations) + 1}"
+        )
+    if now.model.mode != model.mode:
+        parts.append(f"refresh mode {now.model.mode} instead of {model.mode}")
+    if now.less > 1:
+        parts.append(f"{now.less:,} times less noise")
+    new, old = now.goals.forms(), goals.forms()
+    parts += [
+        f"{new.get(name, 'ride>=0')} instead of {old[name]}" for name in old if new.get(name) != old[name]
+    ]
+    return " and ".join(parts)
 
 
 def with_mode(model: LinkModel, mode: int) -> LinkModel:

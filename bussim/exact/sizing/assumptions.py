@@ -1,0 +1,157 @@
+"""What a recommendation rests on: the class of each figure, and the assumptions that would change it most."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from bussim.exact.link import LinkModel
+from bussim.exact.sizing.choice import Choice, choice_of, recommend
+from bussim.exact.sizing.evaluation import evaluate_goals, timeout_floor
+from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.noise_levels import LEVELS, TYPICAL, with_level
+from bussim.exact.text import a_year, ms_at_least, ms_at_most
+from bussim.plc.profiles import PROFILES, AbsentStation, Attempts
+
+#: So many assumptions are named.
+_MOST = 3
+#: A figure that changes by less than this part of it is not named.
+_SLIGHT = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """One assumption and what the recommended setting would be worth without it.
+
+    ``otherwise`` has the setting's figures then, ``instead`` the setting that would be recommended then (None
+    where no setting meets the goals).
+    """
+
+    name: str
+    alternative: str
+    before: Choice
+    otherwise: Choice
+    instead: Choice | None
+
+    @property
+    def weight(self) -> float:
+        """By how much it changes the answer: differences of settings first, then of figures."""
+        now, then = self.before, self.otherwise
+        pairs = ((now.dead, then.dead), (now.errors, then.errors), (now.ride, then.ride))
+        change = sum(abs(math.log((b + 1e-30) / (a + 1e-30))) for a, b in pairs)
+        same = self.instead is not None and _setting(self.instead) == _setting(self.before)
+        return change if same else 1_000.0 + change
+
+    def in_words(self) -> str:
+        """What changes, in figures on the safe side."""
+        then, before = self.otherwise, self.before
+        parts = []
+        for said, old, new, in_words in (
+            ("{} false station errors a year", before.errors, then.errors, a_year),
+            ("a scan with a dead station of {}", before.dead, then.dead, ms_at_most),
+            ("{} of interruption pass", before.ride, then.ride, ms_at_least),
+            ("a scan of {}", before.mean, then.mean, ms_at_most),
+        ):
+            if abs(new - old) > _SLIGHT * old:
+                parts.append(f"{said.format(in_words(new))} instead of {in_words(old)}")
+        found = ", ".join(parts) or "the figures hardly change"
+        if self.instead is None:
+            return f"{self.name}; {self.alternative}: {found}; no setting meets the goals"
+        advice = f"D8179 = {self.instead.retries}, D8180 = {self.instead.d8180} would be recommended"
+        if _setting(self.instead) == _setting(before):
+            advice = "the setting stays"
+        return f"{self.name}; {self.alternative}: {found}; {advice}"
+
+    def to_json(self) -> dict[str, object]:
+        """As plain data, times in ms."""
+        return {
+            "assumption": self.name,
+            "alternative": self.alternative,
+            "text": self.in_words(),
+            "otherwise": self.otherwise.to_json(),
+            "recommended": None if self.instead is None else self.instead.to_json(),
+        }
+
+
+def assumptions(model: LinkModel, goals: Goals, recommended: Choice) -> tuple[Assumption, ...]:
+    """The assumptions that would change a recommendation most, worked out with their alternatives."""
+    found = []
+    for name, alternative, changed in _alternatives(model):
+        if timeout_floor(changed) > recommended.timeout:
+            continue
+        checked = evaluate_goals(changed, goals)
+        then = choice_of(checked, changed.reading, recommended.retries, recommended.timeout)
+        found.append(Assumption(name, alternative, recommended, then, recommend(changed, goals)))
+    if goals.ride and "ride" not in goals.given:
+        free = recommend(model, replace(goals, ride=0))
+        name = "the line must survive interruptions of 100 ms (assumed)"
+        if free is not None and _setting(free) != _setting(recommended):
+            found.append(Assumption(name, "with ride>=0", recommended, free, free))
+    found += _noise(model, goals, recommended)
+    return tuple(sorted(found, key=lambda each: -each.weight)[:_MOST])
+
+
+def _alternatives(model: LinkModel) -> list[tuple[str, str, LinkModel]]:
+    reading = Attempts.RETRIES if model.reading is Attempts.RETRIES_PLUS_1 else Attempts.RETRIES_PLUS_1
+    absent = AbsentStation.PROBE if model.absent is AbsentStation.FULL else AbsentStation.FULL
+    found = [
+        (
+            f"D8179 is read as {model.reading} (assumed)",
+            f"read as {reading}",
+            replace(model, reading=reading),
+        ),
+        (f"absent_station: {model.absent} (assumed)", f"with {absent}", replace(model, absent=absent)),
+    ]
+    if not model.notes:  # else replies at END are among the link's own times
+        at_end = tuple(replace(station, extra=station.extra + station.scan) for station in model.stations)
+        changed = replace(model, stations=at_end)
+        found.append(("a slave replies at once (assumed)", "if it replied at its END, at worst", changed))
+    return found
+
+
+def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumption]:
+    """What the level of noise that is assumed changes."""
+    name = "the noise counts as at least the level bad (assumed)"
+    alternative, changed = "with the noise as entered alone", model
+    if not model.noisy:
+        name = "the noise is of the level bad (assumed)"
+        alternative, changed = "at the level typical", with_level(model, LEVELS[TYPICAL])
+    checked = evaluate_goals(changed, goals, alone=True)
+    then = choice_of(checked, model.reading, recommended.retries, recommended.timeout)
+    if then.errors > recommended.errors * 0.99:
+        return []  # the noise as entered is the worse one
+    return [Assumption(name, alternative, recommended, then, recommend(changed, goals, alone=True))]
+
+
+def _setting(choice: Choice) -> tuple[int, int]:
+    return choice.retries, choice.timeout
+
+
+def classes(model: LinkModel, goals: Goals) -> dict[str, dict[str, str]]:
+    """The class of each input and of each figure: published, derived, assumed or entered.
+
+    A figure has the weakest class among the inputs that it is made of.
+    """
+    profile = PROFILES["pw10"]
+    fitted = model.gap == profile.master_gap and model.overhead == profile.scan_overhead
+    fitted = fitted and all(station.turnaround == profile.turnaround for station in model.alive)
+    times = "derived" if fitted else "entered"
+    noise = "entered" if model.noisy else "assumed"
+    inputs = {
+        "D8177 to D8180 and their ranges": "published",
+        "frames, gaps and turnarounds": times,
+        "PLC scan times": "entered",
+        "noise": noise,
+        "attempts of D8179": "assumed",
+        "absent_station": "assumed",
+        "goals": "entered" if {"errors", "ride"} <= set(goals.given) else "assumed",
+    }
+    figures = {
+        "timeout_floor_ms": times,
+        "mean_ms": "assumed" if noise == "assumed" else times,
+        "false_errors_per_year": "assumed",
+        "one_dead_ms": "assumed",
+        "detect_ms": "assumed",
+        "ride_through_ms": "assumed",
+    }
+    return {"inputs": inputs, "figures": figures}
