@@ -47,7 +47,7 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verdicts: Sequence[V
             f"D8180 = {best.d8180} ({ms(best.timeout)} ms)",
             style="bold green",
         )
-        for cost in _costs(best, sizing.goals.errors, noisy=sizing.model.noisy):
+        for cost in _costs(best, sizing.goals.errors, sizing.level):
             line(cost, 4)
         line(NOT_COVERED, 4)
         for mov in sizing.mov_lines():
@@ -70,10 +70,7 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verdicts: Sequence[V
         line(assumption.in_words(), 4)
 
 
-def _costs(best: Choice, goal: float, *, noisy: bool) -> list[str]:
-    level = "at the assumed level bad"
-    if noisy:
-        level = "the worse of the noise as entered and the assumed level bad"
+def _costs(best: Choice, goal: float, level: str) -> list[str]:
     return [
         f"link scan: mean {_ms(best.mean)}; with a dead station {ms_at_most(best.dead)}",
         (

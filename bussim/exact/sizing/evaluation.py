@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.metrics import YEAR
 from bussim.exact.refresh import gap_distributions
+from bussim.exact.scan.memoryless import probabilities_of
 from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.goals import Goals
@@ -148,11 +149,17 @@ def rows_of(checked: Checked, reading: Attempts) -> list[int]:
 def noise_views(model: LinkModel) -> tuple[LinkModel, ...]:
     """A link under each noise at which its goals must be met.
 
-    What is entered is never known to a factor, so it does not count as less than the level ``bad``, which
-    stands for noise that is not known at all: entering some noise never leads to fewer attempts.
+    What is entered is never known to a factor, so less than the level ``bad`` counts as that, as it stands
+    for noise that is not known at all: entering some noise never leads to fewer attempts.
     """
     bad = with_level(model, LEVELS[BAD])
-    return (model, bad) if model.noisy else (bad,)
+    if not model.noisy:
+        return (bad,)
+    if model.noise.memoryless:
+        chances = zip(model.stations, probabilities_of(model), probabilities_of(bad), strict=True)
+        if all(own.failed >= least.failed for station, own, least in chances if station.alive):
+            return (model,)
+    return (model, bad)
 
 
 def evaluate_goals(

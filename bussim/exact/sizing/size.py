@@ -13,6 +13,7 @@ from bussim.exact.sizing.evaluation import (
     Checked,
     evaluate_goals,
     least,
+    noise_views,
     rows_of,
     timeout_floor,
 )
@@ -77,6 +78,16 @@ class Sizing:
     margins: tuple[Margin, ...] = ()
     assumptions: tuple[Assumption, ...] = ()
     checked: Checked | None = field(default=None, compare=False)
+
+    @property
+    def level(self) -> str:
+        """The noise that the figures are for, in words."""
+        entered, views = self.model.noisy, noise_views(self.model)
+        if not entered:
+            return "at the assumed level bad"
+        return (
+            "with the noise as entered" if len(views) == 1 else "at the assumed level bad, which is the more"
+        )
 
     def apart(self) -> str:
         """How far the robust setting lies from the recommended one, in words."""
