@@ -90,13 +90,8 @@ class SlaveSettings(DeviceSettings):
 
     def engine(self, device: BusDevice, registers: RegisterMap) -> Slave:
         """The slave engine over a map."""
-        return self.engine_at(device, registers, device.station or 0, device.timing)
-
-    def engine_at(self, device: BusDevice, registers: RegisterMap, station: int, timing: LineTiming) -> Slave:
-        """The slave engine over a map, at a station, rate and format of its own."""
-        framing = self.port.framing(device.mode, timing)
         driven = self.plc_scan() is not None
-        return Slave(SlaveConfig(framing, device.delay, driven), {station: registers})
+        return Slave(SlaveConfig(device.framing(), device.delay, driven), {device.station or 0: registers})
 
 
 @dataclass(frozen=True, slots=True)

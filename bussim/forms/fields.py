@@ -5,7 +5,6 @@ Every validator raises with a predicate that follows the value's name: "is 12, a
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -74,12 +73,22 @@ def _is_int(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _those(fits: Callable[[Any], bool], wanted: str, hint: Callable[[Any], str] = lambda _: "") -> Kind:
-    """Values that fit. To another one the message says what is ``wanted``, and a hint."""
+def _those(
+    fits: Callable[[Any], bool],
+    wanted: str,
+    hint: Callable[[Any], str] = lambda _: "",
+    *,
+    made: Callable[[Any], Any] = lambda value: int(value) if _is_int(value) else value,
+    then: Kind | None = None,
+) -> Kind:
+    """Values that fit. To another one the message says what is ``wanted``, and a hint.
+
+    ``made`` is what becomes of one, ``then`` the kind of which it must be as well.
+    """
 
     def check(value: Any) -> Any:
         if fits(value):
-            return int(value) if _is_int(value) else value
+            return made(value) if then is None else then.read(value)
         raise fail(f"{_found(value)}, {wanted}{hint(value)}")
 
     return Kind(check)
@@ -120,26 +129,17 @@ def _title(value: object) -> str:
 def whole(low: int, high: int) -> Kind:
     """A whole number from ``low`` to ``high``."""
     allowed = _those(lambda value: low <= value <= high, f"allowed {low}..{high}")
-
-    def check(value: object) -> int:
-        if not _is_int(value):
-            raise fail(f"{_found(value)}, expected a whole number {low}..{high}")
-        return cast("int", allowed.read(value))
-
-    return Kind(check)
+    return _those(_is_int, f"expected a whole number {low}..{high}", then=allowed)
 
 
 def number(low: float, high: float) -> Kind:
     """A number from ``low`` to ``high``."""
 
-    def check(value: object) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise fail(f"{_found(value)}, expected a number {low:g}..{high:g}")
-        if not low <= value <= high or math.isnan(value):
-            raise fail(f"{_found(value)}, allowed {low:g}..{high:g}")
-        return float(value)
+    def is_number(value: object) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool)
 
-    return Kind(check)
+    allowed = _those(lambda value: low <= value <= high, f"allowed {low:g}..{high:g}", made=float)
+    return _those(is_number, f"expected a number {low:g}..{high:g}", then=allowed)
 
 
 def time(low: int = 0, high: int = LONGEST) -> Kind:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -79,7 +79,8 @@ class StepperBehaviour(Behaviour):
         stepper, device = self._stepper, self._device
         stepper.power_on(now)
         timing = LineTiming(stepper.baud, device.timing.format, device.timing.ppm)
-        return self._settings.engine_at(device, stepper, stepper.station, timing), timing
+        now_set = replace(device, station=stepper.station, timing=timing)
+        return self._settings.engine(now_set, stepper), timing
 
     def power_off(self, now: int) -> None:
         """What was not saved is lost."""

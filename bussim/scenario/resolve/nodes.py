@@ -112,8 +112,7 @@ class Directory:
             self.nodes += [node for _, node in sorted(own, key=lambda pair: pair[0])]
         for entry, device in readable(draft.devices):
             if device.known:
-                line = lines.get(device.bus)
-                timing = line.timing if line is not None else PLAIN_LINE
+                timing = lines[device.bus].timing if device.bus in lines else PLAIN_LINE
                 self.nodes.append(device_node(entry.path, device, timing))
         self.plcs = [entry.name for entry in draft.plcs if entry.name is not None]
         self.devices = [entry.name for entry in draft.devices if entry.name is not None]
@@ -134,13 +133,11 @@ class Directory:
         """Whether a PLC or device could be read, so that something may be said against it."""
         return owner not in self._unsure
 
-    def owner(self, name: str) -> str:
-        """The PLC or device of a name. Raises :class:`Missing` for an unknown one."""
+    def unknown(self, name: str) -> str:
+        """What a message says of a name that no PLC and no device has; "" if one has, or there are none."""
         known = [*self.plcs, *self.devices]
-        if name in known or not known:
-            return name
         kinds = "no PLC and no device" if self.devices else "no PLC"
-        raise Missing(f"is {show(name)}, which is {kinds}; {suggest(name, known)}")
+        return "" if name in known or not known else f"is {kinds}; {suggest(name, known)}"
 
     def find(self, name: str, bus: str | None = None) -> Node | None:
         """The node that a name means, on a bus if that is given.
@@ -149,7 +146,9 @@ class Directory:
         port. None if that cannot be told because of other mistakes. Raises :class:`Missing`.
         """
         owner, _, port = name.partition(".")
-        self.owner(owner if port else name)
+        unknown = self.unknown(owner)
+        if unknown:
+            raise Missing(f"is {show(owner)}, which {unknown}")
         own = [node for node in self.nodes if node.owner == owner]
         if port:
             return self._port(name, owner, port, own, bus)

@@ -120,12 +120,12 @@ def _program(
         program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name)
     except ProgramError as error:
         for problem in error.problems:
-            report.foreign(origin.problem(report, problem), fatal=True)
+            report.add(origin.problem(report, problem), fatal=True)
         return None, origin
     for problem in program.warnings:
         # A run's warnings have no marks: the PLC's name shows whose program it is.
         named = replace(problem, message=f"{plc.name}: {problem.message}")
-        report.foreign(origin.problem(report, named, warning=True), fatal=False)
+        report.add(origin.problem(report, named, warning=True), fatal=False)
     return program, origin
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bussim.engines.modbus.adu import Mode
-from bussim.line.characters import NN_LINE
+from bussim.line.characters import NN_LINE, LineTiming
 from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.nodes import Node, Role
 from bussim.scenario.resolve.scenario import Resolved
@@ -58,11 +58,19 @@ def _check_stations(bus: str, slaves: list[Node], report: Report) -> None:
         other = first.setdefault((node.mode, node.station), node)
         if other is not node:
             report.warn(
-                station_path(node),
+                (*node.path, "station"),
                 f"{other.name} and {node.name} on {bus} are both station {node.station}: they answer at once",
             )
 
 
-def station_path(node: Node) -> Path:
-    """Where the scenario gives a node's station."""
-    return (*node.path, "station")
+def understood(path: Path, name: str, timing: LineTiming, line: Line, report: Report) -> bool:
+    """Whether a node has the rate and format of its bus; a warning says so if not."""
+    bus = line.timing
+    same = (timing.baud, timing.format) == (bus.baud, bus.format)
+    if not same:
+        report.warn(
+            path,
+            f"{name} runs at {timing.baud} {timing.format}, {line.name} at {bus.baud} {bus.format}: "
+            "no station there understands it",
+        )
+    return same

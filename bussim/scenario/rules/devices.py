@@ -7,6 +7,7 @@ from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
 from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.scenario import Resolved
+from bussim.scenario.rules.buses import understood
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.yaml.source_map import Report
 
@@ -26,8 +27,7 @@ def check_devices(resolved: Resolved, report: Report) -> None:
 
 
 def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Report) -> None:
-    line = bus.timing
-    timing = device.timing(line)
+    timing = device.timing(bus.timing)
     mode, _ = device.address()
     if mode is Mode.RTU and timing.format.data_bits != 8 and not entry.lost("mode", "format"):
         needs = "Modbus RTU needs 8 data bits"
@@ -39,13 +39,8 @@ def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Rep
     port = device.port
     if not entry.lost("baud"):
         _check_baud(entry, device, timing, report)
-    if (timing.baud, timing.format) != (line.baud, line.format):
-        report.warn(
-            entry.path,
-            f"{device.name} runs at {timing.baud} {timing.format}, {bus.name} at {line.baud} {line.format}: "
-            "no station there understands it",
-        )
-    elif port.formats and timing.format not in port.formats:
+    same = understood(entry.path, device.name, timing, bus, report)
+    if same and port.formats and timing.format not in port.formats:
         report.warn(
             (*entry.path, "format" if device.format is not None else "bus"),
             f"{device.name} runs at {timing.format}; a {port.name} has "

@@ -114,12 +114,10 @@ def _check_power_on(
     duration: int | None,
     report: Report,
 ) -> None:
-    known = [*nodes.plcs, *nodes.devices]
     for name, tick in (fault.power_on or {}).items():
         path = (*entry.path, "power_on", name)
-        if name not in known and known:
-            what = "no PLC and no device" if nodes.devices else "no PLC"
-            report.error(path, f"is {what}; {suggest(name, known)}", key=True)
+        if unknown := nodes.unknown(name):
+            report.error(path, unknown, key=True)
         elif name in switched_on:
             where = report.where(switched_on[name])
             report.error(path, f"is given twice, first {where}", key=True)

@@ -32,6 +32,7 @@ from bussim.scenario.resolve.port_configuration import (
     own_line,
 )
 from bussim.scenario.resolve.scenario import Resolved
+from bussim.scenario.rules.buses import understood
 from bussim.scenario.schema.document import PlcIn, PortIn
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
@@ -162,7 +163,7 @@ def _check_config(
     if given.protocol in SLAVES and config.register("station") not in member.registers and sure:
         report.error((*path, "station"), "is missing")
     if line is not None and not line.is_link and sure and not line.entry.lost("baud", "format"):
-        _check_line(config, member, line.name, report)
+        _check_line(config, member, line, report)
     if sure and len(report.errors) == before:
         _check_settings(config, report)
 
@@ -242,7 +243,7 @@ def _check_contradictions(entry: Entry[PlcIn], config: PortConfiguration, report
             )
 
 
-def _check_line(config: PortConfiguration, member: Member, bus: str, report: Report) -> None:
+def _check_line(config: PortConfiguration, member: Member, bus: Line, report: Report) -> None:
     """Rate and format against the protocol and the bus."""
     line, given = config.line, config.given
     own = own_line(given, line)
@@ -255,16 +256,11 @@ def _check_line(config: PortConfiguration, member: Member, bus: str, report: Rep
         if member.registers.get(word) == format_word(own, eight_bit=False):
             report.error(
                 (*config.path, "protocol"),
-                f"is {given.protocol}, but the format of {bus} is {own.format}: {needs}",
+                f"is {given.protocol}, but the format of {bus.name} is {own.format}: {needs}",
             )
             return
     timing = config.valid.timing if config.valid is not None and config.protocol is not None else line
-    if (timing.baud, timing.format) != (line.baud, line.format):
-        report.warn(
-            config.path,
-            f"{config.node} runs at {timing.baud} {timing.format}, {bus} at {line.baud} {line.format}: "
-            "no station there understands it",
-        )
+    understood(config.path, config.node, timing, bus, report)
 
 
 def _check_places(member: Member, report: Report) -> None:

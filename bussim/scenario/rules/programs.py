@@ -50,7 +50,7 @@ def _warn_at(member: Member, at: Instruction, message: str, report: Report) -> N
     origin = member.logic.origin
     if origin is not None:
         problem = Problem("", at.line, at.column, f"{member.name}: {message}")
-        report.foreign(origin.problem(report, problem, warning=True), fatal=False)
+        report.add(origin.problem(report, problem, warning=True), fatal=False)
 
 
 def _check_settings(member: Member, report: Report) -> None:

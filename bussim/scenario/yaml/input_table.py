@@ -33,7 +33,7 @@ def read_times(text: str, file: str, report: Report) -> tuple[int, ...] | None:
         if len(table.problems) >= _MOST_PROBLEMS or table.full:
             break
     for line_number, message in table.problems or table.lacking():
-        report.foreign(Problem(file, line_number, 1, message), fatal=True)
+        report.add(Problem(file, line_number, 1, message), fatal=True)
     return None if table.problems or not table.changes else tuple(table.changes)
 
 

@@ -106,30 +106,27 @@ class Report:
 
     def error(self, path: Path, predicate: str, *, key: bool = False) -> None:
         """The value at ``path`` is wrong: ``predicate`` follows its name."""
-        self._add(self.source_map.problem(path, predicate, key=key), fatal=True)
+        self.add(self.source_map.problem(path, predicate, key=key), fatal=True)
 
     def unknown_key(self, path: Path, predicate: str) -> None:
         """There is no such key as the last of ``path``."""
         self.unknown.append(self.source_map.problem(path, predicate, key=True))
-        self._add(self.unknown[-1], fatal=True)
+        self.add(self.unknown[-1], fatal=True)
 
     def mistake(self, path: Path, text: str, *, key: bool = False) -> None:
         """Something at ``path`` is wrong; ``text`` is a sentence that names what it is about."""
-        self._add(self.source_map.remark(path, text, key=key), fatal=True)
+        self.add(self.source_map.remark(path, text, key=key), fatal=True)
 
     def warn(self, path: Path, text: str, *, key: bool = False) -> None:
         """Something at ``path`` is odd but possible; ``text`` is a sentence that names what it is about."""
-        self._add(self.source_map.remark(path, text, key=key), fatal=False)
+        self.add(self.source_map.remark(path, text, key=key), fatal=False)
 
     def where(self, path: Path) -> str:
         """The place of a value, for a message about another one: its line, or its path."""
         return self.source_map.where(path)
 
-    def foreign(self, problem: Problem, *, fatal: bool) -> None:
-        """A problem of a file that the scenario names, or reported by the reader of a part of it."""
-        self._add(problem, fatal=fatal)
-
-    def _add(self, problem: Problem, *, fatal: bool) -> None:
+    def add(self, problem: Problem, *, fatal: bool) -> None:
+        """Any problem, such as one of a file that the scenario names; the same one counts once."""
         if (fatal, problem) not in self._seen:
             self._seen.add((fatal, problem))
             (self.errors if fatal else self.warnings).append(problem)
