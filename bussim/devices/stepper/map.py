@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from bussim.devices.areas import Area, AreaMap, Part
 from bussim.devices.stepper.axis import Switch
@@ -77,8 +78,8 @@ class Stepper(AreaMap):
             "reset_basic": lambda _: self._while_idle(parameters.reset_basic),
         }
         for number in range(1, OUTPUTS + 1):
-            table[f"output_{number}_on"] = _switch(control, number, on=True)
-            table[f"output_{number}_off"] = _switch(control, number, on=False)
+            table[f"output_{number}_on"] = partial(control.set_output, number, on=True)
+            table[f"output_{number}_off"] = partial(control.set_output, number, on=False)
         return table
 
     def _save(self) -> bool:
@@ -193,7 +194,3 @@ class Stepper(AreaMap):
         # Which input means what, and where switches lie, may be new.
         self.controller.axis.replan(now)
         self.controller.inputs_changed(now)
-
-
-def _switch(control: Controller, number: int, *, on: bool) -> Callable[[int], bool]:
-    return lambda now: control.set_output(number, now, on=on)

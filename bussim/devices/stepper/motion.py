@@ -7,7 +7,7 @@ a trapezoid, or a triangle where the distance is too short. Rates are exact frac
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
 from math import isqrt
@@ -140,21 +140,15 @@ class Motion:
         down = Phase(ticks, phase.done(ticks), rate, -drive.acceleration)
         end = ticks + seconds * TICKS_PER_SECOND
         kept = tuple(one for one in self.phases if one.begin < ticks)
-        return Motion(
-            self.start,
-            self.direction,
-            drive,
-            (*kept, down),
-            self.start + round_half_up(end),
-            int(down.done(end)),
-        )
+        phases = (*kept, down)
+        return replace(self, phases=phases, end=self.start + round_half_up(end), length=int(down.done(end)))
 
     def cut(self, tick: int) -> Motion:
         """The same motion that stops dead at ``tick``."""
         tick = max(tick, self.start)
         if self.end is not None and tick >= self.end:
             return self
-        return Motion(self.start, self.direction, self.drive, self.phases, tick, self.pulses(tick))
+        return replace(self, end=tick, length=self.pulses(tick))
 
 
 def travel(drive: Drive, pulses: int, start: int, direction: int) -> Motion:

@@ -19,6 +19,7 @@ from bussim.plc.link_registers import (
     TIMEOUT_UNIT,
     bad_parameters,
     setting_defaults,
+    setting_values,
 )
 from bussim.plc.memory import parse_device
 from bussim.plc.profiles import Profile
@@ -40,6 +41,8 @@ NN_KEYS = {
     "timeout": D_TIMEOUT,
 }
 PORT_DEVICE = f"M{M_PORT}"
+#: The keys of ``nn`` but the bus, by the devices that they stand for.
+KEYS_OF_DEVICES = {**{f"D{address}": key for key, address in NN_KEYS.items()}, PORT_DEVICE: "port"}
 
 
 def _friendly_registers(nn: NNIn) -> dict[str, int]:
@@ -108,10 +111,8 @@ class Member:
     @property
     def settings(self) -> dict[int, int]:
         """D8176 to D8180 after power-on, as 16-bit values by address."""
-        return {
-            address: self.registers.get(f"D{address}", default) & 0xFFFF
-            for address, default in setting_defaults(self.profile).items()
-        }
+        values = setting_values(self.profile, self.registers)
+        return {address: value & 0xFFFF for address, value in values.items()}
 
     @property
     def station(self) -> int:

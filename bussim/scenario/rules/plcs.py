@@ -5,7 +5,7 @@ from __future__ import annotations
 from bussim.forms.registers import check_registers, named_devices
 from bussim.plc.link_registers import TAKE_PART, TIMEOUT_UNIT
 from bussim.plc.memory import Device
-from bussim.scenario.resolve.members import NN_KEYS, PORT_DEVICE, Member, device_name
+from bussim.scenario.resolve.members import KEYS_OF_DEVICES, PORT_DEVICE, Member, device_name
 from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.document import PlcIn, SourceIn
@@ -94,13 +94,12 @@ def _ms(ticks: int) -> str:
 
 
 def _check_contradictions(member: Member, report: Report) -> None:
-    keys = {f"D{address}": key for key, address in NN_KEYS.items()} | {PORT_DEVICE: "port"}
     for name, value in member.plc.registers.items():
         device = device_name(name)
         if device in member.friendly and value & 0xFFFF != member.friendly[device]:
             report.error(
                 (*member.path, "registers", name),
-                f"is {value}, but nn.{keys[device]} makes it {member.friendly[device]}",
+                f"is {value}, but nn.{KEYS_OF_DEVICES[device]} makes it {member.friendly[device]}",
             )
 
 

@@ -6,15 +6,10 @@ from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
 from bussim.plc.memory import BlockPlace, Device
-from bussim.scenario.resolve.members import (
-    NN_KEYS,
-    PORT_DEVICE,
-    Member,
-    device_name,
-)
+from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of, link_of
-from bussim.scenario.yaml.source_map import Path, Report
+from bussim.scenario.yaml.source_map import Report
 
 if TYPE_CHECKING:
     from bussim.plc.program.text.catalog import Instruction
@@ -56,13 +51,12 @@ def _warn_at(member: Member, at: Instruction, message: str, report: Report) -> N
 def _check_settings(member: Member, report: Report) -> None:
     """What the scenario says of the link and the program says otherwise."""
     name, friendly, raw = member.name, member.friendly, member.raw
-    keys = {f"D{address}": key for key, address in NN_KEYS.items()} | {PORT_DEVICE: "port"}
     for device, value in member.logic.first.link.items():
         if device in friendly and friendly[device] != value:
-            path: Path = (*member.path, "nn", keys[device])
+            key = KEYS_OF_DEVICES[device]
             report.warn(
-                path,
-                f"the program of {name} sets {device} to {value}: nn.{keys[device]}, which stands for "
+                (*member.path, "nn", key),
+                f"the program of {name} sets {device} to {value}: nn.{key}, which stands for "
                 f"{friendly[device]}, is lost",
             )
         elif device not in friendly and device in raw and raw[device] & 0xFFFF != value:
