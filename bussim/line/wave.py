@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from functools import cache
+from itertools import groupby
 
 from bussim.line.characters import CharFormat, LineTiming
 
@@ -23,25 +24,17 @@ def _low_runs(fmt: CharFormat) -> tuple[tuple[Interval, ...], ...]:
 
 def _runs(bits: Sequence[int]) -> list[Interval]:
     runs: list[Interval] = []
-    begun: int | None = None
-    for number, bit in enumerate(bits):
+    end = 0
+    for bit, same in groupby(bits):
+        begin, end = end, end + len(list(same))
         if bit == 0:
-            if begun is None:
-                begun = number
-        elif begun is not None:
-            runs.append((begun, number))
-            begun = None
-    if begun is not None:
-        runs.append((begun, len(bits)))
+            runs.append((begin, end))
     return runs
 
 
 def encode_bits(chars: bytes, fmt: CharFormat) -> list[int]:
     """The bits of back-to-back characters on the wire, from the first start bit."""
-    bits: list[int] = []
-    for value in chars:
-        bits.extend(fmt.encode(value))
-    return bits
+    return [bit for value in chars for bit in fmt.encode(value)]
 
 
 def low_intervals(

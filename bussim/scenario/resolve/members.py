@@ -65,13 +65,6 @@ def device_name(name: str) -> str | None:
         return None
 
 
-def _raw_registers(plc: PlcIn) -> dict[str, int]:
-    """``registers`` by the devices' proper names, without names that are not devices."""
-    return {
-        proper: value for name, value in plc.registers.items() if (proper := device_name(name)) is not None
-    }
-
-
 @dataclass(frozen=True, slots=True)
 class Member:
     """One PLC as its buses see it.
@@ -150,7 +143,8 @@ def member_of(
     with which settings it runs. What its program sets in the first scan wins, as it does in the PLC.
     Mistakes in programs and tables of times are reported.
     """
-    profile, raw = profile_of(plc.profile), _raw_registers(plc)
+    profile = profile_of(plc.profile)
+    raw = {proper: value for name, value in plc.registers.items() if (proper := device_name(name))}
     friendly = _friendly_registers(plc.nn) if plc.nn is not None else {}
     logic = read_logic(path, plc, profile, {**friendly, **raw}, power_on, files, report)
     takes_part = plc.nn is not None or any(name in raw or name in logic.first.link for name in TAKE_PART)
