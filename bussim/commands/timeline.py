@@ -90,7 +90,9 @@ def command(
 def _bus(record: RunRecord, buses: dict[str, TraceBus], wanted: str | None) -> str:
     if wanted is not None:
         if wanted not in buses:
-            raise UsageError(f"{record.scenario} has no bus {wanted!r}; it has {_names(buses)}")
+            raise UsageError(
+                f"{record.scenario} has no bus {wanted!r}; it has {', '.join(map(repr, buses)) or 'none'}"
+            )
         return wanted
     longest = {
         bus: link.scan_times.histogram.maximum or 0 for bus, link in record.links.items() if bus in buses
@@ -100,10 +102,6 @@ def _bus(record: RunRecord, buses: dict[str, TraceBus], wanted: str | None) -> s
     if not buses:
         raise UsageError(f"the trace of {record.scenario} names no bus; there is nothing to draw")
     return next(iter(buses))
-
-
-def _names(buses: dict[str, TraceBus]) -> str:
-    return ", ".join(map(repr, buses)) or "none"
 
 
 def _window(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import sys
 from collections.abc import Callable, Mapping
 from itertools import count
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import IO, Any, Literal, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.results.store.folder import SUFFIX, _one_at_a_time, _try_lock
+from bussim.results.store.folder import SUFFIX, _one_at_a_time, _reason, _remove, _try_lock
 from bussim.sweep.identity import MANIFEST, differences, manifest_text, read_manifest
 from bussim.sweep.journal import Journal
 
@@ -19,6 +18,8 @@ from bussim.sweep.journal import Journal
 MARKER = "INCOMPLETE-SWEEP"
 JOURNAL = "journal.jsonl"
 _OLD = ".old" + SUFFIX
+#: What identifies a folder is removed last.
+_IDENTITY = (MARKER, MANIFEST)
 
 _MARKER_TEXT = """\
 This folder is incomplete: bussim sweep is still writing it, or was stopped before it had finished.
@@ -102,7 +103,7 @@ class SweepFolder:
                     raise UsageError(f"{self.target} was finished by another process just now")
                 if self.state == "new":
                     if part.exists():
-                        _remove(part)
+                        _remove(part, _IDENTITY)
                     part.mkdir()
                 self._lock = (part / MARKER).open("a", encoding="utf-8", newline="\n")
                 if not _try_lock(self._lock):
@@ -128,7 +129,7 @@ class SweepFolder:
             if any(self.target.iterdir()) and read_manifest(self.target) is None:
                 raise UsageError(f"{self.target} appeared meanwhile, and is not the folder of a sweep")
             if old.exists():
-                _remove(old)
+                _remove(old, _IDENTITY)
             self.target.replace(old)
         if sys.platform == "win32" and self._lock is not None:
             self._lock.close()  # an open file keeps its folder from being renamed there
@@ -141,7 +142,7 @@ class SweepFolder:
         old = self.target.with_name(self.target.name + _OLD)
         (self.target / JOURNAL).unlink(missing_ok=True)
         if old.exists():
-            _remove(old)
+            _remove(old, _IDENTITY)
         (self.target / MARKER).unlink(missing_ok=True)
 
     def _numbered(self) -> State:
@@ -227,17 +228,6 @@ def _in_use(folder: Path) -> UsageError:
     )
 
 
-def _remove(folder: Path) -> None:
-    """Remove a sweep's folder; the file that identifies it goes last."""
-    last = (MARKER, MANIFEST)
-    for entry in folder.iterdir():
-        if entry.name not in last:
-            shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
-    for name in last:
-        (folder / name).unlink(missing_ok=True)
-    folder.rmdir()
-
-
 def _temporary(name: str) -> str:
     return f"{name}.part"
 
@@ -248,8 +238,3 @@ def _write_whole(path: Path, text: str) -> None:
     with part.open("w", encoding="utf-8", newline="\n") as file:
         file.write(text)
     part.replace(path)
-
-
-def _reason(error: OSError) -> str:
-    where = f" ({error.filename})" if error.filename else ""
-    return f"{error.strerror or error}{where}"

@@ -112,9 +112,7 @@ def command(
             raise UsageError("a scenario's poll list knows itself what to write: leave the VALUEs out")
         from bussim.commands.poll.scenario import plan_of
 
-        plan = plan_of(
-            url, scenario, poll_list, rounds=1 if once else rounds, options=options, allow_code=allow_code
-        )
+        plan = plan_of(scenario, poll_list, allow_code=allow_code)
     else:
         from bussim.engines.modbus.adu import Mode
         from bussim.live.modbus import STANDARD_FORMATS, line_of
@@ -126,17 +124,10 @@ def command(
             stations_of(stations), values, kind, reference, count,
             from_zero=from_zero, big=big, every=every, retries=retries,
         )  # fmt: skip
-        plan = Plan(
-            url=url,
-            mode=as_mode,
-            line=line_of(as_mode, baud, fmt),
-            polls=polls,
-            timeout=time_of("-o", timeout),
-            interval=0,
-            rounds=1 if once or values else rounds,
-            options=options,
-        )
-    ctx.exit(poll(plan, csv=None if csv is None else Path(csv), as_json=as_json))
+        plan = Plan(as_mode, line_of(as_mode, baud, fmt), polls, time_of("-o", timeout))
+    rounds = 1 if once or values else rounds
+    table = None if csv is None else Path(csv)
+    ctx.exit(poll(plan, url, options=options, rounds=rounds, csv=table, as_json=as_json))
 
 
 def stations_of(text: str) -> list[int]:

@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from bussim.engines.modbus.adu import Mode
     from bussim.engines.modbus.polls import Poll
     from bussim.line.characters import LineTiming
-    from bussim.live.options import PortOptions
     from bussim.live.values import Form
 
 
@@ -26,14 +25,11 @@ class Planned:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """All that a poll session needs. Times in ticks."""
+    """What is polled, and how. Times in ticks."""
 
-    url: str
     mode: Mode
     line: LineTiming
     polls: tuple[Planned, ...]
     timeout: int
-    interval: int
-    rounds: int | None
-    options: PortOptions
+    interval: int = 0
     turnaround: int | None = None  # after a broadcast; None: as usual

@@ -19,15 +19,12 @@ from bussim.plc.ports.spec import PollSpec, PortSpec
 from bussim.scenario.model import Plc
 
 if TYPE_CHECKING:
-    from bussim.live.options import PortOptions
     from bussim.scenario.model import Scenario
 
 _MODES = {"modbus-rtu-master": Mode.RTU, "modbus-ascii-master": Mode.ASCII}
 
 
-def plan_of(
-    url: str, file: str, node: str, *, rounds: int | None, options: PortOptions, allow_code: bool
-) -> Plan:
+def plan_of(file: str, node: str, *, allow_code: bool) -> Plan:
     """The polls of a master of a scenario: ``press1.COM3``, or the name of an ``hmi`` device.
 
     Raises ScenarioError for a bad file, UsageError where there is no such master. A write takes its
@@ -39,11 +36,11 @@ def plan_of(
     scenario = api.load(file, allow_code=allow_code)
     for device in scenario.devices:
         if device.name == node and isinstance(device.settings, MasterSettings):
-            return _of_hmi(url, device, device.settings, rounds, options)
+            return _of_hmi(device, device.settings)
     for plc in scenario.plcs:
         for port in plc.ports:
             if node in (plc.port_node(port.name), f"{plc.name}.{port.name}"):
-                return _of_port(url, plc, port, rounds, options)
+                return _of_port(plc, port)
     masters = _masters(scenario)
     hint = suggest(node, masters) if masters else "it has no Modbus master"
     raise UsageError(f"{file} has no port or HMI {node!r} with a poll list; {hint}")
@@ -57,23 +54,18 @@ def _masters(scenario: Scenario) -> list[str]:
     return names
 
 
-def _of_hmi(
-    url: str, device: BusDevice, settings: MasterSettings, rounds: int | None, options: PortOptions
-) -> Plan:
+def _of_hmi(device: BusDevice, settings: MasterSettings) -> Plan:
     return Plan(
-        url=url,
         mode=device.mode,
         line=device.timing,
         polls=_planned(settings.polls, device.name),
         timeout=settings.timeout,
         interval=settings.interval,
-        rounds=rounds,
-        options=options,
         turnaround=settings.turnaround,
     )
 
 
-def _of_port(url: str, plc: Plc, port: PortSpec, rounds: int | None, options: PortOptions) -> Plan:
+def _of_port(plc: Plc, port: PortSpec) -> Plan:
     memory = Memory()
     for name, value in plc.registers.items():
         memory.set(parse_device(name), value)
@@ -90,14 +82,11 @@ def _of_port(url: str, plc: Plc, port: PortSpec, rounds: int | None, options: Po
         if isinstance(spec, PollSpec) and spec.port == port.name
     ]
     return Plan(
-        url=url,
         mode=mode,
         line=settings.timing,
         polls=_planned(tuple(polls), node),
         timeout=settings.timeout,
         interval=settings.interval,
-        rounds=rounds,
-        options=options,
     )
 
 

@@ -20,6 +20,7 @@ from bussim.units import milliseconds, nanoseconds, seconds
 
 if TYPE_CHECKING:
     from bussim.commands.poll.plan import Plan, Planned
+    from bussim.live.options import PortOptions
 
 #: Exception codes in words (Modbus application protocol, section 7).
 _EXCEPTIONS = {
@@ -89,15 +90,17 @@ class Tally:
         }
 
 
-def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
-    """Poll until every round is done or Ctrl-C; prints the summary. Returns the exit code."""
+def poll(
+    plan: Plan, url: str, *, options: PortOptions, rounds: int | None, csv: Path | None, as_json: bool
+) -> int:
+    """Poll until every poll had its rounds, or until Ctrl-C; prints the summary. Returns the exit code."""
     from bussim.engines.modbus.polls import PollList
     from bussim.live.modbus import master_runner
     from bussim.live.stopping import Stopping
     from bussim.live.wire import Wire
 
     tallies = [Tally(planned) for planned in plan.polls]
-    wire = Wire(plan.url, plan.line, plan.options, report=lambda text: click.echo(text, err=True))
+    wire = Wire(url, plan.line, options, report=lambda text: click.echo(text, err=True))
     with ExitStack() as stack:
         table = None if csv is None else stack.enter_context(closing(_table(csv)))
 
@@ -110,7 +113,7 @@ def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
                 click.echo(_line(turn, tally.planned))
 
         polls = [planned.poll for planned in plan.polls]
-        turns = PollTurns(polls, on_turn, plan.rounds)
+        turns = PollTurns(polls, on_turn, rounds)
         runner = master_runner(
             wire,
             plan.mode,
@@ -123,14 +126,14 @@ def poll(plan: Plan, *, csv: Path | None, as_json: bool) -> int:
         stop = stack.enter_context(Stopping())
         stack.callback(runner.close)
         runner.start()
-        if wire.name != plan.url:
+        if wire.name != url:
             click.echo(f"polling on {wire.name}", err=True)
         begun = wire.clock.now()
         runner.run(lambda: turns.done or stop())
         duration = wire.clock.now() - begun
     summary = {
         "schema": 1,
-        "url": plan.url,
+        "url": url,
         "mode": plan.mode.value,
         "baud": plan.line.baud,
         "format": str(plan.line.format),

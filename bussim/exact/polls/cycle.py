@@ -41,11 +41,6 @@ class Cost:
         )
 
 
-def without_errors(model: PollListModel) -> list[Cost]:
-    """Every cyclic poll answered at the first attempt."""
-    return [Cost(poll, 1, poll.need) for poll in model.cyclic]
-
-
 def failing(model: PollListModel, poll: PollModel) -> Cost:
     """A poll to which no slave answers. A broadcast cannot fail."""
     if not poll.device:

@@ -7,7 +7,7 @@ fault makes slow is as slow as that, and one that is dead for the whole run is n
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import assert_never
 
 from bussim.devices.contract import BusDevice, FreeProtocolSettings, MasterSettings, SlaveSettings
@@ -174,7 +174,7 @@ class _Reader:
         self.masters.append(master)
 
     def _no_list(self, port: _Port, why: str) -> None:
-        self.broken[port.node] = _refused(port.node, port.bus, port.protocol, [why])
+        self.broken[port.node] = PollListModel(port.node, port.bus, port.protocol, obstacles=(why,))
 
     def _device(self, device: BusDevice) -> None:
         name, bus = device.name, device.bus
@@ -248,23 +248,21 @@ class _Reader:
                 polls.append(poll)
                 asked += [slave for slave in slaves if slave.name == poll.device]
         obstacles += too_hasty(master, slaves)
-        protocol = f"modbus-{master.framing.mode.value}"
-        if obstacles:
-            return _refused(master.node, master.bus, protocol, obstacles, master)
-        off = tuple(dict.fromkeys(slave.name for slave in asked if slave.off))
-        owners = [slave.owner for slave in asked if slave.off]
-        return PollListModel(
+        model = PollListModel(
             node=master.node,
             bus=master.bus,
-            protocol=protocol,
+            protocol=f"modbus-{master.framing.mode.value}",
             line=_line(master.timing),
             timeout=master.timeout,
             master_timing=master.master_timing,
-            tail=master.tail,
-            polls=tuple(polls),
-            off=off,
-            notes=tuple(self._notes(master, polls, [*off, *owners])),
+            obstacles=tuple(obstacles),
         )
+        if obstacles:
+            return model
+        off = tuple(dict.fromkeys(slave.name for slave in asked if slave.off))
+        owners = [slave.owner for slave in asked if slave.off]
+        notes = tuple(self._notes(master, polls, [*off, *owners]))
+        return replace(model, tail=master.tail, polls=tuple(polls), off=off, notes=notes)
 
     def _crowd(self, master: MasterModel) -> list[str]:
         found = []
@@ -306,20 +304,6 @@ def _device_master(device: BusDevice, settings: MasterSettings) -> MasterModel:
         master_timing=Direct(settings.interval),
         polls=settings.polls,
         plc=False,
-    )
-
-
-def _refused(
-    node: str, bus: str, protocol: str, why: Iterable[str], master: MasterModel | None = None
-) -> PollListModel:
-    return PollListModel(
-        node=node,
-        bus=bus,
-        protocol=protocol,
-        line=_line(master.timing) if master is not None else "",
-        timeout=master.timeout if master is not None else 0,
-        master_timing=master.master_timing if master is not None else Direct(0),
-        obstacles=tuple(why),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from bussim.exact.polls.cycle import Cost, Round, at_worst, failing, without_errors
+from bussim.exact.polls.cycle import Cost, Round, at_worst, failing
 from bussim.exact.polls.master_timing import Span
 from bussim.exact.polls.model import PollListModel, PollModel
 from bussim.exact.polls.text import remarks, when_off
@@ -135,7 +135,7 @@ def poll_figures(model: PollListModel) -> PollFigures:
     if not cyclic:
         polls = tuple(_one_poll(model, None, poll) for poll in model.polls)
         return PollFigures(model, command=command, worst_command=worst_command, polls=polls)
-    clean = _round(model, without_errors(model))
+    clean = _round(model, [Cost(poll, 1, poll.need) for poll in cyclic])
     dead = tuple(_dead(model, device) for device in dict.fromkeys(p.device for p in cyclic if p.device))
     worst = _round(model, [at_worst(model, poll) for poll in cyclic])
     return PollFigures(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from bussim.exact.polls.master_timing import MasterTiming, Span
+from bussim.exact.polls.master_timing import Direct, MasterTiming, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +65,9 @@ class PollListModel:
     node: str
     bus: str
     protocol: str
-    line: str
-    timeout: int
-    master_timing: MasterTiming
+    line: str = ""
+    timeout: int = 0
+    master_timing: MasterTiming = field(default_factory=lambda: Direct(0))
     tail: int = 0
     polls: tuple[PollModel, ...] = ()
     off: tuple[str, ...] = ()

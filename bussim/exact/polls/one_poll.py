@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from bussim.engines.modbus.adu import BROADCAST, Mode
 from bussim.engines.modbus.codes import MEANINGS
@@ -62,9 +63,22 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     request = make_request(spec.function, spec.address, spec.count, values)
     size = master.framing.chars(len(encode_request(request)))
     sent = master.timing.characters(size)
+    model = partial(
+        PollModel,
+        name=spec.name,
+        station=spec.station,
+        function=spec.function,
+        count=spec.count,
+        reads=spec.function in READS,
+        request=sent,
+        every=spec.every,
+        at=spec.at,
+        times=spec.times,
+        retries=spec.retries,
+    )
     if spec.station == BROADCAST:
         over = exactly(sent + master.turnaround)
-        return _model(spec, "", sent, 0, over, over, over, 0)
+        return model(device="", response=0, served=over, answer=over, need=over, after=0)
     asked = [slave for slave in slaves if slave.station == spec.station]
     heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
     if not heard:
@@ -90,8 +104,15 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     # Who takes its values early waits for its delay to be over.
     early = max(served.least, sent + slave.delay) - served.least
     after = early + slave.spread + slave.extra.most + answered + quiet.most
-    waits = slave.end > 0
-    return _model(spec, slave.name, sent, answered, served, answer, answer + quiet, after, waits=waits)
+    return model(
+        device=slave.name,
+        response=answered,
+        served=served,
+        answer=answer,
+        need=answer + quiet,
+        after=after,
+        waits=slave.end > 0,
+    )
 
 
 def _answer(slave: SlaveModel, sent: int, answered: int) -> tuple[Span, Span]:
@@ -99,39 +120,6 @@ def _answer(slave: SlaveModel, sent: int, answered: int) -> tuple[Span, Span]:
     served, begins = reply_times(slave.framing, delay=slave.delay, jitter=slave.spread, end=slave.end)
     after = exactly(sent)
     return after + Span(*served), after + Span(*begins) + slave.extra + exactly(answered)
-
-
-def _model(
-    spec: PollSpec,
-    device: str,
-    request: int,
-    response: int,
-    served: Span,
-    answer: Span,
-    need: Span,
-    after: int,
-    *,
-    waits: bool = False,
-) -> PollModel:
-    return PollModel(
-        name=spec.name,
-        station=spec.station,
-        device=device,
-        function=spec.function,
-        count=spec.count,
-        reads=spec.function in READS,
-        request=request,
-        response=response,
-        served=served,
-        answer=answer,
-        need=need,
-        after=after,
-        waits=waits,
-        every=spec.every,
-        at=spec.at,
-        times=spec.times,
-        retries=spec.retries,
-    )
 
 
 def too_hasty(master: MasterModel, slaves: list[SlaveModel]) -> list[str]:

@@ -29,10 +29,6 @@ class Estimate:
     high: float | None
     count: int
 
-    def covers(self, value: float) -> bool:
-        """Whether a value lies in the interval."""
-        return self.low is not None and self.high is not None and self.low <= value <= self.high
-
 
 def mean(values: Sequence[float]) -> Estimate:
     """The mean of many values, with the normal distribution's interval. Raises ValueError without any."""

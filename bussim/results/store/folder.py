@@ -200,12 +200,13 @@ def _clear(part: Path) -> None:
     _remove(part)
 
 
-def _remove(part: Path) -> None:
-    """Remove a marked folder, the marker last, so that what is left of it stays marked."""
+def _remove(part: Path, last: tuple[str, ...] = (MARKER,)) -> None:
+    """Remove a marked folder, what identifies it ``last``, so that what is left of it stays marked."""
     for entry in part.iterdir():
-        if entry.name != MARKER:
+        if entry.name not in last:
             shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
-    (part / MARKER).unlink(missing_ok=True)
+    for name in last:
+        (part / name).unlink(missing_ok=True)
     part.rmdir()
 
 
