@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
@@ -22,30 +22,22 @@ from bussim.live.wire import Wire
 STANDARD_FORMATS = {Mode.RTU: CharFormat(8, "E", 1), Mode.ASCII: CharFormat(7, "E", 1)}
 
 
-@dataclass(frozen=True, slots=True)
-class LiveFraming:
-    """How a port frames in real time.
+def live_framing(mode: Mode, wire: Wire) -> tuple[Framing, int]:
+    """How a port frames in real time, and the protocol's own silence behind a frame.
 
-    ``framing`` is that of the engine's reader, its silences lengthened by the tolerance of
-    the port; ``quiet`` is the protocol's own silence behind a frame.
+    The framing is that of the engine's reader, its silences lengthened by the tolerance of the port. Raises
+    UsageError where the format has not the bits for the mode.
     """
-
-    framing: Framing
-    quiet: int
-
-    @classmethod
-    def of(cls, mode: Mode, wire: Wire) -> LiveFraming:
-        """The framing of a mode on a wire. Raises UsageError where the format has not the bits for it."""
-        if mode is Mode.ASCII:
-            framing = Framing.ascii()
-        else:
-            try:
-                framing = Framing.rtu(wire.timing, STANDARD_GAPS)
-            except ValueError as error:
-                raise UsageError(str(error)) from error
-        tolerance = wire.options.tolerance
-        longer = replace(framing, quiet=framing.quiet + tolerance, inner=framing.inner + tolerance)
-        return cls(longer, framing.quiet)
+    if mode is Mode.ASCII:
+        framing = Framing.ascii()
+    else:
+        try:
+            framing = Framing.rtu(wire.timing, STANDARD_GAPS)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+    tolerance = wire.options.tolerance
+    longer = replace(framing, quiet=framing.quiet + tolerance, inner=framing.inner + tolerance)
+    return longer, framing.quiet
 
 
 def line_of(mode: Mode, baud: int, fmt: CharFormat | None = None) -> LineTiming:
@@ -62,9 +54,9 @@ def slave_runner(
     handling: Handling | None = None,
 ) -> EngineRunner:
     """Devices by station number as slaves on a wire. ``delay``: ticks from a request's end to its reply."""
-    live = LiveFraming.of(mode, wire)
-    engine = Slave(SlaveConfig(live.framing, delay=delay), maps)
-    return EngineRunner(engine, wire, quiet=live.quiet, mode=mode, handling=handling)
+    framing, quiet = live_framing(mode, wire)
+    engine = Slave(SlaveConfig(framing, delay=delay), maps)
+    return EngineRunner(engine, wire, quiet=quiet, mode=mode, handling=handling)
 
 
 def master_runner(
@@ -83,13 +75,13 @@ def master_runner(
     master never makes it shorter than the silence that ends a frame. The timeout is the system's:
     a response that has begun by then is waited for.
     """
-    live = LiveFraming.of(mode, wire)
-    silent = live.quiet if mode is Mode.RTU else 0
-    config = MasterConfig(live.framing, timeout, max(interval, silent), begun_holds=True)
+    framing, quiet = live_framing(mode, wire)
+    silent = quiet if mode is Mode.RTU else 0
+    config = MasterConfig(framing, timeout, max(interval, silent), begun_holds=True)
     if turnaround is not None:
         config = replace(config, turnaround=turnaround)
     try:
         engine = PollingMaster(config, polls)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    return EngineRunner(engine, wire, quiet=live.quiet, mode=mode, handling=handling)
+    return EngineRunner(engine, wire, quiet=quiet, mode=mode, handling=handling)

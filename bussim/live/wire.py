@@ -34,10 +34,6 @@ class WireCounts:
 _NOT_YET: tuple[type[Exception], ...] = (*LOST_ERRORS, UsageError)
 
 
-def _nobody(text: str) -> None:
-    """Nobody listens."""
-
-
 class Wire:
     """The bytes of one port. A lost port is reported and tried again, longer and longer apart.
 
@@ -52,7 +48,7 @@ class Wire:
         options: PortOptions = DEFAULT_OPTIONS,
         *,
         clock: Clock | None = None,
-        report: Callable[[str], None] = _nobody,
+        report: Callable[[str], None] = lambda _text: None,
     ) -> None:
         self.url = url
         self.timing = timing

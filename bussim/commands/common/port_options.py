@@ -19,29 +19,35 @@ FuncT = TypeVar("FuncT", bound=Callable[..., Any])
 _PARITIES = {"none": "N", "even": "E", "odd": "O", "n": "N", "e": "E", "o": "O"}
 
 
-def port_options(function: FuncT) -> FuncT:
-    """Add ``--tolerance``, ``--echo`` and ``--rs485``."""
-    for option in reversed(
-        (
-            click.option(
-                "--tolerance",
-                metavar="T",
-                default="20 ms",
-                show_default=True,
-                help="Silence inside a frame that the system may have made.",
-            ),
-            click.option("--echo", is_flag=True, help="The adapter hears what it sends."),
-            click.option(
-                "--rs485",
-                type=click.Choice(["adapter", "driver", "rts"]),
-                default="adapter",
-                show_default=True,
-                help="Who switches the direction of the RS485 line.",
-            ),
-        )
-    ):
-        function = option(function)
-    return function
+def with_options(*options: Callable[[FuncT], FuncT]) -> Callable[[FuncT], FuncT]:
+    """A decorator that adds options to a command, in this order."""
+
+    def add(function: FuncT) -> FuncT:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return add
+
+
+#: Adds ``--tolerance``, ``--echo`` and ``--rs485``.
+port_options = with_options(
+    click.option(
+        "--tolerance",
+        metavar="T",
+        default="20 ms",
+        show_default=True,
+        help="Silence inside a frame that the system may have made.",
+    ),
+    click.option("--echo", is_flag=True, help="The adapter hears what it sends."),
+    click.option(
+        "--rs485",
+        type=click.Choice(["adapter", "driver", "rts"]),
+        default="adapter",
+        show_default=True,
+        help="Who switches the direction of the RS485 line.",
+    ),
+)
 
 
 def options_of(*, tolerance: str, echo: bool, rs485: str, paced: bool = False) -> PortOptions:

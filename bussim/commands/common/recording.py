@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.port_options import FuncT, format_of
+from bussim.commands.common.port_options import format_of, with_options
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
@@ -22,31 +22,24 @@ PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
 _RATES = click.IntRange(1, 4_000_000)
 
 
-def line_options(function: FuncT) -> FuncT:
-    """Add the options for the protocol, format and name of a line."""
-    for option in reversed(
-        (
-            click.option(
-                "--protocol",
-                type=click.Choice(PROTOCOLS),
-                default="auto",
-                show_default=True,
-                help="What is spoken; auto: what is recognised.",
-            ),
-            click.option("-b", "baud", metavar="N", type=_RATES, help="Rate (38400; Modbus 19200)."),
-            click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits (7; RTU 8)."),
-            click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits (1)."),
-            click.option("-P", "parity", metavar="P", help="Parity: none, even (default) or odd."),
-            click.option(
-                "--bus", metavar="NAME", help="Name of the bus (line); in a trace: which one (the first)."
-            ),
-            click.option(
-                "--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file."
-            ),
-        )
-    ):
-        function = option(function)
-    return function
+#: Adds the options for the protocol, format and name of a line.
+line_options = with_options(
+    click.option(
+        "--protocol",
+        type=click.Choice(PROTOCOLS),
+        default="auto",
+        show_default=True,
+        help="What is spoken; auto: what is recognised.",
+    ),
+    click.option("-b", "baud", metavar="N", type=_RATES, help="Rate (38400; Modbus 19200)."),
+    click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits (7; RTU 8)."),
+    click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits (1)."),
+    click.option("-P", "parity", metavar="P", help="Parity: none, even (default) or odd."),
+    click.option("--bus", metavar="NAME", help="Name of the bus (line); in a trace: which one (the first)."),
+    click.option(
+        "--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file."
+    ),
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,7 @@ def command(
         found = to_json(fitted, comparison)
         print_json({"source": trace, "scenario": output, **found})
         return
-    show(fitted, simulated, comparison)
+    show(fitted, comparison)
     if target is not None:
         click.echo(f"scenario: {target}")
 

@@ -157,7 +157,7 @@ def _distribution(distribution: TurnaroundDistribution | None) -> dict[str, Any]
     }
 
 
-def show(fitted: Fitted, simulated: RunRecord | None, comparison: Comparison | None) -> None:
+def show(fitted: Fitted, comparison: Comparison | None) -> None:
     """Print the estimates, and both histograms side by side."""
     from rich.text import Text
 
@@ -176,7 +176,7 @@ def show(fitted: Fitted, simulated: RunRecord | None, comparison: Comparison | N
     console.print(table)
     for line in _outages(fitted):
         click.echo(line)
-    if comparison is not None and simulated is not None:
+    if comparison is not None:
         for line in _side_by_side(comparison):
             console.print(line, markup=False)
 

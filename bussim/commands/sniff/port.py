@@ -39,6 +39,8 @@ def listen(
 
     ``picture`` gives what to show at a tick, None: nothing is shown.
     """
+    from rich.live import Live
+
     clock = Clock()
     wires = [
         Wire(each, timing, options, clock=clock, report=lambda text: click.echo(text, err=True))
@@ -52,7 +54,7 @@ def listen(
         for wire in wires:
             if wire.name != wire.url:
                 click.echo(f"listening on {wire.name}", err=True)
-        live = _live(stack) if picture is not None else None
+        live = stack.enter_context(Live(auto_refresh=False, transient=True)) if picture is not None else None
         arrivals, shown = Arrivals(timing), 0
         while not stop() and (limit is None or clock.now() < limit):
             now = clock.now()
@@ -87,9 +89,3 @@ def _hear(wires: list[Wire], arrivals: Arrivals, listener: Listener, until: int)
         if heard:
             return True
     return False
-
-
-def _live(stack: ExitStack) -> Any:
-    from rich.live import Live
-
-    return stack.enter_context(Live(auto_refresh=False, transient=True))

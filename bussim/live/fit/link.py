@@ -7,11 +7,12 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import log
+from statistics import median_low
 
 from bussim.engines.nn.codes import NO_REPLY
 from bussim.engines.nn.frames import DATA, MODES, POLL, Frame, LinkSettings
 from bussim.line.characters import NN_LINE
-from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
+from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.heard import Heard
 from bussim.live.sniff.link import LinkDecoder, OpenPoll
@@ -134,7 +135,7 @@ class LinkObserver(LinkDecoder):
         """The estimates; None where there was no poll."""
         if not self._stations:
             return None
-        gap = median(self._gaps) if self._gaps else 0
+        gap = median_low(self._gaps) if self._gaps else 0
         outages, lost, trials = self._losses()
         stations = []
         for number in sorted(self._stations):
@@ -153,7 +154,7 @@ class LinkObserver(LinkDecoder):
         total = sum(trials.values())
         overhead = None
         if self._turns:
-            usual = median(self._turns)
+            usual = median_low(self._turns)
             middle = mean([turn - gap for turn in self._turns if turn < 2 * usual])
             overhead = Estimate(usual - gap, middle.low, middle.high, middle.count)
         return LinkEstimate(
@@ -173,7 +174,7 @@ class LinkObserver(LinkDecoder):
         """Settings that explain what was seen, where there was no parameter frame."""
         block = self._blocks.most_common(1)[0][0] if self._blocks else 0
         mode = next((number for number, one in enumerate(MODES) if one.size == block), 0)
-        timeout = round((median(self._waits) - gap) / TIMEOUT_UNIT) if self._waits else 5
+        timeout = round((median_low(self._waits) - gap) / TIMEOUT_UNIT) if self._waits else 5
         return LinkSettings(
             max(self._stations), mode, min(10, max(0, self.most_attempts - 1)), min(255, max(5, timeout))
         )

@@ -6,10 +6,11 @@ from array import array
 from collections import Counter
 from dataclasses import dataclass, field
 from itertools import pairwise
+from statistics import median_low
 
 from bussim.engines.modbus.adu import BROADCAST
 from bussim.line.characters import CharFormat
-from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
+from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.heard import Heard, Protocol
 from bussim.live.sniff.modbus import ModbusDecoder
@@ -162,7 +163,7 @@ def _poll(key: tuple[int, int, int, int], poll: _Poll) -> PollEstimate:
     every = low = high = None
     periodic = False
     if apart:
-        every = median(apart)
+        every = median_low(apart)
         low, high = apart[len(apart) // 20], apart[-1 - len(apart) // 20]
         turns = round((starts[-1] - starts[0]) / every) if every else 0
         if len(apart) >= _LEAST and turns:

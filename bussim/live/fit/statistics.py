@@ -153,10 +153,3 @@ def _kolmogorov(distance: float, size: float) -> float:
 
     root = sqrt(size)
     return float(kolmogorov((root + 0.12 + 0.11 / root) * distance))
-
-
-def median(values: Sequence[int]) -> int:
-    """The middle one of whole numbers, the lower of two. Raises ValueError without any."""
-    if not values:
-        raise ValueError("no values")
-    return sorted(values)[(len(values) - 1) // 2]

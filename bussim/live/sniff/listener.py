@@ -10,7 +10,7 @@ from bussim.live.sniff.heard import Heard, Protocol
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.live.sniff.recognise import Recogniser
-from bussim.trace.records import BusTotals, LinkTotals, PlcTotals, RunTotals, Sink
+from bussim.trace.records import RunTotals, Sink
 
 
 class Listener:
@@ -66,10 +66,7 @@ class Listener:
 
     def close(self) -> list[Heard]:
         """Nothing more will be heard."""
-        heard = self._watch(self._recogniser.close())
-        if isinstance(self.decoder, ModbusDecoder):
-            self.decoder.close(self.last)
-        return heard
+        return self._watch(self._recogniser.close())
 
     def _watch(self, frames: list[Heard]) -> list[Heard]:
         for heard in frames:
@@ -86,11 +83,7 @@ class Listener:
 
     def totals(self, duration: int, warnings: tuple[str, ...] = ()) -> RunTotals:
         """What a run's totals are, as far as a listener knows them."""
-        links: tuple[LinkTotals, ...] = ()
-        buses: tuple[BusTotals, ...] = ()
-        if isinstance(self.decoder, LinkDecoder):
-            links = (self.decoder.totals(),)
-        elif self.decoder is not None:
-            buses = (self.decoder.totals(),)
-        plcs: tuple[PlcTotals, ...] = ()
-        return RunTotals(duration, links, plcs, warnings, buses)
+        decoder = self.decoder
+        links = (decoder.totals(),) if isinstance(decoder, LinkDecoder) else ()
+        buses = (decoder.totals(),) if isinstance(decoder, ModbusDecoder) else ()
+        return RunTotals(duration, links, (), warnings, buses)

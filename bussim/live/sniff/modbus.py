@@ -87,10 +87,6 @@ class ModbusDecoder:
         self._unanswered(heard.start)
         self._asked(frame.station, request, heard)
 
-    def close(self, now: int) -> None:
-        """Nothing more will be heard. A request that is open stays undecided."""
-        self._open = None
-
     def _asked(self, station: int, request: Request, heard: Heard) -> None:
         attempt = 1
         if self._failed is not None and self._failed[:2] == (station, request):
