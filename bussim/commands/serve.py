@@ -127,7 +127,9 @@ def _serve(session: Session, stop: Any, folder: Path, *, allow_code: bool) -> No
     from bussim.serve.answers import Answers
     from bussim.serve.control import ControlServer
 
-    _tell(session)
+    for text in session.described():  # for people and, by its last word, for programs
+        click.echo(text, err=True)
+    click.echo("Ctrl-C ends it.", err=True)
     answers = Answers(session, allow_code=allow_code, folder=folder)
     control = ControlServer(session.scenario.name, answers)
     interval = sys.getswitchinterval()
@@ -138,13 +140,6 @@ def _serve(session: Session, stop: Any, folder: Path, *, allow_code: bool) -> No
     finally:
         sys.setswitchinterval(interval)
         control.close()
-
-
-def _tell(session: Session) -> None:
-    """Say what is where, for people and, by its last word, for programs."""
-    for text in session.described():
-        click.echo(text, err=True)
-    click.echo("Ctrl-C ends it.", err=True)
 
 
 def _as_served(scenario: Scenario, record: RunRecord) -> str:

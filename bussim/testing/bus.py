@@ -32,26 +32,21 @@ class Items:
         if isinstance(address, slice):
             if isinstance(value, int):
                 raise TypeError("a slice takes as many values as it has addresses")
-            start = address.start or 0
-            for place, each in enumerate(value, start):
-                self._set(place, each)
+            for place, each in enumerate(value, address.start or 0):
+                self[place] = each
         elif isinstance(value, int):
-            self._set(address, value)
+            self._device.set(self._space, self._checked(address), value)
         else:
             raise TypeError("one address takes one value")
 
     def _get(self, address: int) -> int:
-        self._check(address)
-        return self._device.get(self._space, address)
-
-    def _set(self, address: int, value: int) -> None:
-        self._check(address)
-        self._device.set(self._space, address, value)
+        return self._device.get(self._space, self._checked(address))
 
     @staticmethod
-    def _check(address: int) -> None:
+    def _checked(address: int) -> int:
         if address < 0:
             raise IndexError(f"address {address}, they count from 0")
+        return address
 
     @staticmethod
     def _range(address: slice) -> range:

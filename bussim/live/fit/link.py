@@ -135,6 +135,8 @@ class LinkObserver(LinkDecoder):
         """The estimates; None where there was no poll."""
         if not self._stations:
             return None
+        # A station whose only poll is the last frame has no outcome yet.
+        self._seen |= {number: _Station() for number in self._stations - self._seen.keys()}
         gap = median_low(self._gaps) if self._gaps else 0
         outages, lost, trials = self._losses()
         stations = []
@@ -176,12 +178,12 @@ class LinkObserver(LinkDecoder):
         mode = next((number for number, one in enumerate(MODES) if one.size == block), 0)
         timeout = round((median_low(self._waits) - gap) / TIMEOUT_UNIT) if self._waits else 5
         return LinkSettings(
-            max(self._stations), mode, min(10, max(0, self.most_attempts - 1)), min(255, max(5, timeout))
+            max(self._stations), mode, min(10, self.most_attempts - 1), min(255, max(5, timeout))
         )
 
     def _losses(self) -> tuple[dict[int, list[Outage]], dict[int, int], dict[int, int]]:
         """Outages by station, and outside them silent attempts and all attempts."""
-        longest = dict.fromkeys(self._stations, _SURELY)
+        longest = _SURELY
         for _ in range(_ROUNDS):
             lost, trials = self._outside(longest)
             hits, total = sum(lost.values()), sum(trials.values())
@@ -191,27 +193,27 @@ class LinkObserver(LinkDecoder):
                 limit = max(2, int(log(_BY_CHANCE / total) / log(rate)) + 1)
             elif rate == 0:
                 limit = 2
-            if all(limit == known for known in longest.values()):
+            if limit == longest:
                 break
-            longest = dict.fromkeys(self._stations, limit)
+            longest = limit
         lost, trials = self._outside(longest)
         outages = {
             number: [
                 Outage(number, seen.starts[first], seen.ends[last - 1] if last < len(seen.outcomes) else None)
-                for first, last in _runs(seen.outcomes, longest[number])
+                for first, last in _runs(seen.outcomes, longest)
             ]
             for number, seen in self._seen.items()
         }
         return outages, lost, trials
 
-    def _outside(self, longest: dict[int, int]) -> tuple[dict[int, int], dict[int, int]]:
+    def _outside(self, longest: int) -> tuple[dict[int, int], dict[int, int]]:
         lost: dict[int, int] = {}
         trials: dict[int, int] = {}
         for number, seen in self._seen.items():
             outcomes = seen.outcomes
             silent = outcomes.count(SILENT)
             count = len(outcomes)  # a damaged answer is no lost one
-            for first, last in _runs(outcomes, longest[number]):
+            for first, last in _runs(outcomes, longest):
                 silent -= outcomes[first:last].count(SILENT)
                 count -= last - first
             lost[number], trials[number] = silent, count

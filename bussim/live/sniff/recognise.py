@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
 from bussim.live.sniff.heard import Heard, Protocol
@@ -31,20 +33,17 @@ class Recogniser:
 
     def chars(self, chars: list[Timed]) -> list[Heard]:
         """Take characters; returns the frames that are known now, in order."""
-        if self.protocol is not None:
-            take = self._tried[self.protocol].character
-            return [heard for char in chars for heard in take(char)]
-        for one, cutter in self._tried.items():
-            for char in chars:
-                self._keep(one, cutter.character(char))
-        return self._settled(ENOUGH)
+        return self._of_each(lambda cutter: [heard for char in chars for heard in cutter.character(char)])
 
     def idle(self, now: int) -> list[Heard]:
         """Nothing was heard up to ``now``."""
+        return self._of_each(lambda cutter: cutter.idle(now))
+
+    def _of_each(self, take: Callable[[Splitter], list[Heard]]) -> list[Heard]:
         if self.protocol is not None:
-            return self._tried[self.protocol].idle(now)
+            return take(self._tried[self.protocol])
         for one, cutter in self._tried.items():
-            self._keep(one, cutter.idle(now))
+            self._keep(one, take(cutter))
         return self._settled(ENOUGH)
 
     def close(self) -> list[Heard]:
