@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Protocol as Typed
 
 from bussim.engines.modbus import adu as modbus
-from bussim.engines.modbus.adu import Adu, decode_rtu
+from bussim.engines.modbus.adu import Adu, Damage, decode_rtu
 from bussim.engines.modbus.ascii import AsciiReader
 from bussim.engines.modbus.gaps import STANDARD_GAPS, silences
 from bussim.engines.nn.frames import QUIET_CHARS, Frame, FrameReader
@@ -107,20 +107,14 @@ class AsciiSplitter:
             start, end = self._reader.heard
             found.append(Heard(Protocol.ASCII, start, end, result.chars, result))
         elif result is not None:
-            found.append(
-                Heard(Protocol.ASCII, result.start, result.end, result.chars, None, str(result.reason))
-            )
+            found.append(_torn(result))
         return found
 
     def idle(self, now: int) -> list[Heard]:
         """See the protocol."""
         reader = self._reader
-        if reader.open and now - reader.end >= reader.quiet:
-            damage = reader.silence()
-            if damage is not None:
-                return [
-                    Heard(Protocol.ASCII, damage.start, damage.end, damage.chars, None, str(damage.reason))
-                ]
+        if reader.open and now - reader.end >= reader.quiet and (damage := reader.silence()) is not None:
+            return [_torn(damage)]
         if self._outside and now - self._outside[-1][2] >= reader.quiet:
             return self._flush()
         return []
@@ -128,6 +122,10 @@ class AsciiSplitter:
     def _flush(self, *, whole: bool = True) -> list[Heard]:
         chars, self._outside = self._outside, []
         return [_damage(Protocol.ASCII, chars, "outside a frame", whole=whole)] if chars else []
+
+
+def _torn(damage: Damage) -> Heard:
+    return Heard(Protocol.ASCII, damage.start, damage.end, damage.chars, None, str(damage.reason))
 
 
 class RtuSplitter:
