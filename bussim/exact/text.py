@@ -10,6 +10,9 @@ from bussim.wording import about
 #: Nobody's noise stays the same for longer.
 LONGEST_YEARS = 100
 
+#: A probability above this is called almost certain.
+ALMOST_CERTAIN = 0.99
+
 #: What the ride-through of an interrupted line does not mean.
 NOT_COVERED = (
     "a station's supply or STOP is not covered: 1 ms without supply costs it its parameters, always an error"

@@ -242,3 +242,41 @@ def test_what_cannot_be_sized_without_a_file(args: tuple[str, ...], said: str) -
     result = invoke(size, *args)
     assert isinstance(result.exception, UsageError)
     assert said in str(result.exception)
+
+
+# -- faults that come and go -------------------------------------------------------------------------
+
+
+def test_a_fault_for_a_time_has_figures_before_during_and_after() -> None:
+    found = link(exact, "press_line")
+    outside, during = found["periods"]  # type: ignore[misc]
+    assert outside["spans"] == [{"from_s": 0.0, "until_s": 20.0}, {"from_s": 25.0, "until_s": 60.0}]
+    assert outside["acting"] == []
+    assert during["spans"] == [{"from_s": 20.0, "until_s": 25.0}]
+    assert during["acting"] == ["power_off press2"]
+    assert during["mean_ms"] == pytest.approx(348.57, abs=0.1)  # from a simulation: press2 dead
+    assert outside["mean_ms"] == link(exact, "press_line", "--ignore-faults")["mean_ms"]
+    said = invoke(exact, "press_line").stdout
+    assert "link, 0 s to 20 s and 25 s to 60 s, undisturbed" in said
+    assert "link, 20 s to 25 s, power_off press2" in said
+
+
+def test_a_station_that_is_switched_on_late_is_dead_before() -> None:
+    before, after = link(exact, "late_power_up")["periods"]  # type: ignore[misc]
+    assert before["acting"] == ["oven not yet on"]
+    assert before["spans"] == [{"from_s": 0.0, "until_s": 4.0}]
+    assert before["mean_ms"] > 4 * 100  # four attempts of 100 ms
+    assert after["mean_ms"] < 100
+
+
+def test_what_damages_single_frames_is_left_out_and_named() -> None:
+    (period,) = link(exact, "undetected_corruption")["periods"]  # type: ignore[misc]
+    assert period["valid"]
+    assert any("damages single frames only" in note for note in period["notes"])
+
+
+def test_a_probability_of_one_is_almost_certain() -> None:
+    said = invoke(exact, "electrical_noise", "--set", "plcs.crane.nn.retries=0").stdout
+    assert "almost certain at least once a year" in said
+    assert "1 at least once a year" not in said
+    assert "a station's supply or STOP is not covered" in said.replace("\n", " ")

@@ -11,13 +11,15 @@ from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
-from bussim.exact.text import ms, ms_cell
+from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell
+from bussim.units import TICKS_PER_SECOND
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from bussim.exact.metrics import Figures
     from bussim.exact.metrics import Request as RequestType
+    from bussim.exact.periods import Period
     from bussim.exact.polls.metrics import PollFigures
     from bussim.scenario.model import Scenario
 
@@ -68,6 +70,7 @@ def command(
     SCENARIO is a file or the name of a built-in scenario. Where a closed form does not hold, the answer
     says why instead. Of a poll list: cycle time without errors, what dead slaves and spent retries make of
     it, response times, bus load, age of the data. Of the scenario's latencies: what they are at worst.
+    Where a fault comes or goes during the run, the figures are those before, during and after it.
     """
     from bussim import api
     from bussim.exact.from_scenario import from_scenario
@@ -87,9 +90,14 @@ def command(
     if plot and not models:
         raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
     found = {bus: figures_of(model, request) for bus, model in models.items()}
+    changing = {} if all(figures.valid for figures in found.values()) else _changing(loaded, request)
     bounds = bounds_of(loaded) if loaded.latency else {}
     if as_json:
         links = {bus: figures.to_json() for bus, figures in found.items()}
+        for bus, each in changing.items():
+            links[bus]["periods"] = [
+                {**period.to_json(TICKS_PER_SECOND), **figures.to_json()} for period, figures in each
+            ]
         lists = {node: figures.to_json() for node, figures in polls.items()}
         answer: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
         if bounds:
@@ -100,7 +108,10 @@ def command(
 
         console = wide_console()
         for bus, figures in found.items():
-            _show(console, bus, figures, request)
+            if bus not in changing:
+                _show(console, bus, figures, request)
+            for period, of_period in changing.get(bus, ()):
+                _show(console, f"{bus}, {period.in_words()}", of_period, request)
         if polls:
             from bussim.commands.exact.polls import show
 
@@ -115,6 +126,18 @@ def command(
             click.echo(path, err=as_json)
     elif out is not None:
         raise UsageError("--out is where --plot puts its pictures: give --plot as well")
+
+
+def _changing(scenario: Scenario, request: RequestType) -> dict[str, list[tuple[Period, Figures]]]:
+    """The figures of each link for which a fault comes or goes, period by period."""
+    from bussim.exact.metrics import figures_of
+    from bussim.exact.periods import periods_of
+
+    return {
+        bus: [(period, figures_of(period.model, request)) for period in periods]
+        for bus, periods in periods_of(scenario).items()
+        if len(periods) > 1 or periods[0].model.valid
+    }
 
 
 def _polls(scenario: Scenario) -> dict[str, PollFigures]:
@@ -174,12 +197,17 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     longest = f"median {ms_cell(middle)}, with a chance of 1 % above {ms_cell(high)} ms"
     rows.append((f"  longest in {_span(request.mission)}", longest))
     for station, chance in figures.error_per_scan.items():
-        year = figures.error_per_year[station]
-        text = f"{about(chance)} a scan, {about(year)} at least once a year"
+        year = f"{about(figures.error_per_year[station])} at least once a year"
+        if figures.error_per_year[station] > ALMOST_CERTAIN:
+            year = "almost certain at least once a year"
+        text = f"probability {about(chance)} a scan, {year}"
         rows.append((f"error flag of {model.name(station)}", text))
     if figures.silence is not None and figures.corruption is not None:
-        text = f"silence of {ms_cell(figures.silence)} ms, corruption of {ms_cell(figures.corruption)} ms"
-        rows.append(("ride-through", text))
+        text = (
+            f"interruption of {ms_cell(figures.silence)} ms, corruption of {ms_cell(figures.corruption)} ms"
+        )
+        rows.append(("ride-through of the line", text))
+        rows.append(("", NOT_COVERED))
     if figures.one_dead is not None:
         rows.append(("one station dead", f"link scan {ms_cell(figures.one_dead)} ms"))
     if figures.two_dead is not None:
