@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 from bussim.errors import UsageError
 from bussim.export.source import Job, Selection, Written, nothing_there
 from bussim.line.protocols import BusProtocol
 from bussim.trace import records
+from bussim.trace.file import interval
 from bussim.trace.records import Record
 from bussim.units import TICKS_PER_US
 from bussim.version import __version__
@@ -27,8 +29,19 @@ MOST_EVENTS = 2_000_000
 _DECIMALS = 5
 
 Event = dict[str, Any]
-#: Events in the making: time in ticks, then their order in the trace.
-Timed = tuple[int, int, Event]
+#: An event and its time in ticks.
+Timed = tuple[int, Event]
+#: Numbers of a process and of a thread of it.
+Track = tuple[int, int]
+OnBus = (
+    records.FrameRecord
+    | records.ScanRecord
+    | records.AttemptRecord
+    | records.TransactionRecord
+    | records.PollRecord
+    | records.CycleRecord
+    | records.FreeRecord
+)
 
 
 def write_perfetto(path: Path, job: Job) -> Written:
@@ -39,20 +52,20 @@ def write_perfetto(path: Path, job: Job) -> Written:
     selection, comment = job.selection, job.comment
     tracks = _Tracks(selection)
     events: list[Timed] = []
-    for number, (tick, event) in enumerate(_Events(selection, tracks).all()):
-        events.append((tick, number, event))
-        if number >= MOST_EVENTS:
+    for timed in _Events(selection, tracks).all():
+        events.append(timed)
+        if len(events) > MOST_EVENTS:
             raise UsageError(
                 f"there are more than {MOST_EVENTS:,} events; choose less with --bus, --from and --to-time"
             )
     if not events:
         raise UsageError(nothing_there(selection, "no event"))
     # At one time the longer slice comes first: it is the outer one.
-    events.sort(key=lambda timed: (timed[0], -timed[2].get("dur", 0), timed[1]))
+    events.sort(key=lambda timed: (timed[0], -timed[1].get("dur", 0)))
     with path.open("w", encoding="utf-8", newline="\n") as file:
         head = {"displayTimeUnit": "ms", "otherData": {"version": f"bussim {__version__}", "run": comment}}
         file.write(json.dumps(head, ensure_ascii=False)[:-1] + ', "traceEvents": [\n')
-        lines = (*tracks.named(), *(event for _, _, event in events))
+        lines = (*tracks.named, *(event for _, event in events))
         for number, event in enumerate(lines):
             file.write(",\n" if number else "")
             file.write(json.dumps(event, ensure_ascii=False, separators=(",", ":")))
@@ -66,61 +79,61 @@ def microseconds(ticks: int) -> float:
 
 
 class _Tracks:
-    """Numbers of processes and threads. Buses come first, then PLCs, then faults."""
+    """Numbers of processes and threads. Buses come first, then PLCs, then faults.
+
+    A track is a process and a thread of it, ``(pid, tid)``; 0 is the process itself.
+    """
 
     def __init__(self, selection: Selection) -> None:
         self._processes: dict[str, int] = {}
         self._threads: dict[tuple[int, str], int] = {}
-        self._names: list[Event] = []
-        self.buses: dict[str, int] = {}
-        self.bus_of: dict[str, str] = {}
+        self._bus_of: dict[str, str] = {}
+        #: The metadata events that name them all.
+        self.named: list[Event] = []
         for bus in selection.trace.header.buses:
             if bus.name in selection.buses:
-                pid = self.bus(bus.name)
-                if bus.protocol is BusProtocol.NN:
-                    for name in ("link scans", "attempts"):
-                        self.thread(pid, name)
+                for name in ("link scans", "attempts") if bus.protocol is BusProtocol.NN else ():
+                    self.bus(bus.name, name)
                 for node in bus.nodes:
-                    self.bus_of[node] = bus.name
-                    self.thread(pid, node)
+                    self._bus_of[node] = bus.name
+                    self.bus(bus.name, node)
 
-    def bus(self, name: str) -> int:
-        if name not in self.buses:
-            self.buses[name] = self._process(f"bus {name}")
-        return self.buses[name]
+    def bus(self, name: str, thread: str) -> Track:
+        """A thread of a bus."""
+        return self._track(f"bus {name}", thread)
 
-    def plc(self, name: str) -> int:
-        return self._process(f"PLC {name}")
+    def plc(self, name: str, thread: str = "") -> Track:
+        """A thread of a PLC, or the PLC itself."""
+        return self._track(f"PLC {name}", thread)
 
-    def faults(self) -> int:
-        return self._process("faults and notes")
+    def fault(self, name: str) -> Track:
+        """The thread of a fault, or of what is of no bus."""
+        return self._track("faults and notes", name)
 
-    def thread(self, pid: int, name: str) -> int:
-        key = (pid, name)
-        if key not in self._threads:
-            tid = self._threads[key] = 1 + sum(process == pid for process, _ in self._threads)
-            self._names += [
-                self._meta("thread_name", pid, tid, {"name": name}),
-                self._meta("thread_sort_index", pid, tid, {"sort_index": tid}),
-            ]
-        return self._threads[key]
+    def note(self, where: str) -> Track:
+        """Where a note belongs: its bus, its node on a bus, or neither."""
+        if f"bus {where}" in self._processes:
+            return self.bus(where, "notes")
+        bus = self._bus_of.get(where)
+        return self.fault(where or "notes") if bus is None else self.bus(bus, where)
 
-    def _process(self, name: str) -> int:
-        if name not in self._processes:
-            pid = self._processes[name] = len(self._processes) + 1
-            self._names += [
-                self._meta("process_name", pid, 0, {"name": name}),
-                self._meta("process_sort_index", pid, 0, {"sort_index": pid}),
-            ]
-        return self._processes[name]
+    def _track(self, process: str, thread: str) -> Track:
+        pid = self._processes.get(process)
+        if pid is None:
+            pid = self._processes[process] = len(self._processes) + 1
+            self._name("process", pid, 0, process)
+        if not thread:
+            return pid, 0
+        tid = self._threads.get((pid, thread))
+        if tid is None:
+            tid = self._threads[pid, thread] = 1 + sum(owner == pid for owner, _ in self._threads)
+            self._name("thread", pid, tid, thread)
+        return pid, tid
 
-    @staticmethod
-    def _meta(name: str, pid: int, tid: int, args: dict[str, str | int]) -> Event:
-        return {"name": name, "ph": "M", "ts": 0, "pid": pid, "tid": tid, "args": args}
-
-    def named(self) -> list[Event]:
-        """The metadata events that name them all."""
-        return self._names
+    def _name(self, what: str, pid: int, tid: int, name: str) -> None:
+        for key, args in (("name", {"name": name}), ("sort_index", {"sort_index": tid or pid})):
+            meta = {"name": f"{what}_{key}", "ph": "M", "ts": 0, "pid": pid, "tid": tid, "args": args}
+            self.named.append(meta)
 
 
 class _Events:
@@ -132,7 +145,7 @@ class _Events:
         self._last_end: dict[str, int] = {}
         self._faults: dict[str, records.NoteRecord] = {}
 
-    def all(self) -> Iterator[tuple[int, Event]]:
+    def all(self) -> Iterator[Timed]:
         chosen, until = self._selection, 0
         for record in chosen.trace.records(bus=chosen.bus, start=chosen.start, stop=chosen.stop):
             for tick, event in self._of(record):
@@ -141,12 +154,21 @@ class _Events:
         for fault in self._faults.values():  # those that never ended, or not in the window
             yield self._fault(fault, max(until, fault.tick))
 
-    def _of(self, record: Record) -> Iterator[tuple[int, Event]]:
+    def _of(self, record: Record) -> Iterator[Timed]:
+        tracks = self._tracks
         match record:
             case records.FrameRecord():
                 yield from self._frame(record)
             case records.ScanRecord():
-                yield self._scan(record)
+                args = {
+                    "attempts": record.attempts,
+                    "failed": record.failed,
+                    "stations in error": record.stations_in_error,
+                    "cause": record.cause,
+                }
+                yield _slice(
+                    record, f"link scan {record.number}", "scan", self._on(record, "link scans"), args
+                )
             case records.AttemptRecord():
                 yield from self._attempt(record)
             case records.TransactionRecord():
@@ -154,35 +176,36 @@ class _Events:
             case records.PollRecord():
                 late = microseconds(record.late)
                 args = {"attempts": record.attempts, "error": record.error, "late_us": late}
-                track, name = f"{record.master} polls", record.poll or "poll"
-                yield self._on_bus(record, track, "poll", name, record.start, record.end, args)
+                track = self._on(record, f"{record.master} polls")
+                yield _slice(record, record.poll or "poll", "poll", track, args)
             case records.CycleRecord():
-                end = record.start + record.duration
-                track, name = f"{record.master} poll lists", f"poll list {record.number}"
-                yield self._on_bus(record, track, "cycle", name, record.start, end, {})
+                track = self._on(record, f"{record.master} poll lists")
+                yield _slice(record, f"poll list {record.number}", "cycle", track, {})
             case records.FreeRecord():
-                yield from self._free(record)
+                args = {"bytes": _hex(record.data), "ended": record.ended, "damaged": record.damaged}
+                track = self._on(record, f"{record.node} free protocol")
+                yield _slice(record, f"{record.poll} {record.direction}".strip(), "free", track, args)
             case records.DeviceValueRecord():
-                pid, value = self._tracks.plc(record.plc), {"value": record.value}
-                yield record.tick, _event("C", record.device, "register", record.tick, pid, 0, value)
+                value = {"value": record.value}
+                yield _event("C", record.device, "register", record.tick, tracks.plc(record.plc), value)
             case records.InputRecord():
-                pid, level = self._tracks.plc(record.plc), {"value": record.level}
-                name = f"{record.device} (wire)"
-                yield record.tick, _event("C", name, "input", record.tick, pid, 0, level)
+                name, level = f"{record.device} (wire)", {"value": record.level}
+                yield _event("C", name, "input", record.tick, tracks.plc(record.plc), level)
             case records.EndsRecord():
-                yield from self._ends(record)
+                track = tracks.plc(record.plc, "program scans")
+                last = [self._last_end[record.plc]] if record.plc in self._last_end else []
+                for begin, end in pairwise([*last, *record.ticks]):
+                    yield _event("X", "program scan", "plc", begin, track, {}, end - begin)
+                if record.ticks:
+                    self._last_end[record.plc] = record.ticks[-1]
             case records.NoteRecord():
                 yield from self._note(record)
+            case _:
+                assert_never(record)
 
-    def _frame(self, frame: records.FrameRecord) -> Iterator[tuple[int, Event]]:
-        pid = self._tracks.bus(frame.bus)
-        tid = self._tracks.thread(pid, frame.sender)
+    def _frame(self, frame: records.FrameRecord) -> Iterator[Timed]:
+        track = self._on(frame, frame.sender)
         name = frame.kind if frame.station is None else f"{frame.kind} {frame.station}"
-        args: dict[str, Any] = {
-            "protocol": frame.protocol,
-            "counter": frame.counter,
-            "bytes": frame.chars.hex(" ").upper(),
-        }
         wrong: dict[str, Any] = {}
         if frame.damaged_bits:
             wrong["damaged bits"] = list(frame.damaged_bits)
@@ -192,139 +215,75 @@ class _Events:
             wrong["collided"] = True
         if frame.cut:
             wrong["cut off"] = True
-        args = {key: value for key, value in (args | wrong).items() if value is not None}
-        yield frame.start, _slice(name, "frame", frame.start, frame.end, pid, tid, args)
+        args = {"protocol": frame.protocol, "counter": frame.counter, "bytes": _hex(frame.chars)}
+        yield _slice(frame, name, "frame", track, args | wrong)
         if wrong:
-            what = next(iter(wrong))
-            yield frame.end, _instant(f"{name}: {what}", frame.end, pid, tid, wrong)
+            yield _instant(f"{name}: {next(iter(wrong))}", frame.end, track, wrong)
 
-    def _scan(self, scan: records.ScanRecord) -> tuple[int, Event]:
-        args = {
-            "attempts": scan.attempts,
-            "failed": scan.failed,
-            "stations in error": scan.stations_in_error,
-            "cause": scan.cause,
-        }
-        end = scan.start + scan.duration
-        return self._on_bus(scan, "link scans", "scan", f"link scan {scan.number}", scan.start, end, args)
-
-    def _attempt(self, attempt: records.AttemptRecord) -> Iterator[tuple[int, Event]]:
-        name = f"station {attempt.station}, attempt {attempt.number}"
+    def _attempt(self, attempt: records.AttemptRecord) -> Iterator[Timed]:
+        track = self._on(attempt, "attempts")
         turnaround = None if attempt.turnaround is None else microseconds(attempt.turnaround)
         args = {"outcome": attempt.outcome, "code": f"{attempt.code:02X}", "turnaround_us": turnaround}
-        yield self._on_bus(attempt, "attempts", "attempt", name, attempt.start, attempt.end, args)
+        yield _slice(attempt, f"station {attempt.station}, attempt {attempt.number}", "attempt", track, args)
         if attempt.code:
-            pid = self._tracks.bus(attempt.bus)
-            tid = self._tracks.thread(pid, "attempts")
             text = f"code {attempt.code:02X}: {attempt.outcome}"
-            yield attempt.end, _instant(text, attempt.end, pid, tid, {"station": attempt.station})
+            yield _instant(text, attempt.end, track, {"station": attempt.station})
 
-    def _transaction(self, done: records.TransactionRecord) -> Iterator[tuple[int, Event]]:
-        track = f"{done.master} transactions"
+    def _transaction(self, done: records.TransactionRecord) -> Iterator[Timed]:
+        track = self._on(done, f"{done.master} transactions")
         name = f"{done.poll or 'program'}: station {done.station}, function {done.function:02X}"
-        args = {
-            "attempt": done.attempt,
-            "address": done.address,
-            "quantity": done.quantity,
-            "outcome": done.outcome,
-            "error": done.error,
-            "exception": done.exception,
-        }
-        begin = done.end if done.sent is None else done.sent
-        yield self._on_bus(done, track, "transaction", name, begin, done.taken, args)
+        keys = ("attempt", "address", "quantity", "outcome", "error", "exception")
+        yield _slice(done, name, "transaction", track, {key: getattr(done, key) for key in keys})
         if done.error is not None:
-            pid = self._tracks.bus(done.bus)
-            tid = self._tracks.thread(pid, track)
-            text = f"error {done.error}: {done.outcome}"
-            yield done.end, _instant(text, done.end, pid, tid, {"poll": done.poll})
+            yield _instant(f"error {done.error}: {done.outcome}", done.end, track, {"poll": done.poll})
 
-    def _free(self, record: records.FreeRecord) -> Iterator[tuple[int, Event]]:
-        args = {"bytes": record.data.hex(" ").upper(), "ended": record.ended, "damaged": record.damaged}
-        begin = record.end if record.start is None else record.start
-        track = f"{record.node} free protocol"
-        name = f"{record.poll} {record.direction}".strip()
-        yield self._on_bus(record, track, "free", name, begin, record.end, args)
-
-    def _ends(self, record: records.EndsRecord) -> Iterator[tuple[int, Event]]:
-        pid = self._tracks.plc(record.plc)
-        tid = self._tracks.thread(pid, "program scans")
-        last = self._last_end.get(record.plc)
-        for tick in record.ticks:
-            if last is not None:
-                yield last, _slice("program scan", "plc", last, tick, pid, tid, {})
-            last = tick
-        if last is not None:
-            self._last_end[record.plc] = last
-
-    def _note(self, note: records.NoteRecord) -> Iterator[tuple[int, Event]]:
+    def _note(self, note: records.NoteRecord) -> Iterator[Timed]:
         if note.kind == "fault":
             self._faults[note.where] = note
         elif note.kind == "fault_over" and note.where in self._faults:
             yield self._fault(self._faults.pop(note.where), note.tick)
         else:
-            tracks = self._tracks
-            if note.where in tracks.buses:
-                pid = tracks.buses[note.where]
-                tid = tracks.thread(pid, "notes")
-            elif note.where in tracks.bus_of:
-                pid = tracks.buses[tracks.bus_of[note.where]]
-                tid = tracks.thread(pid, note.where)
-            else:
-                pid = tracks.faults()
-                tid = tracks.thread(pid, note.where or "notes")
-            text = f"{note.kind}: {note.text}"
             args = {"where": note.where, **note.detail}
-            yield note.tick, _instant(text, note.tick, pid, tid, args, note.kind)
+            yield _instant(
+                f"{note.kind}: {note.text}", note.tick, self._tracks.note(note.where), args, note.kind
+            )
 
-    def _fault(self, note: records.NoteRecord, until: int) -> tuple[int, Event]:
-        pid = self._tracks.faults()
-        tid = self._tracks.thread(pid, note.where)
-        return note.tick, _slice(note.text, "fault", note.tick, until, pid, tid, dict(note.detail))
+    def _fault(self, note: records.NoteRecord, until: int) -> Timed:
+        track = self._tracks.fault(note.where)
+        return _event("X", note.text, "fault", note.tick, track, dict(note.detail), until - note.tick)
 
-    def _on_bus(
-        self,
-        record: records.ScanRecord
-        | records.AttemptRecord
-        | records.TransactionRecord
-        | records.PollRecord
-        | records.CycleRecord
-        | records.FreeRecord,
-        track: str,
-        category: str,
-        name: str,
-        begin: int,
-        end: int,
-        args: dict[str, Any],
-    ) -> tuple[int, Event]:
-        pid = self._tracks.bus(record.bus)
-        tid = self._tracks.thread(pid, track)
-        given = {key: value for key, value in args.items() if value not in (None, "")}
-        return begin, _slice(name, category, begin, end, pid, tid, given)
+    def _on(self, record: OnBus, thread: str) -> Track:
+        return self._tracks.bus(record.bus, thread)
+
+
+def _hex(data: bytes) -> str:
+    return data.hex(" ").upper()
 
 
 def _event(
-    phase: str, name: str, category: str, tick: int, pid: int, tid: int, args: dict[str, Any]
-) -> Event:
-    return {
+    phase: str, name: str, category: str, tick: int, track: Track, args: Event, duration: int | None = None
+) -> Timed:
+    event: Event = {
         "name": name,
         "cat": category,
         "ph": phase,
         "ts": microseconds(tick),
-        "pid": pid,
-        "tid": tid,
+        "pid": track[0],
+        "tid": track[1],
         "args": args,
     }
+    if duration is not None:
+        event["dur"] = microseconds(duration)
+    return tick, event
 
 
-def _slice(name: str, category: str, begin: int, end: int, pid: int, tid: int, args: dict[str, Any]) -> Event:
-    event = _event("X", name, category, begin, pid, tid, args)
-    event["dur"] = microseconds(end - begin)
-    return event
+def _slice(record: OnBus, name: str, category: str, track: Track, args: Event) -> Timed:
+    """What lasts as long as a record; arguments without a value are left out."""
+    begin, end = interval(record)
+    given = {key: value for key, value in args.items() if value not in (None, "")}
+    return _event("X", name, category, begin, track, given, end - begin)
 
 
-def _instant(
-    name: str, tick: int, pid: int, tid: int, args: dict[str, Any], category: str = "error"
-) -> Event:
-    event = _event("i", name, category, tick, pid, tid, args)
-    event["s"] = "t"
-    return event
+def _instant(name: str, tick: int, track: Track, args: Event, category: str = "error") -> Timed:
+    at, event = _event("i", name, category, tick, track, args)
+    return at, event | {"s": "t"}
