@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -98,7 +100,7 @@ class Lanes:
 
     def changes(self) -> Iterator[Change]:
         """Every change of levels inside the picture, by time; what is low as it begins, changes then."""
-        levels = _Levels(len(self.lanes))
+        low = [0] * len(self.lanes)
         pending: list[_Event] = []
         for frame in in_order(self._selection.frames(), self._survey.lateness):
             # No later frame begins before this one: what lies before it is settled.
@@ -106,12 +108,12 @@ class Lanes:
             pending.sort()
             settled = bisect_left(pending, (begun,))
             if settled:
-                yield from levels.after(pending[:settled])
+                yield from _changes(low, pending[:settled])
                 del pending[:settled]
             for lanes, lows in self._pulls(frame):
                 pending += self._events(lanes, lows)
         pending.sort()
-        yield from levels.after(pending)
+        yield from _changes(low, pending)
 
     def _pulls(self, frame: FrameRecord) -> Iterator[tuple[tuple[int, ...], list[Interval]]]:
         """Where a frame pulls which lanes low."""
@@ -149,36 +151,17 @@ class Lanes:
 _Event = tuple[int, int, tuple[int, ...]]
 
 
-class _Levels:
-    """How many drivers pull each lane low."""
-
-    def __init__(self, lanes: int) -> None:
-        self._low = [0] * lanes
-
-    def after(self, events: Sequence[_Event]) -> Iterator[Change]:
-        """The changes of level that sorted events make."""
-        low = self._low
-        at, count = 0, len(events)
-        while at < count:
-            us, step, lanes = events[at]
-            at += 1
-            if at < count and events[at][0] == us:
-                steps = dict.fromkeys(lanes, step)
-                while at < count and events[at][0] == us:
-                    for lane in events[at][2]:
-                        steps[lane] = steps.get(lane, 0) + events[at][1]
-                    at += 1
-                for lane, number in steps.items():
-                    before = low[lane]
-                    low[lane] = now = before + number
-                    if (before > 0) is not (now > 0):
-                        yield us, lane, 0 if now else 1
-                continue
+def _changes(low: list[int], events: Iterable[_Event]) -> Iterator[Change]:
+    """The changes of level that sorted events make; ``low`` counts the drivers that pull each lane low."""
+    for us, at_once in groupby(events, itemgetter(0)):
+        before: dict[int, int] = {}
+        for _, step, lanes in at_once:
             for lane in lanes:
-                now = low[lane] + step
-                low[lane] = now
-                if now == (step > 0):  # the first that pulls, or the last that lets go
-                    yield us, lane, 0 if now else 1
+                before.setdefault(lane, low[lane])
+                low[lane] += step
+        for lane, was in before.items():
+            if (was > 0) is not (low[lane] > 0):
+                yield us, lane, 0 if low[lane] else 1
 
 
 def by_scope(lanes: Iterable[Lane]) -> dict[str, list[int]]:

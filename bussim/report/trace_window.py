@@ -5,8 +5,9 @@ Times are ticks of 1/72 MHz from the start of the run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 
 from bussim.results.meters.timeline import Span
 from bussim.trace.records import (
@@ -126,7 +127,7 @@ def _outcome(window: TraceWindow, attempt: AttemptRecord) -> str:
 def in_words(parts: Sequence[Part]) -> list[str]:
     """The parts in words: neighbours in which nothing was lost as one, attempts that failed alike as well."""
     words = []
-    for group in _grouped(parts):
+    for group in (list(alike) for _, alike in groupby(parts, _likeness)):
         first, total = group[0], ms(sum(part.ticks for part in group))
         if len(group) == 1:
             words.append(f"{total} ({_named(first)})")
@@ -141,24 +142,9 @@ def in_words(parts: Sequence[Part]) -> list[str]:
     return words
 
 
-def _grouped(parts: Sequence[Part]) -> Iterator[list[Part]]:
-    group: list[Part] = []
-    for part in parts:
-        if group and _alike(group[-1], part):
-            group.append(part)
-        else:
-            if group:
-                yield group
-            group = [part]
-    if group:
-        yield group
-
-
-def _alike(one: Part, other: Part) -> bool:
-    if one.lost or other.lost:
-        # To the microsecond that is shown: two attempts seldom end on the same tick.
-        return one.lost and other.lost and one.what == other.what and ms(one.ticks) == ms(other.ticks)
-    return True
+def _likeness(part: Part) -> tuple[str, str] | None:
+    # To the microsecond that is shown: two attempts seldom end on the same tick.
+    return (part.what, ms(part.ticks)) if part.lost else None
 
 
 def _named(part: Part) -> str:

@@ -43,13 +43,6 @@ class Rows(Protocol):
         """A record; attempts, frames and ENDs only of a traced run."""
 
 
-class _NoRows:
-    """Keeps no single record."""
-
-    def take(self, record: Record) -> None:
-        """Leave the record out."""
-
-
 class Collector:
     """A :class:`bussim.trace.records.Sink` that keeps statistics, and hands single records on to ``rows``.
 
@@ -71,7 +64,7 @@ class Collector:
         self.notes: list[NoteRecord] = []
         self.left_out: dict[str, int] = {}
         self._others = 0
-        self._rows = rows or _NoRows()
+        self._rows = rows
         self._bus_of = bus_of or {}
         self._links: defaultdict[str, LinkMeter] = defaultdict(LinkMeter)
         self._refresh = RefreshMeter()
@@ -96,7 +89,11 @@ class Collector:
                 self._note(record)
             case _:
                 assert_never(record)
-        self._rows.take(record)
+        self._keep(record)
+
+    def _keep(self, record: Record) -> None:
+        if self._rows is not None:
+            self._rows.take(record)
 
     def _note(self, record: NoteRecord) -> None:
         """Keep a note, and what follows from it for the plots and for the time after start-up."""
@@ -130,10 +127,10 @@ class Collector:
                 if len(gathered) >= _ENDS_IN_A_BLOCK:
                     self._hand_on_ends(plc)
         elif self.traced:
-            self._rows.take(EndsRecord(plc, tuple(ticks)))
+            self._keep(EndsRecord(plc, tuple(ticks)))
 
     def _hand_on_ends(self, plc: str) -> None:
-        self._rows.take(EndsRecord(plc, tuple(self._single_ends.pop(plc))))
+        self._keep(EndsRecord(plc, tuple(self._single_ends.pop(plc))))
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """Count a refresh."""

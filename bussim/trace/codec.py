@@ -13,7 +13,7 @@ those of a later version, are left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 from bussim.line.protocols import BusProtocol
 from bussim.trace import records
@@ -24,6 +24,7 @@ from bussim.units import TICKS_PER_SECOND
 TRACE_SCHEMA = 1
 
 Line = dict[str, Any]
+V = TypeVar("V")
 
 #: The ``type`` of each record's lines.
 _TYPES: dict[type[Record], str] = {
@@ -47,44 +48,28 @@ _OF_THE_BUS = ("baud", "format")
 # -- values ----------------------------------------------------------------------------------------
 
 
-def _check(value: object, fits: bool, what: str) -> None:  # noqa: FBT001 (private)
-    if not fits:
-        text = repr(value)
-        raise ValueError(f"is {text if len(text) <= 60 else f'{text[:59]}…'}, not {what}")
+def _exactly(kind: type[V], what: str) -> Callable[[Any], V]:
+    """A reader that takes values of one type only; ``what`` names it in the message."""
+
+    def read(value: Any) -> V:
+        if type(value) is not kind:
+            text = repr(value)
+            raise ValueError(f"is {text if len(text) <= 60 else f'{text[:59]}…'}, not {what}")
+        return value
+
+    return read
 
 
-def _int(value: Any) -> int:
-    _check(value, type(value) is int, "a whole number")
-    return int(value)
-
-
-def _text(value: Any) -> str:
-    _check(value, isinstance(value, str), "a text")
-    return str(value)
-
-
-def _flag(value: Any) -> bool:
-    _check(value, isinstance(value, bool), "true or false")
-    return bool(value)
-
-
-def _number(value: Any) -> float:
-    _check(value, type(value) in (int, float), "a number")
-    return float(value)
-
-
-def _list(value: Any) -> list[Any]:
-    _check(value, isinstance(value, list), "a list")
-    return list(value)
+_int = _exactly(int, "a whole number")
+_text = _exactly(str, "a text")
+_flag = _exactly(bool, "true or false")
+_float = _exactly(float, "a number")
+_list = _exactly(list, "a list")
+_by_name = _exactly(dict, "an object")
 
 
 def _ints(value: Any) -> tuple[int, ...]:
     return tuple(map(_int, _list(value)))
-
-
-def _by_name(value: Any) -> dict[str, Any]:
-    _check(value, isinstance(value, dict), "an object")
-    return dict(value)
 
 
 #: How a value of each type of field is read. One without an entry raises KeyError on import.
@@ -93,7 +78,7 @@ _READERS: dict[Any, Callable[[Any], Any]] = {
     int | None: lambda value: None if value is None else _int(value),
     str: _text,
     bool: _flag,
-    float: _number,
+    float: lambda value: float(value) if type(value) is int else _float(value),
     BusProtocol: lambda value: BusProtocol.NN if _flag(value) else BusProtocol.SERIAL,
     bytes: lambda value: bytes.fromhex(_text(value)),
     tuple[int, ...]: _ints,

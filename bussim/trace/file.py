@@ -103,7 +103,9 @@ class Trace:
         the trace is damaged.
         """
         where = None if bus is None else self.bus(bus)
-        return self._picked(kinds or None, where, start, stop)
+        of_the_bus = (each for each in self._source(kinds or None) if where is None or _concerns(each, where))
+        clipped = (_clipped(each, start, stop) for each in of_the_bus)
+        return (each for each in clipped if each is not None)
 
     def bus(self, name: str) -> TraceBus:
         """A bus of the header. Raises UsageError if there is none of that name."""
@@ -112,19 +114,6 @@ class Trace:
             known = ", ".join(bus.name for bus in self.header.buses) or "none"
             raise UsageError(f"the trace has no bus {name!r}; it has {known}")
         return bus
-
-    def _picked(
-        self,
-        kinds: Collection[type[Record]] | None,
-        bus: TraceBus | None,
-        start: int | None,
-        stop: int | None,
-    ) -> Iterator[Record]:
-        for record in self._source(kinds):
-            if bus is None or _concerns(record, bus):
-                seen = _clipped(record, start, stop)
-                if seen is not None:
-                    yield seen
 
 
 def interval(record: Record) -> tuple[int, int]:

@@ -25,7 +25,7 @@ nothing to do with the word, nothing is.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -326,44 +326,32 @@ class LatencyMeter:
 
     def __init__(self, specs: Sequence[LatencySpec]) -> None:
         self._entries = {spec.name: _Words(spec) if spec.word else _Bits(spec) for spec in specs}
-        entries = list(self._entries.values())
         #: Whose ENDs are wanted.
         self.plcs = frozenset(plc for spec in specs for plc in (spec.source_plc, spec.target_plc))
-        self._by_source: dict[tuple[str, str], list[_Bits | _Words]] = {}
-        self._by_device: dict[tuple[str, str], list[_Bits | _Words]] = {}
-        self._by_plc: dict[str, list[_Bits | _Words]] = {}
-        self._by_frame: dict[tuple[str, int], list[tuple[int, int, Callable[[int, int], None]]]] = {}
-        for entry in entries:
-            spec = entry.spec
-            source, target = (spec.source_plc, spec.source), (spec.target_plc, spec.target)
-            self._by_source.setdefault(source, []).append(entry)
-            for point in (source, target):
-                self._by_device.setdefault(point, []).append(entry)
-            for plc in dict.fromkeys((spec.source_plc, spec.target_plc)):
-                self._by_plc.setdefault(plc, []).append(entry)
-            if spec.route is not None:
-                bus, sender, receiver, frame = spec.route
-                self._by_frame.setdefault((bus, sender), []).append((receiver, frame, entry.heard))
 
     def input(self, record: InputRecord) -> None:
         """An input's wire has changed."""
-        for entry in self._by_source.get((record.plc, record.device), ()):
-            entry.input(record)
+        for entry in self._entries.values():
+            if (record.plc, record.device) == (entry.spec.source_plc, entry.spec.source):
+                entry.input(record)
 
     def value(self, record: DeviceValueRecord) -> None:
         """An observed device has a new value."""
-        for entry in self._by_device.get((record.plc, record.device), ()):
+        for entry in self._entries.values():
             entry.value(record)
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """A block was received, its last bit at ``tick``."""
-        for receiver, frame, take in self._by_frame.get((bus, source), ()):
-            if heard is None or receiver in heard:
-                take(tick - frame, tick)
+        for entry in self._entries.values():
+            route = entry.spec.route
+            if route is None or (route.bus, route.source) != (bus, source):
+                continue
+            if heard is None or route.target in heard:
+                entry.heard(tick - route.frame, tick)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """ENDs of a PLC, each recorded after what it changed."""
-        for entry in self._by_plc.get(plc, ()):
+        for entry in self._entries.values():
             for tick in ticks:
                 entry.end(plc, tick)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
@@ -82,11 +83,9 @@ def _heights(groups: Sequence[Sequence[Watched]], lane: float, steps: float) -> 
 def _groups(watched: Sequence[Watched]) -> list[list[Watched]]:
     """Bits that stand next to each other share axes, a word has its own."""
     groups: list[list[Watched]] = []
-    for each in watched:
-        if each.bit and groups and groups[-1][0].bit:
-            groups[-1].append(each)
-        else:
-            groups.append([each])
+    for bit, alike in groupby(watched, lambda each: each.bit):
+        some = list(alike)
+        groups += [some] if bit else [[word] for word in some]
     return groups
 
 
