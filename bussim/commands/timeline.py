@@ -52,9 +52,9 @@ def command(
     from bussim.report.picture import timeline_picture
     from bussim.report.scene import scene_of
     from bussim.report.window_reader import read_window
-    from bussim.results.plots.scan_times import caption
     from bussim.results.store.load import load_run
     from bussim.results.store.names import file_names
+    from bussim.results.text.run import caption_of
     from bussim.trace.file import TRACE, read_trace
     from bussim.units import seconds
 
@@ -78,7 +78,7 @@ def command(
             f"{_MOST_FRAMES:,}: choose a shorter --span"
         )
     scene = scene_of(window)
-    timeline_picture(scene, caption(record)).save(target)
+    timeline_picture(scene, caption_of(record.summary)).save(target)
     if as_json:
         print_json(_as_json(window, target))
         return

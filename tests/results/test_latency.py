@@ -589,7 +589,7 @@ def test_a_word_and_a_bit_do_not_share_an_axis() -> None:
     word.latency["door"].word = True
     with pytest.raises(UsageError, match="door is the age of a word in one run and the latency of a bit"):
         latency_picture([bit, word], "door")
-    with pytest.raises(UsageError, match="8 runs on one axis cannot be told apart"):
+    with pytest.raises(UsageError, match="8 runs on one axis cannot be distinguished"):
         latency_picture([bit] * 8, "door")
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width
@@ -109,6 +110,14 @@ def marked(histogram: Histogram) -> dict[str, float]:
 def marks_in_words(histogram: Histogram) -> str:
     """What is marked of a histogram as text: ``mean 50.4 ms, max 51.1 ms``."""
     return ", ".join(f"{name} {ms_text(value)}" for name, value in marked(histogram).items())
+
+
+def legend_of_marks(texts: Mapping[str, str]) -> list[Line2D]:
+    """The black lines that mark a single histogram, by mark with their texts."""
+    return [
+        Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=text)
+        for name, text in texts.items()
+    ]
 
 
 def ms_text(ticks: float) -> str:

@@ -14,8 +14,17 @@ from matplotlib.patches import Patch
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
-from bussim.results.plots.bars import MARKS, draw, is_far, marked, ms_text, usual_range, whole_range
-from bussim.results.plots.scan_times import caption, run_labels
+from bussim.results.plots.bars import (
+    draw,
+    is_far,
+    legend_of_marks,
+    marked,
+    marks_in_words,
+    ms_text,
+    usual_range,
+    whole_range,
+)
+from bussim.results.plots.scan_times import captions, run_labels
 from bussim.results.plots.style import (
     DISTRIBUTION,
     GREY,
@@ -23,9 +32,11 @@ from bussim.results.plots.style import (
     RUNS,
     Picture,
     finish_picture,
+    legend_of_runs,
     new_picture,
     shorten,
     style,
+    too_many,
 )
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import (
@@ -82,8 +93,7 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
     Raises UsageError if a run has no such entry or nothing was measured, if it is of a bit in one run and
     of a word in another, or for too many runs.
     """
-    if len(runs) > len(RUNS):
-        raise UsageError(f"{len(runs)} runs on one axis cannot be told apart; at most {len(RUNS)}")
+    too_many(runs)
     records = [latency_of(run, name) for run in runs]
     if len({record.word for record in records}) > 1:
         raise UsageError(f"{name} is the age of a word in one run and the latency of a bit in another")
@@ -96,8 +106,7 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
     bars = _bars(records, several)
     handles = _explain(records, several, marks)
     with style():
-        captions = "; ".join(dict.fromkeys(map(caption, runs)))
-        picture = new_picture(8, _height(len(bars), several), captions)
+        picture = new_picture(8, _height(len(bars), several), captions(runs))
         what = "age (ms)" if records[0].word else "latency (ms)"
         counted = "readings" if records[0].word else "changes"
         shown = _shown(histograms, marks)
@@ -232,16 +241,12 @@ def _explain(
         if any(record.parts[name][1] for record in records)
     ]
     if labels is None:
-        for name, value in marked(records[0].histogram).items():
-            label = f"{name} {ms_text(value)}"
-            handles.append(Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=label))
+        values = marked(records[0].histogram).items()
+        handles += legend_of_marks({name: f"{name} {ms_text(value)}" for name, value in values})
     else:
-        for number, (label, record) in enumerate(zip(labels, records, strict=True)):
-            numbers = ", ".join(f"{key} {ms_text(value)}" for key, value in marked(record.histogram).items())
-            what = "readings" if record.word else "arrived"
-            text = f"{number + 1} {shorten(label, 36)}: {record.delivered:,} {what}, {numbers}"
-            handles.append(Line2D([], [], color=RUNS[number], linewidth=3, label=text))
-        handles.append(Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted"))
+        what = "readings" if records[0].word else "arrived"
+        texts = [f"{record.delivered:,} {what}, {marks_in_words(record.histogram)}" for record in records]
+        handles += legend_of_runs([f"{number} {label}" for number, label in enumerate(labels, 1)], texts)
     return handles + [
         Line2D([], [], color=mark.colour, linewidth=mark.width, linestyle=mark.dash, label=mark.text)
         for mark in marks

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.timeline import Span, fault_spans
-from bussim.results.plots.scan_times import caption, link_of
+from bussim.results.plots.scan_times import link_of
 from bussim.results.plots.style import (
     FAULT,
     IN_ERROR,
@@ -23,6 +23,7 @@ from bussim.results.plots.style import (
     style,
 )
 from bussim.results.run_record import RunRecord
+from bussim.results.text.run import caption_of
 from bussim.units import milliseconds, seconds
 
 #: Most lines of faults; the others share one.
@@ -49,7 +50,7 @@ def scan_times_over_run(run: RunRecord, bus: str) -> Picture:
     end = seconds(run.duration)
     with style():
         height = 0.25 * len(lanes) + 0.35 if lanes else 0.0
-        picture = new_picture(8.5, 4.2 + height, caption(run))
+        picture = new_picture(8.5, 4.2 + height, caption_of(run.summary))
         if lanes:
             axes, chart = picture.subplots(2, 1, sharex=True, height_ratios=(3.2, height))
             _draw_lanes(chart, lanes, end)

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.ports import PortRecord
-from bussim.results.plots.bars import MARKS, draw, is_far, marked, marks_in_words, usual_range, whole_range
+from bussim.results.plots import bars
 from bussim.results.plots.scan_times import captions, run_labels
 from bussim.results.plots.style import (
     IN_ERROR,
@@ -64,11 +64,11 @@ def response_time_histogram(
     ports = [master_of(run, node) for run in runs]
     panels = _panels(ports)
     filled = [histogram for panel in panels for histogram in panel.responses if histogram.count]
-    usual, whole = usual_range(filled), whole_range(filled)
+    usual, whole = bars.usual_range(filled), bars.whole_range(filled)
     timeouts = list(dict.fromkeys(port.timeout for port in ports if port.timeout is not None))
     near = [timeout for timeout in timeouts if timeout <= _BEYOND * whole[1] * BIN_TICKS]
     whole = (whole[0], max(whole[1], *(timeout // BIN_TICKS for timeout in near), 0))
-    beside = is_far(whole, usual)
+    beside = bars.is_far(whole, usual)
     handles = _explain(ports, labels or run_labels(runs), timeouts, near)
     abreast = len(handles) if len(runs) == 1 else 1
     with style():
@@ -79,12 +79,12 @@ def response_time_histogram(
         ).T.tolist()
         for axes, panel in zip(columns[0], panels, strict=True):
             if beside:
-                draw(axes, panel.responses, usual, "the usual responses (ms)", "responses")
+                bars.draw(axes, panel.responses, usual, "the usual responses (ms)", "responses")
                 axes.locator_params(axis="x", nbins=5)
             axes.set_title(shorten(_in_words(panel), 100), fontsize=9)
         for axes, panel in zip(columns[-1], panels, strict=True):
             axes.set_yscale("log")
-            draw(axes, panel.responses, whole, _TIMES, "responses")
+            bars.draw(axes, panel.responses, whole, _TIMES, "responses")
             axes.set_ylim(0.6, max(12, axes.get_ylim()[1]))  # a whole decade: whole numbers on the axis
             for timeout in near:
                 axes.axvline(milliseconds(timeout), color=IN_ERROR, linewidth=2, alpha=0.8)
@@ -136,7 +136,7 @@ def _panels(ports: Sequence[PortRecord]) -> list[_Panel]:
 def _in_words(panel: _Panel) -> str:
     responses, attempts = sum(h.count for h in panel.responses), sum(panel.attempts)
     words = f"{panel.label}: {responses:,} of {attempts:,} attempts answered"
-    marks = marks_in_words(panel.responses[0]) if len(panel.responses) == 1 else ""
+    marks = bars.marks_in_words(panel.responses[0]) if len(panel.responses) == 1 else ""
     return f"{words}, {marks}" if marks else words
 
 
@@ -154,13 +154,10 @@ def _explain(
 ) -> list[Line2D]:
     responses = [port.responses for port in ports]
     if len(ports) > 1:
-        texts = [f"{each.count:,} responses, {marks_in_words(each)}" for each in responses]
+        texts = [f"{each.count:,} responses, {bars.marks_in_words(each)}" for each in responses]
         handles = legend_of_runs(labels, texts)
     else:
-        handles = [
-            Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=name)
-            for name in marked(responses[0])
-        ]
+        handles = bars.legend_of_marks({name: name for name in bars.marked(responses[0])})
     for timeout in timeouts:
         handle = Line2D([], [], color=IN_ERROR, linewidth=2, alpha=0.8, label=f"timeout {format_ms(timeout)}")
         if timeout not in near:

@@ -9,16 +9,7 @@ from matplotlib.lines import Line2D
 
 from bussim.errors import UsageError
 from bussim.results.meters.link import LinkRecord
-from bussim.results.plots.bars import (
-    MARKS,
-    draw,
-    is_far,
-    marked,
-    marks_in_words,
-    ms_text,
-    usual_range,
-    whole_range,
-)
+from bussim.results.plots import bars
 from bussim.results.plots.style import (
     Picture,
     finish_picture,
@@ -48,20 +39,20 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
     too_many(runs)
     links = [link_of(run, bus) for run in runs]
     histograms = [link.scan_times.histogram for link in links]
-    whole = whole_range(histograms)
-    usual = usual_range(histograms)
+    whole = bars.whole_range(histograms)
+    usual = bars.usual_range(histograms)
     with style():
         picture = new_picture(7.5, 4.4 + 0.2 * len(runs), captions(runs))
-        if is_far(whole, usual):
+        if bars.is_far(whole, usual):
             close_up, axes = picture.subplots(1, 2, width_ratios=(2, 3))
-            draw(close_up, histograms, usual, *_AXES)
+            bars.draw(close_up, histograms, usual, *_AXES)
             close_up.set_title("the usual scans")
             close_up.locator_params(axis="x", nbins=5)
             axes.set_title("all scans")
             axes.set_yscale("log")
         else:
             axes = picture.add_subplot()
-        draw(axes, histograms, whole, *_AXES)
+        bars.draw(axes, histograms, whole, *_AXES)
         if axes.get_yscale() == "log":
             axes.set_ylim(bottom=0.6)
         if len(runs) == 1:
@@ -72,7 +63,9 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
             handles = _explain_one(links[0])
         else:
             heading = f"link scans on {bus}"
-            texts = [f"{histogram.count:,} scans, {marks_in_words(histogram)}" for histogram in histograms]
+            texts = [
+                f"{histogram.count:,} scans, {bars.marks_in_words(histogram)}" for histogram in histograms
+            ]
             handles = legend_of_runs(labels or run_labels(runs), texts)
         finish_picture(picture, heading, handles)
     return picture
@@ -90,11 +83,6 @@ def link_of(run: RunRecord, bus: str) -> LinkRecord:
     return link
 
 
-def caption(run: RunRecord) -> str:
-    """What a picture is of: scenario, seed, duration, version."""
-    return caption_of(run.summary)
-
-
 def run_labels(runs: Sequence[RunRecord]) -> list[str]:
     """A different name for each run: its scenario's, with the seed or a number where that is not enough."""
     names = [run.scenario for run in runs]
@@ -107,20 +95,17 @@ def run_labels(runs: Sequence[RunRecord]) -> list[str]:
 
 def captions(runs: Sequence[RunRecord]) -> str:
     """The captions of several runs, each once."""
-    return "; ".join(dict.fromkeys(caption(run) for run in runs))
+    return "; ".join(dict.fromkeys(caption_of(run.summary) for run in runs))
 
 
 def _explain_one(link: LinkRecord) -> list[Line2D]:
     times = link.scan_times
-    texts = {name: f"{name} {ms_text(value)}" for name, value in marked(times.histogram).items()}
+    texts = {name: f"{name} {bars.ms_text(value)}" for name, value in bars.marked(times.histogram).items()}
     if times.longest_at is not None:
         texts["max"] += f" at {seconds(times.longest_at):.2f} s"
         if times.longest_cause:
             texts["max"] += f": {times.longest_cause}"
-    return [
-        Line2D([], [], color="black", linestyle=MARKS[name], linewidth=1.2, label=_wrapped(text))
-        for name, text in texts.items()
-    ]
+    return bars.legend_of_marks({name: _wrapped(text) for name, text in texts.items()})
 
 
 def _wrapped(text: str) -> str:
