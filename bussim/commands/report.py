@@ -120,7 +120,7 @@ def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
     What has more than ``most`` shapes is left to ``bussim timeline``.
     """
     from bussim.report.scene import scene_of
-    from bussim.report.window_reader import read_window, worst_window
+    from bussim.report.trace_window import read_window, worst_window
     from bussim.trace.file import read_trace
 
     trace = read_trace(folder)

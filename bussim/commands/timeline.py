@@ -51,7 +51,7 @@ def command(
     from bussim.commands.common.output import busy, checked_target, traced_again
     from bussim.report.picture import timeline_picture
     from bussim.report.scene import scene_of
-    from bussim.report.window_reader import read_window
+    from bussim.report.trace_window import read_window
     from bussim.results.store.load import load_run
     from bussim.results.store.names import file_names
     from bussim.results.text.run import caption_of
@@ -108,7 +108,7 @@ def _window(
     trace: Trace, record: RunRecord, bus: str, since: str | None, span: str | None, *, worst: bool
 ) -> tuple[int, int]:
     """First and last tick to draw."""
-    from bussim.report.window_reader import worst_window
+    from bussim.report.trace_window import worst_window
     from bussim.units import format_time, seconds
 
     if since is None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from bussim.errors import UsageError
 from bussim.export.formats import FORMATS
 from bussim.export.source import Job, Selection, Written
+from bussim.files import written_whole
 from bussim.trace.file import Trace
 from bussim.wording import suggest
 
@@ -35,18 +34,5 @@ def export_trace(
     header = trace.header
     seed = f", seed {header.seed}" if header.seed is not None else ""
     job = Job(Selection(trace, bus, start, stop), f"{header.scenario}{seed}", encapsulation)
-    with _beside(path) as part:
+    with written_whole(path) as part:
         return FORMATS[to].write(part, job)
-
-
-@contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    """A place beside the file, which becomes it if all goes well and is removed if not."""
-    part = path.with_name(f"{path.name}.part")
-    try:
-        yield part
-        part.replace(path)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)

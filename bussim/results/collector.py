@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Protocol, assert_never
 
@@ -62,7 +62,7 @@ class Collector:
     ) -> None:
         self.traced = traced
         self.notes: list[NoteRecord] = []
-        self.left_out: dict[str, int] = {}
+        self.left_out: Counter[str] = Counter()
         self._others = 0
         self._rows = rows
         self._bus_of = bus_of or {}
@@ -111,7 +111,7 @@ class Collector:
             self._others += 1
             self.notes.append(record)
         else:
-            self.left_out[kind] = self.left_out.get(kind, 0) + 1
+            self.left_out[kind] += 1
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None:
         """Count a failed attempt in the scan under way."""

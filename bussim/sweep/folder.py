@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import IO, Any, Literal, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.results.store.folder import SUFFIX, _one_at_a_time, _reason, _remove, _try_lock
+from bussim.files import reason, remove_folder
+from bussim.results.store.folder import SUFFIX, _one_at_a_time, _try_lock
 from bussim.sweep.identity import MANIFEST, differences, manifest_text, read_manifest
 from bussim.sweep.journal import Journal
 
@@ -68,7 +69,7 @@ class SweepFolder:
         try:
             self.state = self._numbered() if numbered else self._look(wanted)
         except OSError as error:
-            raise UsageError(f"{wanted}: cannot be written: {_reason(error)}") from error
+            raise UsageError(f"{wanted}: cannot be written: {reason(error)}") from error
 
     @property
     def journal(self) -> Journal:
@@ -87,7 +88,7 @@ class SweepFolder:
         if self._lock is not None:
             self._lock.close()
         if isinstance(error, OSError):
-            raise RunError(f"{self.target}: writing failed: {_reason(error)}") from error
+            raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
 
     def begin(self) -> None:
         """Take the folder for this process, and make it if it is not there.
@@ -103,7 +104,7 @@ class SweepFolder:
                     raise UsageError(f"{self.target} was finished by another process just now")
                 if self.state == "new":
                     if part.exists():
-                        _remove(part, _IDENTITY)
+                        remove_folder(part, _IDENTITY)
                     part.mkdir()
                 self._lock = (part / MARKER).open("a", encoding="utf-8", newline="\n")
                 if not _try_lock(self._lock):
@@ -115,7 +116,7 @@ class SweepFolder:
                 _write_whole(part / MANIFEST, manifest_text(self._manifest))
             self._journal = Journal(part / JOURNAL)
         except OSError as error:
-            raise UsageError(f"{self.target}: cannot be written: {_reason(error)}") from error
+            raise UsageError(f"{self.target}: cannot be written: {reason(error)}") from error
 
     def finish(self, write: Callable[[Path], None]) -> None:
         """Let ``write`` write the results into the folder, and move it to its place."""
@@ -129,7 +130,7 @@ class SweepFolder:
             if any(self.target.iterdir()) and read_manifest(self.target) is None:
                 raise UsageError(f"{self.target} appeared meanwhile, and is not the folder of a sweep")
             if old.exists():
-                _remove(old, _IDENTITY)
+                remove_folder(old, _IDENTITY)
             self.target.replace(old)
         if sys.platform == "win32" and self._lock is not None:
             self._lock.close()  # an open file keeps its folder from being renamed there
@@ -142,7 +143,7 @@ class SweepFolder:
         old = self.target.with_name(self.target.name + _OLD)
         (self.target / JOURNAL).unlink(missing_ok=True)
         if old.exists():
-            _remove(old, _IDENTITY)
+            remove_folder(old, _IDENTITY)
         (self.target / MARKER).unlink(missing_ok=True)
 
     def _numbered(self) -> State:

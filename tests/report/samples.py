@@ -7,8 +7,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import bussim
-from bussim.report.trace_window import TraceWindow
-from bussim.report.window_reader import read_window, worst_window
+from bussim.report.trace_window import TraceWindow, read_window, worst_window
 from bussim.results.run_record import RunRecord
 from bussim.trace.file import Trace, read_trace
 

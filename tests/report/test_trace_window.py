@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import bussim
 from bussim.report.scene import scene_of
-from bussim.report.trace_window import Part, TraceWindow, in_words, parts_of_scan
-from bussim.report.window_reader import read_window, worst_window
+from bussim.report.trace_window import Part, TraceWindow, in_words, parts_of_scan, read_window, worst_window
 from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_MS
 from tests.report.samples import eight_folder, longest, opened

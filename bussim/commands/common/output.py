@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from bussim.errors import UsageError
+from bussim.files import written_whole
 
 
 def print_json(data: Any, *, indent: int = 2) -> None:
@@ -46,14 +47,8 @@ def traced_again(folder: Path) -> str:
 
 def write_text(path: Path, text: str) -> None:
     """Write a file beside its place and move it there. Raises UsageError where that fails."""
-    part = path.with_name(f"{path.name}.part")
-    try:
-        with part.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
 
 
 @contextmanager

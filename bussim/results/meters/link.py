@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -66,29 +67,18 @@ class LinkRecord:
     failed_per_scan: dict[str, dict[int, int]] = field(default_factory=dict)
 
 
+@dataclass(slots=True)
 class LinkMeter:
     """Counts one link's scans, failed attempts and stations in error while a run goes on."""
 
-    __slots__ = (
-        "after_startup",
-        "failed",
-        "failed_per_scan",
-        "flagged",
-        "healthy_at",
-        "in_error",
-        "scan_times",
-        "timeline",
-    )
-
-    def __init__(self) -> None:
-        self.scan_times = ScanTimes()
-        self.after_startup = ScanTimes()
-        self.healthy_at: int | None = None
-        self.timeline = Timeline()
-        self.in_error: dict[str, Spans] = {}  # by what reported it: the PLC, or the bus itself
-        self.flagged = False  # whether one of them may be on
-        self.failed: dict[int, int] = {}  # code → failed attempts in the scan under way
-        self.failed_per_scan: dict[int, dict[int, int]] = {}
+    scan_times: ScanTimes = field(default_factory=ScanTimes)
+    after_startup: ScanTimes = field(default_factory=ScanTimes)
+    healthy_at: int | None = None
+    timeline: Timeline = field(default_factory=Timeline)
+    in_error: dict[str, Spans] = field(default_factory=dict)  # by reporter: the PLC, or the bus itself
+    flagged: bool = False  # whether one of them may be on
+    failed: Counter[int] = field(default_factory=Counter)  # code → failed attempts in the scan under way
+    failed_per_scan: dict[int, Counter[int]] = field(default_factory=dict)
 
     def scan(self, record: ScanRecord) -> None:
         """Count a link scan that has ended."""
@@ -96,11 +86,9 @@ class LinkMeter:
         if self.healthy_at is not None and record.start >= self.healthy_at:
             self.after_startup.add(record)
         self.timeline.add(record.start, record.duration)
-        if self.failed:
-            for code, number in self.failed.items():
-                scans = self.failed_per_scan.setdefault(code, {})
-                scans[number] = scans.get(number, 0) + 1
-            self.failed.clear()
+        for code, number in self.failed.items():
+            self.failed_per_scan.setdefault(code, Counter())[number] += 1
+        self.failed.clear()
         if self.flagged and not record.stations_in_error:
             # A master that stops drops its flags without reporting each.
             self.flagged = False
@@ -109,7 +97,7 @@ class LinkMeter:
 
     def attempt_failed(self, code: int) -> None:
         """Count a failed attempt in the scan under way."""
-        self.failed[code] = self.failed.get(code, 0) + 1
+        self.failed[code] += 1
 
     def healthy(self, tick: int) -> None:
         """Every slave answers; only the first time counts."""
@@ -142,5 +130,7 @@ class LinkMeter:
             ),
             timeline=self.timeline.cells,
             in_error=in_error.all(),
-            failed_per_scan={f"{code:02X}": scans for code, scans in sorted(self.failed_per_scan.items())},
+            failed_per_scan={
+                f"{code:02X}": dict(each) for code, each in sorted(self.failed_per_scan.items())
+            },
         )

@@ -7,6 +7,7 @@ their names. What has methods ``to_json`` and ``from_json`` is asked.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
@@ -50,6 +51,8 @@ def from_plain(kind: Any, data: Any) -> Any:
     origin, inner = get_origin(kind), get_args(kind)
     if origin is UnionType:
         return None if data is None else from_plain(inner[0], data)
+    if origin is Counter:
+        return Counter({inner[0](name): int(times) for name, times in data.items()})
     if origin is dict:
         return {inner[0](name): from_plain(inner[1], each) for name, each in data.items()}
     if origin is not None:

@@ -5,6 +5,7 @@ Memory does not grow with a run: counts, and histograms of times. Times are tick
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 from bussim.results.meters.histogram import Histogram
@@ -113,10 +114,10 @@ class PortRecord:
     timeout: int | None = None
     polls: dict[str, Poll] = field(default_factory=dict)
     cycles: Histogram = field(default_factory=Histogram)
-    exceptions: dict[str, int] = field(default_factory=dict)
+    exceptions: Counter[str] = field(default_factory=Counter)
     timeouts: int = 0
     crc_errors: int = 0
-    others: dict[str, int] = field(default_factory=dict)
+    others: Counter[str] = field(default_factory=Counter)
     mismatched: int = 0
     free: FreeCounts = field(default_factory=FreeCounts)
 
@@ -130,10 +131,9 @@ class PortRecord:
 
     def poll(self, name: str) -> Poll:
         """The poll of that name, a new one if there is none."""
-        found = self.polls.get(name)
-        if found is None:
-            found = self.polls[name] = Poll()
-        return found
+        if name not in self.polls:
+            self.polls[name] = Poll()
+        return self.polls[name]
 
     def transaction(self, record: TransactionRecord) -> None:
         """Count an attempt."""
@@ -142,14 +142,13 @@ class PortRecord:
         if record.outcome == "ok":
             return
         if record.exception:
-            code = f"{record.exception:02X}"
-            self.exceptions[code] = self.exceptions.get(code, 0) + 1
+            self.exceptions[f"{record.exception:02X}"] += 1
         elif record.error == NO_RESPONSE:
             self.timeouts += 1
         elif record.error == WRONG_CHECK:
             self.crc_errors += 1
         else:
-            self.others[record.outcome] = self.others.get(record.outcome, 0) + 1
+            self.others[record.outcome] += 1
 
 
 class PortMeter:
@@ -181,7 +180,6 @@ class PortMeter:
         return {name: self._nodes[name] for name in names}
 
     def _node(self, name: str, bus: str) -> PortRecord:
-        try:
-            return self._nodes[name]
-        except KeyError:
-            return self._nodes.setdefault(name, PortRecord(bus))
+        if name not in self._nodes:
+            self._nodes[name] = PortRecord(bus)
+        return self._nodes[name]

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bussim.errors import UsageError
+from bussim.files import written_whole
 from bussim.version import __version__
 
 # The palette of Okabe and Ito, which colour-blind people can distinguish; yellow, too pale for
@@ -108,13 +109,8 @@ class Picture(Figure):
         if kind not in (".png", ".svg"):
             raise UsageError(f"{path} ends in {kind or 'nothing'}; allowed are .png and .svg")
         content = self._repr_png_() if kind == ".png" else self._svg()
-        part = path.with_name(f"{path.name}.part")
-        try:
+        with written_whole(path) as part:
             part.write_bytes(content)
-            part.replace(path)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
         return path
 
     def save_both(self, stem: Path) -> tuple[Path, Path]:

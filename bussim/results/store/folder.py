@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from types import TracebackType
 from typing import IO, Any, Self
 
 from bussim.errors import RunError, UsageError
+from bussim.files import reason, remove_folder
 from bussim.results.run_record import RunRecord
 from bussim.results.store.names import file_names
 from bussim.results.store.rows import FileRows
@@ -88,7 +88,7 @@ class RunFolder:
                 self._lock = _write_marker(self._part, _MARKER_TEXT)
             self.rows = FileRows(self._part, rows=rows, traced=traced, fmt=fmt, header=header)
         except OSError as error:
-            raise UsageError(f"{target}: cannot be written: {_reason(error)}") from error
+            raise UsageError(f"{target}: cannot be written: {reason(error)}") from error
 
     def __enter__(self) -> Self:
         return self
@@ -104,9 +104,9 @@ class RunFolder:
                 self.rows.close()
             self._lock.close()
             with contextlib.suppress(OSError):
-                _remove(self._part)
+                remove_folder(self._part, [MARKER])
         if isinstance(error, OSError):
-            raise RunError(f"{self.target}: writing failed: {_reason(error)}") from error
+            raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
 
     def finish(self, record: RunRecord, scenario: str) -> Path:
         """Write summary, histograms, scenario and pictures, and move the folder into its place.
@@ -120,7 +120,7 @@ class RunFolder:
         self.rows.close()
         _write_json(self._part / SUMMARY, record.summary, indent=2)
         _write_json(self._part / HISTOGRAMS, record.histograms(), indent=None)
-        _write_text(self._part / SCENARIO, scenario)
+        (self._part / SCENARIO).write_text(scenario, encoding="utf-8", newline="\n")
         for bus, stem in file_names(record.links).items():
             if record.links[bus].scan_times.histogram.count:
                 scan_time_histogram([record], bus).save_both(self._part / f"scan_time_{stem}")
@@ -197,17 +197,7 @@ def _clear(part: Path) -> None:
         )
     if (part / MARKER).is_file() and not _is_stale(part):
         raise UsageError(f"{part} is being written by another run; wait for it or choose another name")
-    _remove(part)
-
-
-def _remove(part: Path, last: tuple[str, ...] = (MARKER,)) -> None:
-    """Remove a marked folder, what identifies it ``last``, so that what is left of it stays marked."""
-    for entry in part.iterdir():
-        if entry.name not in last:
-            shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
-    for name in last:
-        (part / name).unlink(missing_ok=True)
-    part.rmdir()
+    remove_folder(part, [MARKER])
 
 
 def _write_marker(folder: Path, text: str) -> IO[str]:
@@ -279,14 +269,4 @@ else:
 def _write_json(path: Path, data: dict[str, Any], *, indent: int | None) -> None:
     separators = (",", ":") if indent is None else None
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, indent=indent, separators=separators)
-    _write_text(path, text + "\n")
-
-
-def _write_text(path: Path, text: str) -> None:
-    with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(text)
-
-
-def _reason(error: OSError) -> str:
-    where = f" ({error.filename})" if error.filename else ""
-    return f"{error.strerror or error}{where}"
+    path.write_text(text + "\n", encoding="utf-8", newline="\n")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.errors import UsageError
 from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
+from bussim.results.store.memory import frame
 from bussim.results.store.names import from_cell
 from bussim.results.store.rows import FORMS, Form
 from bussim.results.store.tables import BYTES, FLAG, FORMATS, TEXT, Kind, import_pyarrow
@@ -69,7 +70,9 @@ class FolderRows:
         if form.always or self._file(FORMS[ScanRecord]) is None:
             why = _NO_TRACE if form.traced else _NO_ROWS
             raise UsageError(f"{self._folder} has no {form.stem}.csv or {form.stem}.parquet: {why}")
-        return _empty_table(form.columns.kinds)  # the run kept rows, but had none of these
+        return frame(
+            [[] for _ in form.columns.kinds], form.columns.kinds
+        )  # the run kept rows, but had none of these
 
     def trace(self) -> list[dict[str, Any]]:
         """The lines of ``trace.jsonl``."""
@@ -89,12 +92,6 @@ class FolderRows:
     def _file(self, form: Form) -> Path | None:
         paths = (self._folder / f"{form.stem}.{fmt}" for fmt in FORMATS)
         return next((path for path in paths if path.is_file()), None)
-
-
-def _empty_table(kinds: Mapping[str, Kind]) -> pd.DataFrame:
-    import pandas as pd
-
-    return pd.DataFrame({name: pd.Series([], dtype=kind.pandas) for name, kind in kinds.items()})
 
 
 def _load_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:

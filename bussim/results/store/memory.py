@@ -47,11 +47,11 @@ class MemoryRows:
         elif self._rows is None:
             raise UsageError("this run kept no rows; run it with rows=True")
         elif kind is ScanRecord:
-            return _frame(self._scans.columns(), form.columns.kinds)
+            return frame(self._scans.columns(), form.columns.kinds)
         else:
             rows = self._rows[kind]
         values = list(zip(*rows, strict=True)) or [()] * len(form.columns.kinds)
-        return _frame([list(column) for column in values], form.columns.kinds)
+        return frame([list(column) for column in values], form.columns.kinds)
 
     def trace(self) -> list[dict[str, Any]]:
         """The lines that ``trace.jsonl`` would have. Raises UsageError if the run was not traced."""
@@ -88,7 +88,8 @@ class _PackedRows:
         ]
 
 
-def _frame(values: Sequence[Any], kinds: Mapping[str, Kind]) -> pd.DataFrame:
+def frame(values: Sequence[Any], kinds: Mapping[str, Kind]) -> pd.DataFrame:
+    """A table of columns; times become fractions of their unit."""
     import pandas as pd
 
     data = {

@@ -46,11 +46,15 @@ def _bus(name: str, bus: Mapping[str, Any]) -> str:
         f"{bus['baud']} {bus['format']}",
         f"bus load {bus['bus_load']:.1%}",
         counted(bus["frames"], "frame"),
+        *rare(bus),
     ]
-    for key, what in (("collisions", "collision"), ("undetected_frames", "undetected damaged frame")):
-        if bus[key]:
-            words.append(counted(bus[key], what))
     return f"{name}: {', '.join(words)}"
+
+
+def rare(bus: Mapping[str, Any]) -> list[str]:
+    """Collisions and undetected damaged frames of a bus or link; those that there were."""
+    words = {"collisions": "collision", "undetected_frames": "undetected damaged frame"}
+    return [counted(bus[key], word) for key, word in words.items() if bus[key]]
 
 
 def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.results.numbers import counted
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
-from bussim.results.text.ports import SHOWN, alone_lines, port_lines, times_in_words
+from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -66,15 +66,9 @@ def _show_times(console: Console, link: dict[str, Any]) -> None:
     healthy = link["healthy_at_s"]
     health = "never all stations healthy" if healthy is None else f"all stations healthy at {healthy:.3f} s"
     _print(console, f"  link scans       {link['scans']:,}, bus load {link['bus_load']:.1%}, {health}")
-    rare = [
-        f"{counted(link[key], what)}"
-        for key, what in (("collisions", "collision"), ("undetected_frames", "undetected damaged frame"))
-        if link[key]
-    ]
-    if link["undetected_frames"]:
-        rare[-1] += " (rests on the assumed frame layout)"
-    if rare:
-        _print(console, f"  also             {', '.join(rare)}")
+    if also := rare(link):
+        assumed = " (rests on the assumed frame layout)" if link["undetected_frames"] else ""
+        _print(console, f"  also             {', '.join(also)}{assumed}")
 
 
 def _when_and_why(times: dict[str, Any]) -> str:
