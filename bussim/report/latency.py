@@ -243,19 +243,8 @@ def overlays(sources: Sequence[Source], drawn: Charts) -> list[Chart]:
         if len(records) < 2 or len({record.word for record in records.values()}) > 1:
             continue
         quantity = _quantity(next(iter(records.values())))
-        found.append(
-            drawn.add(
-                charts.histogram_chart(
-                    {label: record.histogram for label, record in records.items()},
-                    None,
-                    f"{name}, all runs",
-                    quantity,
-                ),
-                f"Histograms of {name} of {', '.join(records)} on one axis.",
-                None,
-                f"Each run as the share of its own {quantity.counted}.",
-            )
-        )
+        histograms = {label: record.histogram for label, record in records.items()}
+        found.append(drawn.overlay(histograms, name, name, quantity))
     return found
 
 

@@ -19,6 +19,7 @@ from bussim.report.source import Source
 from bussim.report.stations import stations
 from bussim.report.tables import Table
 from bussim.report.text import alone, expected, health, median_or_mean, ports, seen
+from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.timeline import fault_spans
 from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
@@ -90,7 +91,11 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
                 *compare.entry_tables(sources),
             ],
             "charts": [
-                *(_overlay(sources, bus, drawn) for bus in buses if _scanned(sources, bus)),
+                *(
+                    drawn.overlay(times, f"Link scan times on bus {bus}", "the link scan times", charts.SCANS)
+                    for bus in buses
+                    if (times := _scan_times(sources, bus))
+                ),
                 *overlays(sources, drawn),
             ],
             "changes": compare.scenario_changes(sources),
@@ -265,21 +270,10 @@ def _timeline(scene: Scene, drawn: Charts) -> Chart:
     )
 
 
-def _overlay(sources: Sequence[Source], bus: str, drawn: Charts) -> Chart:
-    histograms = {
-        source.label: source.record.links[bus].scan_times.histogram for source in _scanned(sources, bus)
-    }
-    return drawn.add(
-        charts.histogram_chart(histograms, None, f"Link scan times on bus {bus}, all runs"),
-        f"Histograms of the link scan times of {', '.join(histograms)} on one axis.",
-        None,
-        "Each run as the share of its own link scans.",
-    )
-
-
-def _scanned(sources: Sequence[Source], bus: str) -> list[Source]:
-    links = ((source, source.record.links.get(bus)) for source in sources)
-    return [source for source, link in links if link is not None and link.scan_times.histogram.count]
+def _scan_times(sources: Sequence[Source], bus: str) -> dict[str, Histogram]:
+    links = ((source.label, source.record.links.get(bus)) for source in sources)
+    times = {label: link.scan_times.histogram for label, link in links if link is not None}
+    return {label: histogram for label, histogram in times.items() if histogram.count}
 
 
 def _common(sources: Sequence[Source]) -> list[str]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from bussim.report.charts import Quantity, histogram_chart
 from bussim.report.tables import Table
+from bussim.results.meters.histogram import Histogram
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,3 +32,12 @@ class Charts:
         """Take a chart of :mod:`bussim.report.charts` in."""
         self.payload.append({**content, "description": description})
         return Chart(len(self.payload) - 1, content["title"], description, data, caption)
+
+    def overlay(self, histograms: Mapping[str, Histogram], title: str, of: str, quantity: Quantity) -> Chart:
+        """Take the histograms of several runs in, on one axis; ``of`` is what is drawn."""
+        return self.add(
+            histogram_chart(histograms, None, f"{title}, all runs", quantity),
+            f"Histograms of {of} of {', '.join(histograms)} on one axis.",
+            None,
+            f"Each run as the share of its own {quantity.counted}.",
+        )

@@ -13,21 +13,8 @@ from bussim.results.meters.refresh import RefreshMeter
 from bussim.results.run_record import RunRecord
 from bussim.results.summary.latency import LatencyBounds
 from bussim.results.summary.run import summarise
-from bussim.trace.records import (
-    AttemptRecord,
-    CycleRecord,
-    DeviceValueRecord,
-    EndsRecord,
-    FrameRecord,
-    FreeRecord,
-    InputRecord,
-    NoteRecord,
-    PollRecord,
-    Record,
-    RunTotals,
-    ScanRecord,
-    TransactionRecord,
-)
+from bussim.trace import records
+from bussim.trace.records import EndsRecord, NoteRecord, Record, RunTotals, ScanRecord
 
 #: Notes that are kept besides the faults.
 MOST_NOTES = 1000
@@ -77,13 +64,18 @@ class Collector:
         match record:
             case ScanRecord():
                 self._links[record.bus].scan(record)
-            case FrameRecord() | AttemptRecord() | EndsRecord():
+            case records.FrameRecord() | records.AttemptRecord() | EndsRecord():
                 pass
-            case TransactionRecord() | PollRecord() | CycleRecord() | FreeRecord():
+            case (
+                records.TransactionRecord()
+                | records.PollRecord()
+                | records.CycleRecord()
+                | records.FreeRecord()
+            ):
                 self._ports.take(record)
-            case DeviceValueRecord():
+            case records.DeviceValueRecord():
                 self._latency.value(record)
-            case InputRecord():
+            case records.InputRecord():
                 self._latency.input(record)
             case NoteRecord():
                 self._note(record)
