@@ -83,7 +83,7 @@ def _source(
 ) -> Source:
     from bussim.commands.common.output import traced_again
     from bussim.report.source import Source
-    from bussim.report.stations import turnarounds_of
+    from bussim.report.tables import turnarounds_of
     from bussim.trace.file import TRACE, read_trace
     from bussim.trace.records import AttemptRecord
 

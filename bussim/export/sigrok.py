@@ -8,6 +8,7 @@ Sample 0 is the window's first microsecond.
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from bussim.errors import UsageError
@@ -43,16 +44,8 @@ def write_sigrok(path: Path, lanes: Lanes, comment: str) -> None:
     with zipfile.ZipFile(path, "w") as archive:
         _put(archive, "version", b"2")
         _put(archive, "metadata", _metadata(lanes, unit).encode("utf-8"))
-        samples = _Samples(archive, unit)
-        state = (1 << len(lanes.lanes)) - 1
-        at = lanes.begin
-        for us, lane, level in lanes.changes():
-            if us > at:
-                samples.add(state, us - at)
-                at = us
-            state = state | 1 << lane if level else state & ~(1 << lane)
-        samples.add(state, lanes.end - at)
-        samples.finish()
+        for number, chunk in enumerate(_chunks(lanes, unit), 1):
+            _put(archive, f"logic-1-{number}", chunk)
 
 
 def _metadata(lanes: Lanes, unit: int) -> str:
@@ -77,27 +70,30 @@ def _put(archive: zipfile.ZipFile, name: str, data: bytes | bytearray) -> None:
     archive.writestr(entry, bytes(data), compresslevel=1)
 
 
-class _Samples:
-    """Runs of equal samples, cut into the archive's chunks."""
+def _chunks(lanes: Lanes, unit: int) -> Iterator[bytearray]:
+    """The samples, cut into the archive's chunks."""
+    size = _CHUNK // unit * unit
+    chunk = bytearray()
+    for levels, count in _runs(lanes):
+        left = count
+        sample = levels.to_bytes(unit, "little")
+        while left:
+            fits = min(left, (size - len(chunk)) // unit)
+            chunk += sample * fits
+            left -= fits
+            if len(chunk) == size:
+                yield chunk
+                chunk = bytearray()
+    if chunk:
+        yield chunk
 
-    def __init__(self, archive: zipfile.ZipFile, unit: int) -> None:
-        self._archive = archive
-        self._unit = unit
-        self._size = _CHUNK // unit * unit
-        self._buffer = bytearray()
-        self._chunks = 0
 
-    def add(self, state: int, count: int) -> None:
-        sample = state.to_bytes(self._unit, "little")
-        while count:
-            fits = min(count, (self._size - len(self._buffer)) // self._unit)
-            self._buffer += sample * fits
-            count -= fits
-            if len(self._buffer) == self._size:
-                self.finish()
-
-    def finish(self) -> None:
-        if self._buffer:
-            self._chunks += 1
-            _put(self._archive, f"logic-1-{self._chunks}", self._buffer)
-            self._buffer.clear()
+def _runs(lanes: Lanes) -> Iterator[tuple[int, int]]:
+    """The levels of all lanes, a bit each, and for how many samples they last."""
+    levels, at = (1 << len(lanes.lanes)) - 1, lanes.begin
+    for us, lane, level in lanes.changes():
+        if us > at:
+            yield levels, us - at
+            at = us
+        levels = levels | 1 << lane if level else levels & ~(1 << lane)
+    yield levels, lanes.end - at

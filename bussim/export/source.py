@@ -77,7 +77,6 @@ class BusSurvey:
     stations: dict[str, int]
     receivers: list[str] = field(default_factory=list)
     protocols: list[str] = field(default_factory=list)
-    frames: int = 0
 
 
 @dataclass(slots=True)
@@ -90,7 +89,6 @@ class Survey:
 
     buses: dict[str, BusSurvey]
     frames: int = 0
-    begin: int = 0
     end: int = 0
     lateness: int = 0
 
@@ -115,8 +113,6 @@ def survey(selection: Selection) -> Survey:
             seen.protocols.append(frame.protocol)
         if frame.damaged_at:
             seen.receivers += [name for name in frame.damaged_at if name not in seen.receivers]
-        seen.frames += 1
-        found.begin = min(found.begin, frame.start) if found.frames else frame.start
         found.end = max(found.end, frame.end)
         found.frames += 1
         newest = max(newest, frame.start)

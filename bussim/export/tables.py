@@ -6,42 +6,33 @@ from pathlib import Path
 
 from bussim.export.received import Received, receive
 from bussim.export.source import Job, Written, in_order
-from bussim.results.store.tables import (
-    BYTES,
-    FLAG,
-    INT,
-    OPTIONAL_INT,
-    SECONDS,
-    TEXT,
-    Columns,
-    CsvTable,
-    ParquetTable,
-)
+from bussim.results.store import tables as column
+from bussim.results.store.tables import Columns, CsvTable, ParquetTable
 
 #: ``bytes`` are the characters sent, ``heard`` those that :mod:`bussim.export.received` reads of them;
 #: bits are counted from the frame's first start bit. ``damaged_at`` names the receivers in which alone bits
 #: were inverted, ``damaged_at_bits`` says which, receiver by receiver.
 COLUMNS: Columns[Received] = Columns(
     {
-        "bus": (TEXT, lambda it: it.frame.bus),
-        "start_s": (SECONDS, lambda it: it.frame.start),
-        "end_s": (SECONDS, lambda it: it.frame.end),
-        "sender": (TEXT, lambda it: it.frame.sender),
-        "protocol": (TEXT, lambda it: it.frame.protocol),
-        "kind": (TEXT, lambda it: it.frame.kind),
-        "station": (OPTIONAL_INT, lambda it: it.frame.station),
-        "counter": (OPTIONAL_INT, lambda it: it.frame.counter),
-        "characters": (INT, lambda it: len(it.frame.chars)),
-        "bytes": (BYTES, lambda it: it.frame.chars.hex(" ").upper()),
-        "heard": (BYTES, lambda it: it.chars.hex(" ").upper()),
-        "wrong_characters": (INT, lambda it: len(it.wrong)),
-        "damaged_bits": (BYTES, lambda it: _numbers(it.frame.damaged_bits)),
-        "damaged_at": (TEXT, lambda it: "; ".join(it.frame.damaged_at)),
-        "damaged_at_bits": (BYTES, lambda it: "; ".join(map(_numbers, it.frame.damaged_at.values()))),
-        "collided": (FLAG, lambda it: it.frame.collided),
-        "cut": (FLAG, lambda it: it.frame.cut),
-        "baud": (INT, lambda it: it.frame.baud),
-        "format": (TEXT, lambda it: it.frame.format),
+        "bus": (column.TEXT, lambda it: it.frame.bus),
+        "start_s": (column.SECONDS, lambda it: it.frame.start),
+        "end_s": (column.SECONDS, lambda it: it.frame.end),
+        "sender": (column.TEXT, lambda it: it.frame.sender),
+        "protocol": (column.TEXT, lambda it: it.frame.protocol),
+        "kind": (column.TEXT, lambda it: it.frame.kind),
+        "station": (column.OPTIONAL_INT, lambda it: it.frame.station),
+        "counter": (column.OPTIONAL_INT, lambda it: it.frame.counter),
+        "characters": (column.INT, lambda it: len(it.frame.chars)),
+        "bytes": (column.BYTES, lambda it: it.frame.chars.hex(" ").upper()),
+        "heard": (column.BYTES, lambda it: it.chars.hex(" ").upper()),
+        "wrong_characters": (column.INT, lambda it: len(it.wrong)),
+        "damaged_bits": (column.BYTES, lambda it: _numbers(it.frame.damaged_bits)),
+        "damaged_at": (column.TEXT, lambda it: "; ".join(it.frame.damaged_at)),
+        "damaged_at_bits": (column.BYTES, lambda it: "; ".join(map(_numbers, it.frame.damaged_at.values()))),
+        "collided": (column.FLAG, lambda it: it.frame.collided),
+        "cut": (column.FLAG, lambda it: it.frame.cut),
+        "baud": (column.INT, lambda it: it.frame.baud),
+        "format": (column.TEXT, lambda it: it.frame.format),
     }
 )
 

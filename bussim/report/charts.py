@@ -49,7 +49,8 @@ def histogram_chart(
     are marked; ``shown`` (ms) is what the axis shows at first (default: where the bins are).
     """
     width = 1
-    while max(len(_widened(histogram, width)) for histogram in histograms.values()) > MOST_BINS:
+    # An odd number of bins is as wide on both sides of the middle one: the centres stay on the grid.
+    while max(len(each.bars(width, shift=width // 2)) for each in histograms.values()) > MOST_BINS:
         width *= 3
     return {
         "kind": "histogram",
@@ -63,22 +64,13 @@ def histogram_chart(
             {
                 "label": label,
                 "count": histogram.count,
-                "bins": [list(bar) for bar in sorted(_widened(histogram, width).items())],
+                "bins": [list(bar) for bar in sorted(histogram.bars(width, shift=width // 2).items())],
             }
             for label, histogram in histograms.items()
         ],
         "law": _distribution_points(distribution),
         "without": _without(distribution),
     }
-
-
-def _widened(histogram: Histogram, width: int) -> dict[int, int]:
-    """Counts in bins ``width`` times as wide; ``width`` is odd, so that a centre stays on the grid."""
-    bars: dict[int, int] = {}
-    for place, count in histogram.bins.items():
-        bar = (place + width // 2) // width
-        bars[bar] = bars.get(bar, 0) + count
-    return bars
 
 
 def _bounds(bounds: Mapping[str, float]) -> list[list[Any]]:

@@ -8,16 +8,9 @@ from typing import Any
 
 from bussim.report.latency import compared
 from bussim.report.source import Source
-from bussim.report.tables import NONE, Cell, Table, label_of, leaves, number, plain, pointer
+from bussim.report.tables import NONE, SETTINGS, TIMES, Cell, Table, label_of, leaves, number, plain, pointer
 
 _HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
-_SETTINGS = {
-    "stations": "stations",
-    "mode": "refresh mode (D8178)",
-    "retries": "retries (D8179)",
-    "attempts": "attempts a poll",
-    "timeout_ms": "timeout (ms)",
-}
 _FIGURES = (
     ("scans", "link scans", None),
     ("bus_load", "bus load (share of the time)", 4),
@@ -25,14 +18,10 @@ _FIGURES = (
     ("collisions", "collisions", None),
     ("undetected_frames", "damaged frames taken as good", None),
 )
-_TIMES = {
-    "min": "shortest",
-    "p50": "median",
-    "mean": "mean",
-    "p99": "p99",
-    "p999": "p999",
-    "max": "longest",
-}
+_SUMS: tuple[tuple[str, Callable[[Mapping[str, Any]], int]], ...] = (
+    ("failed attempts", lambda link: sum(sum(codes.values()) for codes in link["failed_attempts"].values())),
+    ("link scans with a station in error", lambda link: sum(link["station_errors"].values())),
+)
 _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
     ("exact: mean link scan (ms)", lambda figures: figures["mean_ms"]),
     ("exact: link scan at worst (ms)", lambda figures: figures["worst_case_ms"]),
@@ -50,12 +39,13 @@ def head_table(sources: Sequence[Source]) -> Table:
 
 def link_table(sources: Sequence[Source], bus: str) -> Table:
     """Settings and figures of one link in every run that has it."""
-    rows = [(label, _row(sources, ("links", bus, key), change=False)) for key, label in _SETTINGS.items()]
+    rows = [(label, _row(sources, ("links", bus, key), change=False)) for key, label in SETTINGS.items()]
     rows += [(label, _row(sources, ("links", bus, key), decimals)) for key, label, decimals in _FIGURES]
-    for key, label in _TIMES.items():
-        rows.append((f"link scan, {label} (ms)", _row(sources, ("links", bus, "scan_time_ms", key), 3)))
-    rows.append(("failed attempts", _marked([_failed(source, bus) for source in sources])))
-    rows.append(("link scans with a station in error", _marked([_errors(source, bus) for source in sources])))
+    for key in ("min", "p50", "mean", "p99", "p999", "max"):
+        rows.append((f"link scan, {TIMES[key]} (ms)", _row(sources, ("links", bus, "scan_time_ms", key), 3)))
+    links = [source.summary["links"].get(bus) for source in sources]
+    for label, count in _SUMS:
+        rows.append((label, _marked([None if link is None else count(link) for link in links])))
     for label, get in _EXACT:
         cells = _marked([_exact(source, bus, get) for source in sources])
         if any(cell.text != NONE for cell in cells):
@@ -148,18 +138,6 @@ def _change(first: Any, value: Any) -> str:
     return f"{100 * (value - first) / first:+,.1f} %" if first else f"{value - first:+,.6g}"
 
 
-def _failed(source: Source, bus: str) -> int | None:
-    link = source.summary["links"].get(bus)
-    if link is None:
-        return None
-    return sum(sum(codes.values()) for codes in link["failed_attempts"].values())
-
-
-def _errors(source: Source, bus: str) -> int | None:
-    link = source.summary["links"].get(bus)
-    return None if link is None else sum(link["station_errors"].values())
-
-
 def _exact(source: Source, bus: str, get: Callable[[Mapping[str, Any]], Any]) -> Any:
-    distribution = source.distributions.get(bus)
-    return get(distribution.figures) if distribution is not None and distribution.valid else None
+    distribution = source.valid_distribution(bus)
+    return None if distribution is None else get(distribution.figures)

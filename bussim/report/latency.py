@@ -31,14 +31,7 @@ _COUNTS = {
     "open": "under way at the end",
 }
 _READINGS = {"changes": "changes of the source", "delivered": "times that it was read"}
-_TIMES = {
-    "min": "shortest",
-    "p50": "median",
-    "mean": "mean",
-    "p95": "p95",
-    "p99": "p99",
-    "max": "longest",
-}
+_TIMES = {key: tables.TIMES[key] for key in ("min", "p50", "mean", "p95", "p99", "max")}
 
 
 @dataclass(frozen=True, slots=True)

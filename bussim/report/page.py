@@ -16,7 +16,6 @@ from bussim.report.parts import Chart, Charts
 from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.source import Source
-from bussim.report.stations import stations
 from bussim.report.tables import Table
 from bussim.report.text import alone, expected, health, median_or_mean, ports, seen
 from bussim.results.meters.histogram import Histogram
@@ -160,14 +159,14 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
 def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
     link = source.summary["links"][bus]
     record = source.record.links[bus]
-    distribution = source.distributions.get(bus)
+    distribution = source.valid_distribution(bus)
     names = source.station_names(bus)
     some = [tables.link_figures(source, bus)]
     if link["scans"]:
         some.insert(0, tables.scan_times(source, bus))
     if link["station_errors"]:
-        some.append(stations(source, bus))
-    if distribution is not None and distribution.valid:
+        some.append(tables.stations(source, bus))
+    if distribution is not None:
         some.append(tables.exact_figures(bus, distribution))
     if link["refresh_gap_ms"]:
         some.append(tables.refresh_gaps(source, bus))
@@ -178,7 +177,7 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         [
             *seen(link),
             *health(link, record.in_error, names, source.record.duration),
-            *expected(link, distribution),
+            *expected(link, source.distributions.get(bus)),
             *([source.no_distribution] if source.no_distribution else []),
         ],
         _link_charts(source, bus, drawn) if link["scans"] else [],
@@ -205,8 +204,8 @@ def _keys(source: Source, bus: str) -> list[Key]:
         Key(f"{name} link scan", f"{value:,.1f} ms"),
         Key("longest in the run", f"{times['max']:,.1f} ms", f"at {times['max_at_s']:.2f} s"),
     ]
-    distribution = source.distributions.get(bus)
-    if distribution is not None and distribution.valid:
+    distribution = source.valid_distribution(bus)
+    if distribution is not None:
         figures = distribution.figures
         keys.append(Key("longest at worst", f"{figures['worst_case_ms']:,.1f} ms"))
         onsets = figures["false_error_onsets_per_year"]
@@ -221,8 +220,7 @@ def _keys(source: Source, bus: str) -> list[Key]:
 
 def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
     record = source.record.links[bus]
-    histogram, distribution = record.scan_times.histogram, source.distributions.get(bus)
-    distribution = distribution if distribution is not None and distribution.valid else None
+    histogram, distribution = record.scan_times.histogram, source.valid_distribution(bus)
     times = source.summary["links"][bus]["scan_time_ms"]
     beside = ", with the exact law over it" if distribution is not None else ""
     where = f"from {times['min']:.1f} to {times['max']:.1f} ms, mean {times['mean']:.1f} ms"

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from bussim.line.characters import CharFormat
 from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan
 from bussim.results.meters.timeline import Span
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
@@ -283,16 +284,11 @@ def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int,
     number = len(frame.chars)
     if not bits or not number:
         return
-    per_char = _bits_per_char(frame.format)
+    per_char = CharFormat.parse(frame.format).bits
     for char in sorted({min(bit // per_char, number - 1) for bit in bits}):
         span = frame.end - frame.start
         start, end = (frame.start + span * place // number for place in (char, char + 1))
         yield start, end, f"character {char + 1} of {number}"
-
-
-def _bits_per_char(form: str) -> int:
-    """Bits on the wire of a character: ``7E1`` has a start bit, seven, a parity bit and a stop bit."""
-    return 1 + int(form[0]) + (form[1] != "N") + int(form[2])
 
 
 def _why(window: TraceWindow) -> Iterable[str]:

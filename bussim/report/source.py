@@ -58,6 +58,11 @@ class Source:
         """The content of ``summary.json``."""
         return self.record.summary
 
+    def valid_distribution(self, bus: str) -> ExactDistribution | None:
+        """The exact distribution of a link, None where there is none or it does not hold."""
+        distribution = self.distributions.get(bus)
+        return distribution if distribution is not None and distribution.valid else None
+
     def registers(self, plc: str) -> dict[str, int]:
         """The registers of a PLC at the end of the run, by name; empty where none were kept."""
         found: dict[str, int] = self.summary["plcs"].get(plc, {}).get("registers", {})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,12 +10,32 @@ from bussim.report.charts import Quantity
 from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
 from bussim.report.source import ExactDistribution, Source
-from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width
+from bussim.report.text import CODES
+from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width, statistics
+from bussim.results.meters.timeline import time_on
+from bussim.trace.records import AttemptRecord
 from bussim.units import milliseconds
 from bussim.wording import about
 
 #: Where a quantile has too few samples beyond it, or a figure does not exist.
 NONE = "–"
+#: Settings of a link by their keys in ``summary.json``, and statistics of times likewise.
+SETTINGS = {
+    "stations": "stations",
+    "mode": "refresh mode (D8178)",
+    "retries": "retries (D8179)",
+    "attempts": "attempts a poll",
+    "timeout_ms": "timeout (ms)",
+}
+TIMES = {
+    "min": "shortest",
+    "p50": "median",
+    "mean": "mean",
+    "p95": "p95",
+    "p99": "p99",
+    "p999": "p999",
+    "max": "longest",
+}
 _MOST_BARS = 40
 _MOST_EVENTS = 500
 
@@ -101,12 +121,7 @@ def scan_times(source: Source, bus: str) -> Table:
 def link_figures(source: Source, bus: str) -> Table:
     """Settings and counts of a link."""
     at = ("links", bus)
-    labels = {
-        "stations": "stations",
-        "mode": "refresh mode (D8178)",
-        "retries": "retries (D8179)",
-        "attempts": "attempts a poll",
-        "timeout_ms": "timeout (ms)",
+    labels = SETTINGS | {
         "scans": "link scans",
         "polls": "polls, repeats not counted",
         "collisions": "collisions",
@@ -291,3 +306,66 @@ def scene_data(scene: Scene) -> Table:
     note = f"The first {_MOST_EVENTS} of {len(rows):,}." if len(rows) > _MOST_EVENTS else ""
     head = ["from (ms)", "for (ms)", "lane", "what"]
     return Table(f"What happened on bus {scene.bus}", head, rows[:_MOST_EVENTS], note)
+
+
+def turnarounds_of(attempts: Iterable[AttemptRecord]) -> dict[str, dict[int, Histogram]]:
+    """The turnarounds of all replies, by bus and station."""
+    found: dict[str, dict[int, Histogram]] = {}
+    for attempt in attempts:
+        if attempt.code == 0 and attempt.turnaround is not None:
+            found.setdefault(attempt.bus, {}).setdefault(attempt.station, Histogram()).add(attempt.turnaround)
+    return found
+
+
+def stations(source: Source, bus: str) -> Table:
+    """One row a slave: failed attempts by code, station errors, and what a trace adds."""
+    link = source.summary["links"][bus]
+    names, turnarounds = source.station_names(bus), source.turnarounds.get(bus, {})
+    failed: Mapping[str, Mapping[str, int]] = link["failed_attempts"]
+    codes = sorted({code for by_code in failed.values() for code in by_code})
+    head = ["station", *(f"failed {code}" for code in codes), "link scans in error", "in error (s)"]
+    if turnarounds:
+        head[1:1] = ["replies", "turnaround median (ms)", "p99 (ms)", "max (ms)"]
+    head += ["errors counted", "last code", "flag now"]
+    rows = []
+    for key in link["station_errors"]:
+        station = int(key)
+        label = f"{key} ({names[station]})" if station in names else key
+        cells = [*_counts(source, bus, key, codes), *_registers(source, names.get(0, ""), station)]
+        if turnarounds:
+            cells[:0] = _turnarounds(turnarounds.get(station, Histogram()))
+        rows.append((label, cells))
+    note = "; ".join(f"{code}: {CODES[code]}" for code in codes if code in CODES)
+    if not turnarounds:
+        note += f"{'. ' if note else ''}Replies and turnarounds need a trace (bussim run … --trace)"
+    return Table(f"The slaves on bus {bus}, as the master saw them", head, rows, f"{note}." if note else "")
+
+
+def _turnarounds(turnarounds: Histogram) -> list[Cell]:
+    times = statistics(turnarounds)
+    return [Cell(number(turnarounds.count)), *(Cell(number(times[key], 3)) for key in ("p50", "p99", "max"))]
+
+
+def _counts(source: Source, bus: str, station: str, codes: Sequence[str]) -> Iterator[Cell]:
+    link, record = source.summary["links"][bus], source.record.links[bus]
+    failed = link["failed_attempts"].get(station, {})
+    for code in codes:
+        path = pointer("links", bus, "failed_attempts", station, code) if code in failed else ""
+        yield Cell(number(failed.get(code, 0)), path)
+    yield Cell(number(link["station_errors"][station]), pointer("links", bus, "station_errors", station))
+    yield Cell(number(time_on(record.in_error.get(int(station), []), source.record.duration), 3))
+
+
+def _registers(source: Source, master: str, station: int) -> Iterator[Cell]:
+    registers = source.registers(master)
+    for name, form in (
+        (f"D{8203 + station}", "d"),
+        (f"D{8211 + station}", "02X"),
+        (f"M{8183 + station}", ""),
+    ):
+        value = registers.get(name)
+        if value is None:
+            yield Cell(NONE, title=name)
+        else:
+            text = format(value, form) if form else "ON" if value else "off"
+            yield Cell(text, pointer("plcs", master, "registers", name), name)

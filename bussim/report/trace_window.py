@@ -12,14 +12,13 @@ from typing import TypeVar
 
 from bussim.results.meters.timeline import Span, fault_spans
 from bussim.results.run_record import RunRecord
+from bussim.trace import records
 from bussim.trace.file import Trace
 from bussim.trace.records import (
     AttemptRecord,
     DeviceValueRecord,
-    EndsRecord,
     FrameRecord,
     InputRecord,
-    NoteRecord,
     ScanRecord,
     TransactionRecord,
 )
@@ -29,7 +28,7 @@ from bussim.units import TICKS_PER_MS, format_ms, milliseconds
 _MARGIN = 20
 #: Of a bus that is no link at least so much is shown (ticks): 200 ms.
 _LEAST = 200 * TICKS_PER_MS
-_KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, NoteRecord, EndsRecord)
+_KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, records.NoteRecord, records.EndsRecord)
 #: How the text of a part ends that is an ordinary exchange.
 ANSWERED = "answered"
 
@@ -55,7 +54,7 @@ class TraceWindow:
     attempts: Sequence[AttemptRecord] = ()
     transactions: Sequence[TransactionRecord] = ()
     scans: Sequence[ScanRecord] = ()
-    notes: Sequence[NoteRecord] = ()
+    notes: Sequence[records.NoteRecord] = ()
     values: Sequence[DeviceValueRecord] = ()
     inputs: Sequence[InputRecord] = ()
     ends: Mapping[str, Sequence[int]] = field(default_factory=dict)
@@ -109,7 +108,7 @@ def read_window(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) ->
         stations.setdefault(number, node)
     ends: dict[str, list[int]] = {}
     for block in found:
-        if isinstance(block, EndsRecord):
+        if isinstance(block, records.EndsRecord):
             ends.setdefault(block.plc, []).extend(block.ticks)
     link = run.links.get(bus)
     return TraceWindow(
@@ -122,7 +121,7 @@ def read_window(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) ->
         [record for record in found if isinstance(record, AttemptRecord)],
         [record for record in found if isinstance(record, TransactionRecord)],
         [record for record in found if isinstance(record, ScanRecord)],
-        [record for record in found if isinstance(record, NoteRecord)],
+        [record for record in found if isinstance(record, records.NoteRecord)],
         _changes(trace.of(DeviceValueRecord, bus=bus, stop=end), begin),
         _changes(trace.of(InputRecord, bus=bus, stop=end), begin),
         ends,

@@ -6,41 +6,22 @@ import os
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
 from bussim.results.run_record import RunRecord
 from bussim.results.text.run import caption_of
-from bussim.trace.records import (
-    AttemptRecord,
-    DeviceValueRecord,
-    FreeRecord,
-    InputRecord,
-    Record,
-    RunTotals,
-    ScanRecord,
-    TransactionRecord,
-)
+from bussim.trace import records
+from bussim.trace.records import RunTotals
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
     from bussim.results.plots.style import Picture
+    from bussim.results.store.load import FolderRows
+    from bussim.results.store.memory import MemoryRows
     from bussim.trace.file import Trace
-
-
-class StoredRows(Protocol):
-    """Where the rows of a run are kept. Each method raises UsageError if they were not."""
-
-    def table(self, kind: type[Record]) -> pd.DataFrame:
-        """The table of a type of record, a row each."""
-
-    def trace(self) -> list[dict[str, Any]]:
-        """One object a line of the trace."""
-
-    def open_trace(self) -> Trace:
-        """The trace as records."""
 
 
 class Result:
@@ -53,7 +34,7 @@ class Result:
     def __init__(
         self,
         record: RunRecord,
-        rows: StoredRows,
+        rows: FolderRows | MemoryRows,
         *,
         totals: RunTotals | None = None,
         folder: Path | None = None,
@@ -74,7 +55,7 @@ class Result:
 
         Columns: :data:`bussim.results.store.rows.SCANS`. Raises UsageError if the run kept no rows.
         """
-        return self._rows.table(ScanRecord)
+        return self._rows.table(records.ScanRecord)
 
     @cached_property
     def exchanges(self) -> pd.DataFrame:
@@ -82,7 +63,7 @@ class Result:
 
         Columns: :data:`bussim.results.store.rows.ATTEMPTS`. Raises UsageError if the run was not traced.
         """
-        return self._rows.table(AttemptRecord)
+        return self._rows.table(records.AttemptRecord)
 
     @cached_property
     def transactions(self) -> pd.DataFrame:
@@ -90,7 +71,7 @@ class Result:
 
         Columns: :data:`bussim.results.store.rows.TRANSACTIONS`. Raises UsageError if the run kept no rows.
         """
-        return self._rows.table(TransactionRecord)
+        return self._rows.table(records.TransactionRecord)
 
     @cached_property
     def free(self) -> pd.DataFrame:
@@ -98,7 +79,7 @@ class Result:
 
         Columns: :data:`bussim.results.store.rows.FREE`. Raises UsageError if the run kept no rows.
         """
-        return self._rows.table(FreeRecord)
+        return self._rows.table(records.FreeRecord)
 
     @cached_property
     def values(self) -> pd.DataFrame:
@@ -108,7 +89,7 @@ class Result:
         scan has worked with. When the wire of an input changed is in :attr:`inputs`. Raises UsageError if
         the run kept no rows.
         """
-        return self._rows.table(DeviceValueRecord)
+        return self._rows.table(records.DeviceValueRecord)
 
     @cached_property
     def inputs(self) -> pd.DataFrame:
@@ -116,7 +97,7 @@ class Result:
 
         Columns: :data:`bussim.results.store.rows.INPUTS`. Raises UsageError if the run kept no rows.
         """
-        return self._rows.table(InputRecord)
+        return self._rows.table(records.InputRecord)
 
     @cached_property
     def trace(self) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from bussim.results.numbers import ms
 from bussim.units import TICKS_PER_US
 
 #: Width of a bin in ticks: 10 µs.
@@ -68,12 +69,17 @@ class Histogram:
         if self.maximum is None or high > self.maximum:
             self.maximum = high
 
-    def bars(self, width: int, first: int | None = None, last: int | None = None) -> dict[int, int]:
-        """Counts of bars that are ``width`` bins wide, of the bins from ``first`` to ``last`` (None: all)."""
+    def bars(
+        self, width: int, first: int | None = None, last: int | None = None, *, shift: int = 0
+    ) -> dict[int, int]:
+        """Counts of bars that are ``width`` bins wide, of the bins from ``first`` to ``last`` (None: all).
+
+        The first bar begins ``shift`` bins before bin 0.
+        """
         bars: Counter[int] = Counter()
         for position, times in self.bins.items():
             if (first is None or first <= position) and (last is None or position <= last):
-                bars[position // width] += times
+                bars[(position + shift) // width] += times
         return bars
 
     @property
@@ -135,3 +141,18 @@ def bar_width(span: int, most: int) -> int:
             if span <= width * most:
                 return width
         decade *= 10
+
+
+def quantiles(histogram: Histogram) -> dict[str, float | None]:
+    """All of :data:`QUANTILES` in ms; None for one with too few samples beyond it."""
+    return {name: ms(histogram.quantile(thousandths)) for name, thousandths in QUANTILES.items()}
+
+
+def statistics(histogram: Histogram) -> dict[str, float | None]:
+    """Quantiles, least, greatest and mean in ms."""
+    return {
+        **quantiles(histogram),
+        "max": ms(histogram.maximum),
+        "min": ms(histogram.minimum),
+        "mean": ms(histogram.mean),
+    }

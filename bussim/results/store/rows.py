@@ -6,107 +6,90 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bussim.results.meters.ports import response_time
-from bussim.results.store.tables import (
-    BYTES,
-    FLAG,
-    INT,
-    MILLISECONDS,
-    OPTIONAL_INT,
-    SECONDS,
-    TEXT,
-    Columns,
-    Table,
-    open_table,
-)
+from bussim.results.store import tables as column
+from bussim.results.store.tables import Columns, Table, open_table
+from bussim.trace import records
 from bussim.trace.file import TRACE, TraceWriter
-from bussim.trace.records import (
-    AttemptRecord,
-    DeviceValueRecord,
-    FreeRecord,
-    InputRecord,
-    Record,
-    ScanRecord,
-    TraceHeader,
-    TransactionRecord,
-)
+from bussim.trace.records import Record, ScanRecord, TraceHeader
 
 # The columns of each table. One that is added must be of a kind whose value may be missing: it is in the
 # tables of earlier versions.
 
 SCANS: Columns[ScanRecord] = Columns(
     {
-        "bus": (TEXT, lambda scan: scan.bus),
-        "index": (INT, lambda scan: scan.number),
-        "start_s": (SECONDS, lambda scan: scan.start),
-        "duration_ms": (MILLISECONDS, lambda scan: scan.duration),
-        "attempts": (INT, lambda scan: scan.attempts),
-        "failed": (INT, lambda scan: scan.failed),
-        "stations_in_error": (INT, lambda scan: scan.stations_in_error),
+        "bus": (column.TEXT, lambda scan: scan.bus),
+        "index": (column.INT, lambda scan: scan.number),
+        "start_s": (column.SECONDS, lambda scan: scan.start),
+        "duration_ms": (column.MILLISECONDS, lambda scan: scan.duration),
+        "attempts": (column.INT, lambda scan: scan.attempts),
+        "failed": (column.INT, lambda scan: scan.failed),
+        "stations_in_error": (column.INT, lambda scan: scan.stations_in_error),
     }
 )
-ATTEMPTS: Columns[AttemptRecord] = Columns(
+ATTEMPTS: Columns[records.AttemptRecord] = Columns(
     {
-        "bus": (TEXT, lambda attempt: attempt.bus),
-        "start_s": (SECONDS, lambda attempt: attempt.start),
-        "end_s": (SECONDS, lambda attempt: attempt.end),
-        "station": (INT, lambda attempt: attempt.station),
-        "attempt": (INT, lambda attempt: attempt.number),
-        "outcome": (TEXT, lambda attempt: attempt.outcome),
-        "code": (TEXT, lambda attempt: f"{attempt.code:02X}"),
-        "turnaround_ms": (MILLISECONDS, lambda attempt: attempt.turnaround),
+        "bus": (column.TEXT, lambda attempt: attempt.bus),
+        "start_s": (column.SECONDS, lambda attempt: attempt.start),
+        "end_s": (column.SECONDS, lambda attempt: attempt.end),
+        "station": (column.INT, lambda attempt: attempt.station),
+        "attempt": (column.INT, lambda attempt: attempt.number),
+        "outcome": (column.TEXT, lambda attempt: attempt.outcome),
+        "code": (column.TEXT, lambda attempt: f"{attempt.code:02X}"),
+        "turnaround_ms": (column.MILLISECONDS, lambda attempt: attempt.turnaround),
     }
 )
-TRANSACTIONS: Columns[TransactionRecord] = Columns(
+TRANSACTIONS: Columns[records.TransactionRecord] = Columns(
     {
-        "bus": (TEXT, lambda record: record.bus),
-        "master": (TEXT, lambda record: record.master),
-        "poll": (TEXT, lambda record: record.poll),
-        "attempt": (INT, lambda record: record.attempt),
-        "station": (INT, lambda record: record.station),
-        "function": (INT, lambda record: record.function),
-        "address": (INT, lambda record: record.address),
-        "count": (INT, lambda record: record.quantity),
-        "sent_s": (SECONDS, lambda record: record.sent),  # first edge of the request
-        "asked_s": (SECONDS, lambda record: record.asked),  # its last stop bit
-        "answered_s": (SECONDS, lambda record: record.answer_end),  # last stop bit of what decided it
-        "end_s": (SECONDS, lambda record: record.end),  # decision
-        "taken_s": (SECONDS, lambda record: record.taken),  # take-over at END
-        "response_ms": (MILLISECONDS, response_time),
-        "outcome": (TEXT, lambda record: record.outcome),
-        "error": (OPTIONAL_INT, lambda record: record.error),  # yy of D8063 = 7xyy
-        "exception": (INT, lambda record: record.exception),
-        "mismatched": (FLAG, lambda record: record.mismatched),
+        "bus": (column.TEXT, lambda record: record.bus),
+        "master": (column.TEXT, lambda record: record.master),
+        "poll": (column.TEXT, lambda record: record.poll),
+        "attempt": (column.INT, lambda record: record.attempt),
+        "station": (column.INT, lambda record: record.station),
+        "function": (column.INT, lambda record: record.function),
+        "address": (column.INT, lambda record: record.address),
+        "count": (column.INT, lambda record: record.quantity),
+        "sent_s": (column.SECONDS, lambda record: record.sent),  # first edge of the request
+        "asked_s": (column.SECONDS, lambda record: record.asked),  # its last stop bit
+        "answered_s": (column.SECONDS, lambda record: record.answer_end),  # last stop bit of what decided it
+        "end_s": (column.SECONDS, lambda record: record.end),  # decision
+        "taken_s": (column.SECONDS, lambda record: record.taken),  # take-over at END
+        "response_ms": (column.MILLISECONDS, response_time),
+        "outcome": (column.TEXT, lambda record: record.outcome),
+        "error": (column.OPTIONAL_INT, lambda record: record.error),  # yy of D8063 = 7xyy
+        "exception": (column.INT, lambda record: record.exception),
+        "mismatched": (column.FLAG, lambda record: record.mismatched),
     }
 )
-FREE: Columns[FreeRecord] = Columns(
+FREE: Columns[records.FreeRecord] = Columns(
     {
-        "bus": (TEXT, lambda record: record.bus),
-        "node": (TEXT, lambda record: record.node),
-        "poll": (TEXT, lambda record: record.poll),
-        "direction": (TEXT, lambda record: record.direction),
-        "start_s": (SECONDS, lambda record: record.start),
-        "end_s": (SECONDS, lambda record: record.end),
-        "bytes": (BYTES, lambda record: record.data.hex(" ").upper()),
-        "ended": (TEXT, lambda record: record.ended),
-        "damaged": (INT, lambda record: record.damaged),  # characters
+        "bus": (column.TEXT, lambda record: record.bus),
+        "node": (column.TEXT, lambda record: record.node),
+        "poll": (column.TEXT, lambda record: record.poll),
+        "direction": (column.TEXT, lambda record: record.direction),
+        "start_s": (column.SECONDS, lambda record: record.start),
+        "end_s": (column.SECONDS, lambda record: record.end),
+        "bytes": (column.BYTES, lambda record: record.data.hex(" ").upper()),
+        "ended": (column.TEXT, lambda record: record.ended),
+        "damaged": (column.INT, lambda record: record.damaged),  # characters
     }
 )
-VALUES: Columns[DeviceValueRecord] = Columns(
+VALUES: Columns[records.DeviceValueRecord] = Columns(
     {
-        "time_s": (SECONDS, lambda record: record.tick),
-        "plc": (TEXT, lambda record: record.plc),
-        "device": (TEXT, lambda record: record.device),
-        "value": (INT, lambda record: record.value),
+        "time_s": (column.SECONDS, lambda record: record.tick),
+        "plc": (column.TEXT, lambda record: record.plc),
+        "device": (column.TEXT, lambda record: record.device),
+        "value": (column.INT, lambda record: record.value),
     }
 )
-INPUTS: Columns[InputRecord] = Columns(
+INPUTS: Columns[records.InputRecord] = Columns(
     {
-        "time_s": (SECONDS, lambda record: record.tick),  # when the wire changed
-        "plc": (TEXT, lambda record: record.plc),
-        "device": (TEXT, lambda record: record.device),
-        "level": (INT, lambda record: record.level),  # from then on
-        "sampled_s": (SECONDS, lambda record: record.sampled),  # beginning of the scan that sampled it next
-        "seen": (FLAG, lambda record: record.seen),  # whether it still had the level then
+        "time_s": (column.SECONDS, lambda record: record.tick),  # when the wire changed
+        "plc": (column.TEXT, lambda record: record.plc),
+        "device": (column.TEXT, lambda record: record.device),
+        "level": (column.INT, lambda record: record.level),  # from then on
+        # The beginning of the scan that sampled it next, and whether it still had the level then.
+        "sampled_s": (column.SECONDS, lambda record: record.sampled),
+        "seen": (column.FLAG, lambda record: record.seen),
     }
 )
 
@@ -123,11 +106,11 @@ class Form(NamedTuple):
 #: The tables by type of record. The file of one that is not always there begins with its first row.
 FORMS: dict[type[Record], Form] = {
     ScanRecord: Form("link_scans", SCANS, always=True),
-    AttemptRecord: Form("exchanges", ATTEMPTS, traced=True, always=True),
-    TransactionRecord: Form("modbus", TRANSACTIONS),
-    FreeRecord: Form("free", FREE),
-    DeviceValueRecord: Form("values", VALUES),
-    InputRecord: Form("inputs", INPUTS),
+    records.AttemptRecord: Form("exchanges", ATTEMPTS, traced=True, always=True),
+    records.TransactionRecord: Form("modbus", TRANSACTIONS),
+    records.FreeRecord: Form("free", FREE),
+    records.DeviceValueRecord: Form("values", VALUES),
+    records.InputRecord: Form("inputs", INPUTS),
 }
 
 

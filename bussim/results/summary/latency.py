@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from bussim.results.meters.histogram import statistics
 from bussim.results.meters.latency_record import LatencyRecord
 from bussim.results.numbers import ms, s
-from bussim.results.summary.statistics import statistics
 
 
 class LatencyBounds(NamedTuple):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from bussim.results.meters.histogram import quantiles, statistics
 from bussim.results.meters.ports import FreeCounts, Poll, PortRecord
 from bussim.results.numbers import by_code, ms, share, whole
-from bussim.results.summary.statistics import quantiles, statistics
 from bussim.trace.records import BusTotals, DeviceTotals, PortTotals, RunTotals
 from bussim.units import milliseconds
 

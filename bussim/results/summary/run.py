@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from bussim.results.meters.histogram import quantiles
 from bussim.results.meters.latency_record import LatencyRecord
 from bussim.results.meters.link import LinkRecord, ScanTimes
 from bussim.results.meters.ports import PortRecord
@@ -13,7 +14,6 @@ from bussim.results.numbers import by_code, ms, s, share, whole
 from bussim.results.summary import SCHEMA
 from bussim.results.summary.latency import LatencyBounds, latency_summary
 from bussim.results.summary.ports import bus_summary, device_summary, port_summary, unlisted_ports
-from bussim.results.summary.statistics import quantiles
 from bussim.trace.records import LinkTotals, PlcTotals, RunTotals
 from bussim.units import milliseconds
 from bussim.version import __version__

@@ -65,7 +65,7 @@ def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:
     yield f"{name}: {what} on {port['bus']}{_timeout(port)}"
     yield from _counts(port)
     if port["errors"]:
-        errors = ", ".join(f"{yy} {_times(number)}" for yy, number in port["errors"].items())
+        errors = ", ".join(f"{yy} {number:,}×" for yy, number in port["errors"].items())
         yield f"  port errors      yy of D8063 = 7xyy: {errors}"
 
 
@@ -89,12 +89,12 @@ def _counts(node: Mapping[str, Any]) -> Iterator[str]:
 
 def _master(port: Mapping[str, Any]) -> Iterator[str]:
     failures = [
-        *(f"{_grouped(number)} exception {code}" for code, number in port["exceptions"].items()),
+        *(f"{number:,} exception {code}" for code, number in port["exceptions"].items()),
         *_unless_none(port["timeouts"], "no response in time"),
         *_unless_none(port["crc_errors"], "CRC or LRC"),
-        *(f"{_grouped(number)} {words}" for words, number in port["other_errors"].items()),
+        *(f"{number:,} {words}" for words, number in port["other_errors"].items()),
     ]
-    counts = [f"{_grouped(port['transactions'])}: {_grouped(port['ok'])} ok", *failures]
+    counts = [f"{port['transactions']:,}: {port['ok']:,} ok", *failures]
     mismatched = port["mismatched_responses"]
     wrong = (
         f"; {counted(mismatched, 'response')} taken that belonged to another request" if mismatched else ""
@@ -113,7 +113,7 @@ def _master(port: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _poll(poll: Mapping[str, Any]) -> str:
-    words = f"{counted(poll['turns'], 'turn')}, {_grouped(poll['failed_turns'])} failed"
+    words = f"{counted(poll['turns'], 'turn')}, {poll['failed_turns']:,} failed"
     if poll["response_ms"]["max"] is not None:
         words += f"; response {times_in_words(poll['response_ms'])}"
     age = poll["age_ms"]
@@ -127,12 +127,12 @@ def _poll(poll: Mapping[str, Any]) -> str:
 
 
 def _slave(node: Mapping[str, Any]) -> str:
-    words = [_grouped(node["requests"]), f"{_grouped(node['answered'])} answered"]
+    words = [f"{node['requests']:,}", f"{node['answered']:,} answered"]
     words += _unless_none(node.get("broadcasts", 0), "broadcasts")
     if "transactions" not in node:  # else the exceptions stand among the master's
-        words += [f"{_grouped(number)} exception {code}" for code, number in node["exceptions"].items()]
+        words += [f"{number:,} exception {code}" for code, number in node["exceptions"].items()]
     if node["rejected"]:
-        reasons = ", ".join(f"{reason} {_times(number)}" for reason, number in node["rejected"].items())
+        reasons = ", ".join(f"{reason} {number:,}×" for reason, number in node["rejected"].items())
         words.append(f"ignored: {reasons}")
     return ", ".join(words)
 
@@ -140,8 +140,8 @@ def _slave(node: Mapping[str, Any]) -> str:
 def _free(node: Mapping[str, Any]) -> str:
     data = node["bytes"]
     words = [
-        f"{_grouped(node['sent'])} sent ({counted(data['sent'], 'byte')})",
-        f"{_grouped(node['received'])} received ({counted(data['received'], 'byte')})",
+        f"{node['sent']:,} sent ({counted(data['sent'], 'byte')})",
+        f"{node['received']:,} received ({counted(data['received'], 'byte')})",
         *_unless_none(node["timeouts"], "ended by timeout"),
         *_unless_none(node["damaged"], "damaged characters"),
     ]
@@ -159,12 +159,4 @@ def _timeout(node: Mapping[str, Any]) -> str:
 
 
 def _unless_none(number: int, what: str) -> list[str]:
-    return [f"{_grouped(number)} {what}"] if number else []
-
-
-def _times(number: int) -> str:
-    return f"{number:,}×"
-
-
-def _grouped(number: int) -> str:
-    return f"{number:,}"
+    return [f"{number:,} {what}"] if number else []
