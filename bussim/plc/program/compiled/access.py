@@ -1,7 +1,7 @@
 """Reads and writes operands: closures bound to a machine's memory.
 
-Words are read as patterns of bits (0…65535, or 0…2³²−1 in a D form); :func:`signed` gives their
-value. Addresses that an index register moves out of their range raise OperationError.
+Words are read as patterns of bits (0…65535, or 0…2³²−1 in a D form). Addresses that an index register moves
+out of their range raise OperationError.
 """
 
 from __future__ import annotations
@@ -24,12 +24,6 @@ _BITS_OF = [bytes(value >> place & 1 for place in range(8)) for value in range(2
 _FOUR, _EIGHT = Struct("=I"), Struct("=Q")
 _OF_FOUR = {_FOUR.unpack(pattern[:4]): value for value, pattern in enumerate(_BITS_OF[:16])}
 _OF_EIGHT = {_EIGHT.unpack(pattern): value for value, pattern in enumerate(_BITS_OF)}
-
-
-def signed(pattern: int, *, wide: bool = False) -> int:
-    """The two's complement value of a pattern."""
-    half = 0x80000000 if wide else 0x8000
-    return (pattern ^ half) - half
 
 
 def _offset(machine: Machine, operand: Operand) -> Callable[[], int] | None:
@@ -70,21 +64,13 @@ def locate(machine: Machine, operand: Operand, span: int, *, word: bool) -> Call
     return lambda: find(span)
 
 
-def plain(machine: Machine, operand: Operand) -> tuple[array[int], int] | None:
+def word_of(machine: Machine, operand: Operand) -> tuple[array[int], int]:
     """The array and place of a 16-bit word that never moves: a device without index, or a constant."""
     if operand.index is not None or operand.groups:
-        return None
+        raise ValueError(f"{operand.text} is no single word")
     if operand.kind == "K":
         return array("H", [operand.address & 0xFFFF]), 0
     return machine.words[operand.letter], operand.address
-
-
-def word_of(machine: Machine, operand: Operand) -> tuple[array[int], int]:
-    """The same of an operand that has no index and is no group."""
-    found = plain(machine, operand)
-    if found is None:
-        raise ValueError(f"{operand.text} is no single word")
-    return found
 
 
 def reader(machine: Machine, operand: Operand, *, wide: bool = False) -> Reader:

@@ -68,7 +68,7 @@ def blocks(program: Program, machine: Machine, **flow: object) -> list[Block]:
     """A program's blocks on a machine. ``flow``: what its jumps use (call, calls, loops, watch)."""
     arrays = {WORD_ARRAYS[letter]: words for letter, words in machine.words.items()}
     state = {name: getattr(machine, name) for name in ARRAYS if hasattr(machine, name)}
-    names: dict[str, Any] = machine.bits | arrays | state | flow
+    names: dict[str, Any] = machine.bits | arrays | state | flow | {"stored": arithmetic.stored}
     for at in program.instructions:
         names |= _functions(machine, at)
     # The text is made of numbers and of names that this package chooses.

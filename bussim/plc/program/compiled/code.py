@@ -36,6 +36,9 @@ _OF_WORDS = {
     "INC": "{0} = {0} + 1 & 0xFFFF",
     "DEC": "{0} = {0} - 1 & 0xFFFF",
     "NEG": "{0} = -{0} & 0xFFFF",
+    # Patterns with their sign bit inverted are the values plus 32768.
+    "ADD": "{2} = stored(M, ({0} ^ 0x8000) + ({1} ^ 0x8000) - 0x10000) & 0xFFFF",
+    "SUB": "{2} = stored(M, ({0} ^ 0x8000) - ({1} ^ 0x8000)) & 0xFFFF",
 }
 #: Comparisons that Python writes in another way.
 _OPERATORS = {"=": "==", "<>": "!="}

@@ -10,11 +10,10 @@ of the least value by -1, is an error (6706).
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Callable
 
 from bussim.plc.memory import FIRST_LONG_COUNTER
-from bussim.plc.program.compiled.access import Writer, locate, plain, reader, value_reader, writer
+from bussim.plc.program.compiled.access import Writer, locate, reader, value_reader, writer
 from bussim.plc.program.machine import BORROW, CARRY, ZERO, Act, Machine, OperationError
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.operands import Operand
@@ -23,9 +22,6 @@ from bussim.plc.program.text.operands import Operand
 def add(machine: Machine, at: Instruction) -> Act:
     """ADD and SUB."""
     wide, sign = at.form.wide, 1 if at.spec.name == "ADD" else -1
-    places = [plain(machine, operand) for operand in at.operands]
-    if not wide and places[0] is not None and places[1] is not None and places[2] is not None:
-        return _add_words(machine.bits["M"], *places[0], *places[1], *places[2], sign)
     first, second = (value_reader(machine, operand, wide=wide) for operand in at.operands[:2])
     write = writer(machine, at.operands[2], wide=wide)
     flags = machine.bits["M"]
@@ -33,42 +29,25 @@ def add(machine: Machine, at: Instruction) -> Act:
 
     def act() -> None:
         total = first() + sign * second()
-        write(_kept(total, most))
-        _set_flags(flags, total, most)
+        write(_kept(total, most))  # where it has no place, the flags stay as they are
+        stored(flags, total, most)
 
     return act
 
 
 def _kept(total: int, most: int) -> int:
-    """What is stored of a result."""
     if total > most:
         return total - most - 1
     return total + most + 2 if total < -most - 1 else total
 
 
-def _set_flags(flags: bytearray, total: int, most: int) -> None:
-    flags[ZERO] = not _kept(total, most)
+def stored(flags: bytearray, total: int, most: int = 0x7FFF) -> int:
+    """What ADD and SUB store of a result, whose greatest value is ``most``; sets the flags."""
+    kept = _kept(total, most)
+    flags[ZERO] = not kept
     flags[BORROW] = total < -most - 1
     flags[CARRY] = total > most
-
-
-def _add_words(
-    flags: bytearray, a: array[int], i: int, b: array[int], j: int, c: array[int], k: int, sign: int
-) -> Act:
-    # Patterns with their sign bit inverted are the values plus 32768.
-    offset = 0x10000 if sign > 0 else 0
-
-    def act() -> None:
-        total = (a[i] ^ 0x8000) + sign * (b[j] ^ 0x8000) - offset
-        if -0x8000 <= total <= 0x7FFF:  # nearly always
-            c[k] = result = total & 0xFFFF
-            flags[ZERO] = not result
-            flags[BORROW] = flags[CARRY] = 0
-        else:
-            c[k] = _kept(total, 0x7FFF) & 0xFFFF
-            _set_flags(flags, total, 0x7FFF)
-
-    return act
+    return kept
 
 
 def step(machine: Machine, at: Instruction) -> Act:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 from bussim.plc.program.text.operands import Operand
 
@@ -105,28 +106,18 @@ class Instruction:
 
 def _contacts() -> list[Spec]:
     bit = (Slot("device", CONTACTS, index=False),)
+    words = (Slot("first", WORDS_FROM), Slot("second", WORDS_FROM))
     found = []
     for join, inverted in (("LD", "LDI"), ("AND", "ANI"), ("OR", "ORI")):
-        found += [
-            Spec(join, Role.CONTACT, bit, join=join, test="on"),
-            Spec(inverted, Role.CONTACT, bit, join=join, test="off"),
-            Spec(f"{join}P", Role.CONTACT, bit, join=join, test="rise", steps=2),
-            Spec(f"{join}F", Role.CONTACT, bit, join=join, test="fall", steps=2),
-        ]
-        words = (Slot("first", WORDS_FROM), Slot("second", WORDS_FROM))
-        found += [
-            Spec(
-                f"{join}{test}",
-                Role.CONTACT,
-                words,
-                "D",
-                f"{join}D{test}",
-                group="comparison",
-                join=join,
-                test=test,
-            )
-            for test in ("=", ">", "<", "<>", "<=", ">=")
-        ]
+        for name, test, steps in (
+            *((join, "on", None), (inverted, "off", None)),
+            *((f"{join}P", "rise", 2), (f"{join}F", "fall", 2)),
+        ):
+            found.append(Spec(name, Role.CONTACT, bit, join=join, test=test, steps=steps))
+        for test in ("=", ">", "<", "<>", "<=", ">="):
+            wide = f"{join}D{test}"
+            compared = Spec(f"{join}{test}", Role.CONTACT, words, "D", wide, "comparison", None, join, test)
+            found.append(compared)
     return found
 
 
@@ -146,135 +137,75 @@ _BLOCK_WORDS = ("KnX", "KnY", "KnM", "KnS", "T", "C", "D")
 _BLOCK_TO = _BLOCK_WORDS[1:]
 _LABEL = (Slot("label", ("P",), index=False),)
 _ADDED = (_S1, _S2, _D)
+_LIMITS = (replace(_S, name="lower limit"), replace(_S, name="upper limit"))
+_LOGIC = ("AND", "OR", "XOR")
+
+
+def _output(name: str, *slots: Slot, forms: str = "", group: str = "basic", **more: Any) -> Spec:
+    return Spec(name, Role.OUTPUT, slots, forms, group=group, **more)
 
 
 def _shift(name: str) -> Spec:
-    slots = (
-        Slot("source", BITS_FROM, by="n2"),
-        Slot("destination", BITS_TO, writes=True, by="n1"),
-        Slot("n1", ("K",), limits=(1, 1024), index=False),
-        Slot("n2", ("K",), limits=(1, 1024), index=False),
-    )
-    return Spec(name, Role.OUTPUT, slots, "P", group="block", fallible=True)
+    source, target = Slot("source", BITS_FROM, by="n2"), Slot("destination", BITS_TO, writes=True, by="n1")
+    lengths = (Slot(n, ("K",), limits=(1, 1024), index=False) for n in ("n1", "n2"))
+    return _output(name, source, target, *lengths, forms="P", group="block", fallible=True)
 
 
-def _rotate(name: str) -> Spec:
-    n = Slot("n", ("K",), limits=(1, 16), wide_limits=(1, 32), index=False)
-    return Spec(name, Role.OUTPUT, (_D, n), "DP", group="block")
+def _block(name: str, source: Slot, target: Slot, most: int, forms: str) -> Spec:
+    return _output(name, source, target, _count("n", 1, most), forms=forms, group="block", fallible=True)
 
 
+_FIXED_BIT = replace(_ONE_BIT, takes=("Y", "M"))
+_BLOCK_SOURCE = Slot("source", _BLOCK_WORDS, by="n")
+_BLOCK_TARGET = Slot("destination", _BLOCK_TO, writes=True, by="n")
+_ROTATED = (_D, Slot("n", ("K",), limits=(1, 16), wide_limits=(1, 32), index=False))
+_RESET = Slot("device", (*BITS_TO, "T", "C", "D", "V", "Z"), writes=True, index=False)
+_ZONE = Slot("first device", (*BITS_TO, "T", "C", "D"), writes=True, index=False)
+_PORT_REGISTER = Slot("S", ("D",), index=False)
+_PORT_COUNT = Slot("m", COUNTS, index=False, limits=(0, 0xFFFF))
 _OUTPUTS = [
-    Spec("OUT", Role.OUTPUT, (Slot("device", (*BITS_TO, "T", "C"), writes=True, index=False),)),
-    Spec("SET", Role.OUTPUT, (_ONE_BIT,)),
-    Spec(
-        "RST",
-        Role.OUTPUT,
-        (Slot("device", (*BITS_TO, "T", "C", "D", "V", "Z"), writes=True, index=False),),
-    ),
-    Spec("PLS", Role.OUTPUT, (replace(_ONE_BIT, takes=("Y", "M")),), steps=2),
-    Spec("PLF", Role.OUTPUT, (replace(_ONE_BIT, takes=("Y", "M")),), steps=2),
-    Spec(
-        "MC",
-        Role.OUTPUT,
-        (Slot("level", ("N",), index=False), replace(_ONE_BIT, takes=("Y", "M"))),
-        steps=3,
-    ),
-    Spec("CJ", Role.OUTPUT, _LABEL, "P", steps=3),
-    Spec("CALL", Role.OUTPUT, _LABEL, "P", steps=3),
-    Spec("WDT", Role.OUTPUT, forms="P", steps=1),
-    Spec("MOV", Role.OUTPUT, (_S, _D), "DP", group="move"),
-    Spec("CML", Role.OUTPUT, (_S, _D), "DP", group="move"),
-    Spec(
-        "XCH",
-        Role.OUTPUT,
-        (replace(_D, name="first word"), replace(_D, name="second word")),
-        "DP",
-        group="move",
-    ),
-    Spec(
-        "BMOV",
-        Role.OUTPUT,
-        (
-            Slot("source", _BLOCK_WORDS, by="n"),
-            Slot("destination", _BLOCK_TO, writes=True, by="n"),
-            _count("n", 1, 512),
-        ),
-        "P",
-        group="block",
-        fallible=True,
-    ),
-    Spec(
-        "FMOV",
-        Role.OUTPUT,
-        (_S, Slot("destination", _BLOCK_TO, writes=True, by="n"), _count("n", 1, 512)),
-        "DP",
-        group="block",
-        fallible=True,
-    ),
-    Spec("BCD", Role.OUTPUT, (_S, _D), "DP", group="arithmetic", fallible=True),
-    Spec("BIN", Role.OUTPUT, (_S, _D), "DP", group="arithmetic", fallible=True),
-    Spec("ADD", Role.OUTPUT, _ADDED, "DP", group="arithmetic"),
-    Spec("SUB", Role.OUTPUT, _ADDED, "DP", group="arithmetic"),
-    Spec("MUL", Role.OUTPUT, (_S1, _S2, _DOUBLE), "DP", group="arithmetic"),
-    Spec("DIV", Role.OUTPUT, (_S1, _S2, _DOUBLE), "DP", group="arithmetic", fallible=True),
-    Spec("INC", Role.OUTPUT, (_D,), "DP", group="arithmetic"),
-    Spec("DEC", Role.OUTPUT, (_D,), "DP", group="arithmetic"),
-    Spec("NEG", Role.OUTPUT, (_D,), "DP", group="arithmetic"),
-    Spec("WAND", Role.OUTPUT, _ADDED, "DP", "DAND", group="move"),
-    Spec("WOR", Role.OUTPUT, _ADDED, "DP", "DOR", group="move"),
-    Spec("WXOR", Role.OUTPUT, _ADDED, "DP", "DXOR", group="move"),
-    Spec("CMP", Role.OUTPUT, (_S1, _S2, _THREE_BITS), "DP", group="arithmetic"),
-    Spec(
-        "ZCP",
-        Role.OUTPUT,
-        (replace(_S, name="lower limit"), replace(_S, name="upper limit"), _S, _THREE_BITS),
-        "DP",
-        group="arithmetic",
-    ),
-    _rotate("ROR"),
-    _rotate("ROL"),
+    _output("OUT", Slot("device", (*BITS_TO, "T", "C"), writes=True, index=False)),
+    _output("SET", _ONE_BIT),
+    _output("RST", _RESET),
+    _output("PLS", _FIXED_BIT, steps=2),
+    _output("PLF", _FIXED_BIT, steps=2),
+    _output("MC", Slot("level", ("N",), index=False), _FIXED_BIT, steps=3),
+    _output("CJ", *_LABEL, forms="P", steps=3),
+    _output("CALL", *_LABEL, forms="P", steps=3),
+    _output("WDT", forms="P", steps=1),
+    *(_output(name, _S, _D, forms="DP", group="move") for name in ("MOV", "CML")),
+    _output("XCH", replace(_D, name="first word"), replace(_D, name="second word"), forms="DP", group="move"),
+    _block("BMOV", _BLOCK_SOURCE, _BLOCK_TARGET, 512, "P"),
+    _block("FMOV", _S, _BLOCK_TARGET, 512, "DP"),
+    *(_output(name, _S, _D, forms="DP", group="arithmetic", fallible=True) for name in ("BCD", "BIN")),
+    *(_output(name, *_ADDED, forms="DP", group="arithmetic") for name in ("ADD", "SUB")),
+    _output("MUL", _S1, _S2, _DOUBLE, forms="DP", group="arithmetic"),
+    _output("DIV", _S1, _S2, _DOUBLE, forms="DP", group="arithmetic", fallible=True),
+    *(_output(name, _D, forms="DP", group="arithmetic") for name in ("INC", "DEC", "NEG")),
+    *(_output(f"W{name}", *_ADDED, forms="DP", wide_name=f"D{name}", group="move") for name in _LOGIC),
+    _output("CMP", _S1, _S2, _THREE_BITS, forms="DP", group="arithmetic"),
+    _output("ZCP", *_LIMITS, _S, _THREE_BITS, forms="DP", group="arithmetic"),
+    *(_output(name, *_ROTATED, forms="DP", group="block") for name in ("ROR", "ROL")),
     _shift("SFTR"),
     _shift("SFTL"),
-    Spec("ALT", Role.OUTPUT, (replace(_ONE_BIT, index=True),), "P", group="move"),
-    Spec(
-        "ZRST",
-        Role.OUTPUT,
-        (
-            Slot("first device", (*BITS_TO, "T", "C", "D"), writes=True, index=False),
-            Slot("last device", (*BITS_TO, "T", "C", "D"), writes=True, index=False),
-        ),
-        "P",
-        group="block",
-    ),
-    Spec(
-        "MEAN",
-        Role.OUTPUT,
-        (Slot("source", _BLOCK_WORDS, by="n"), _D, _count("n", 1, 64)),
-        "DP",
-        group="block",
-        fallible=True,
-    ),
+    _output("ALT", replace(_ONE_BIT, index=True), forms="P", group="move"),
+    _output("ZRST", _ZONE, replace(_ZONE, name="last device"), forms="P", group="block"),
+    _block("MEAN", _BLOCK_SOURCE, _D, 64, "DP"),
     # PW10 board manual, section 5.
-    Spec(
+    _output(
         "RS2",
-        Role.OUTPUT,
-        (
-            Slot("S", ("D",), index=False),
-            Slot("m", COUNTS, index=False, limits=(0, 0xFFFF)),
-            Slot("D", ("D",), index=False),
-            Slot("n", COUNTS, index=False, limits=(0, 0xFFFF)),
-            Slot("n1", COUNTS, index=False, limits=(2, 6)),
-        ),
+        _PORT_REGISTER,
+        _PORT_COUNT,
+        replace(_PORT_REGISTER, name="D"),
+        replace(_PORT_COUNT, name="n"),
+        replace(_PORT_COUNT, name="n1", limits=(2, 6)),
         group="serial",
     ),
-    Spec(
+    _output(
         "CPAVL",
-        Role.OUTPUT,
-        (
-            Slot("S", ("D",), points=20, index=False),
-            Slot("D", ("M",), points=20, index=False),
-            Slot("M", ("K",), index=False, limits=(2, 6)),
-        ),
+        replace(_PORT_REGISTER, points=20),
+        Slot("D", ("M",), points=20, index=False),
+        Slot("M", ("K",), index=False, limits=(2, 6)),
         group="serial",
         steps=11,
     ),
