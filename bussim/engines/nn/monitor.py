@@ -62,37 +62,17 @@ class ReceptionState(NamedTuple):
     data_counter: int
 
 
-class LinkMonitor:
-    """The notes of one slave. Methods return hints, see :mod:`bussim.engines.contract`."""
+_NOTHING_RECEIVED = ReceptionState(NONE_PENDING, 0, codes.NOT_IN_NETWORK, -1, 0, None, 0)
 
-    def __init__(self, config: SlaveConfig) -> None:
-        self.config = config
-        self.status = LinkStatus()
-        self._events: deque[SlaveEvent] = deque()
-        self._reset_notes()
 
-    def _reset_notes(self) -> None:
-        self._counter = -1  # of the latest master frame
-        self._pending = NONE_PENDING  # station whose poll has no reply yet
-        self._pending_counter = 0
-        self._outcome = codes.NOT_IN_NETWORK
-        self._watching = False
-        # The master is in error or was not received yet: its next frame changes that.
-        self._alert = True
-        #: Ticks without a valid master frame after which code 11 is due, 0 while unknown.
-        self.watchdog = 0
-        self._heard_master = 0
-        self._master_damaged = False
-        self._data_start: int | None = None  # of the master's latest data frame
-        self._data_counter = 0
-
-    # -- the state of reception: a driver may keep one for several slaves --------------------------
+class Reception:
+    """The state of reception of one slave, or of several that have received the same."""
 
     @property
     def reception(self) -> ReceptionState:
-        """The state of its reception."""
+        """The state as one value."""
         return ReceptionState(
-            self._pending,
+            self.pending,
             self._pending_counter,
             self._outcome,
             self._counter,
@@ -104,7 +84,7 @@ class LinkMonitor:
     def resume(self, state: ReceptionState) -> None:
         """Go on as if it had itself received the frames that led to this state."""
         (
-            self._pending,
+            self.pending,
             self._pending_counter,
             self._outcome,
             self._counter,
@@ -113,14 +93,32 @@ class LinkMonitor:
             self._data_counter,
         ) = state
 
+
+class LinkMonitor(Reception):
+    """The notes of one slave. Methods return hints, see :mod:`bussim.engines.contract`."""
+
+    def __init__(self, config: SlaveConfig) -> None:
+        self.config = config
+        self.status = LinkStatus()
+        self._events: deque[SlaveEvent] = deque()
+
+    def _reset_notes(self) -> None:
+        self._watching = False
+        # The master is in error or was not received yet: its next frame changes that.
+        self._alert = True
+        #: Ticks without a valid master frame after which code 11 is due, 0 while unknown.
+        self.watchdog = 0
+        self._master_damaged = False
+        self.resume(_NOTHING_RECEIVED)
+
     # -- frames ------------------------------------------------------------------------------------
 
     def _master_data(self, frame: Frame, start: int, end: int) -> int:
         hints = self._master_heard(end) if self._alert else 0
         self._heard_master = end
-        if self._pending >= 0:
+        if self.pending >= 0:
             hints |= self._no_reply(end)
-            self._pending = NONE_PENDING
+            self.pending = NONE_PENDING
         counter = frame.counter
         if self._data_start is not None and counter == (self._data_counter + 1) & 15:
             self.status.measured(start - self._data_start, start)
@@ -133,20 +131,20 @@ class LinkMonitor:
         station = frame.station
         if station == self.config.station:
             return 0
-        if self._pending >= 0:
+        if self.pending >= 0:
             # A reply to a poll of another station, or to an older one.
-            wrong = station != self._pending
+            wrong = station != self.pending
             return self._failed(codes.HEARD_WRONG_STATION if wrong else codes.HEARD_WRONG_COUNTER)
         if frame.counter != self._counter:
             return 0
         # This slave missed the poll: the data are good, and no outcome is to be noted.
-        self._pending, self._pending_counter = ~station, frame.counter
+        self.pending, self._pending_counter = ~station, frame.counter
         return STORED | (self._back(station, end) if self.status.flags[station] else 0)
 
     def _damaged(self, damage: Damage, now: int) -> int:
         header = damage.header
         masters = header in (ENQ, SOH) or (header == STX and damage.first == _MASTERS_DIGIT)
-        if masters or self._pending < 0:
+        if masters or self.pending < 0:
             if self._master_damaged:
                 return 0
             self._master_damaged = True
@@ -157,7 +155,7 @@ class LinkMonitor:
 
     def _poll_noted(self, station: int, counter: int, end: int) -> int:
         """A poll of the master: the one before it has failed unless this is a new attempt of it."""
-        pending, same = self._pending, counter == self._pending_counter
+        pending, same = self.pending, counter == self._pending_counter
         hints = 0
         if pending >= 0 and not (same and station == pending):
             hints = self._no_reply(end)
@@ -166,7 +164,7 @@ class LinkMonitor:
         else:
             self._outcome = codes.NOT_IN_NETWORK
         self._counter = self._pending_counter = counter
-        self._pending = station
+        self.pending = station
         return hints
 
     def _back(self, station: int, now: int) -> int:
@@ -182,7 +180,7 @@ class LinkMonitor:
 
     def _no_reply(self, now: int) -> int:
         """The master has moved past the polled station, whose reply was never received here."""
-        station = self._pending
+        station = self.pending
         if station == self.config.station or self._outcome == _ANSWERED:
             return 0
         status = self.status

@@ -107,10 +107,10 @@ class Slave(LinkMonitor):
                 self._reader.reject(frame, start)
                 return OPEN
             station = frame.station
-            if station == self._pending and frame.counter == self._pending_counter:
+            if station == self.pending and frame.counter == self._pending_counter:
                 if station == self.config.station:
                     return 0
-                self._pending = ~station
+                self.pending = ~station
                 if self.status.flags[station]:
                     return STORED | self._back(station, end)
                 return STORED
@@ -148,8 +148,8 @@ class Slave(LinkMonitor):
         self._set_watchdog(settings)
         self.state = SLAVE[self.state, SlaveInput.PARAMETERS]
         self._counter = frame.counter
-        if self._pending < 0:
-            self._pending = NONE_PENDING  # a master that starts again counts from 0 again
+        if self.pending < 0:
+            self.pending = NONE_PENDING  # a master that starts again counts from 0 again
         return hints | self._master_heard(end)
 
     def line_idle(self, now: int) -> int:
@@ -177,8 +177,8 @@ class Slave(LinkMonitor):
     def transmit_done(self, now: int) -> int:
         """The reply has left: its poll is answered, as far as this station knows."""
         if self.state is SlaveState.LINKED:
-            if self._pending == self.config.station and self._pending_counter == self._sent_counter:
-                self._pending = ~self._pending
+            if self.pending == self.config.station and self._pending_counter == self._sent_counter:
+                self.pending = ~self.pending
             self.status.running = True
         return 0
 

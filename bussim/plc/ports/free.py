@@ -21,13 +21,13 @@ from bussim.plc.ports.device_layout import fetch_words, store_words, words_fit
 from bussim.plc.ports.events import FreeReceived, FreeSent
 from bussim.plc.ports.free_list import FreeList
 from bussim.plc.ports.rs2 import Drive, FreeCall, Rs2, free_call
-from bussim.plc.ports.side import EngineItem
+from bussim.plc.ports.side import EngineItem, Side
 from bussim.plc.ports.spec import FreeSpec
 from bussim.plc.ports.status import PortStatus
 
 
-class FreeSide:
-    """See :class:`~bussim.plc.ports.side.Side`."""
+class FreeSide(Side):
+    """See the base class."""
 
     def __init__(
         self, engine: FreePort, status: PortStatus, specs: Sequence[FreeSpec], *, eight_bit: bool, now: int
@@ -60,7 +60,7 @@ class FreeSide:
         return self._sending or self.engine.receiving or bool(self._reported)
 
     def wanted_end(self, now: int) -> int | None:
-        """See the protocol."""
+        """See the base class."""
         if self._reported:
             return now
         if self._owner != self._driven or self._acknowledge:
@@ -83,7 +83,7 @@ class FreeSide:
         return self._driven.name if isinstance(self._driven, FreeSpec) else ""
 
     def event(self, item: EngineItem, now: int) -> None:
-        """See the protocol."""
+        """See the base class."""
         if isinstance(item, Sent):
             self._reported.append(item)
         elif isinstance(item, Received):
@@ -94,7 +94,7 @@ class FreeSide:
             self._damage = item.error
 
     def release(self, now: int) -> None:
-        """See the protocol. What has been sent is reported; what no END has taken over is lost."""
+        """See the base class. What has been sent is reported; what no END has taken over is lost."""
         for item in self._reported:
             if isinstance(item, Sent):
                 self._status.events.append(FreeSent(self._name, item))
@@ -104,7 +104,7 @@ class FreeSide:
     # -- instructions ------------------------------------------------------------------------------
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
-        """See the protocol. How many bytes are received is taken when it goes on, all else when it sends."""
+        """See the base class. How many bytes it receives is taken when it goes on, all else when it sends."""
         if self._owner is not None and self._owner != instruction:
             return Drive.BUSY
         self._owner = instruction
@@ -112,7 +112,7 @@ class FreeSide:
         return Drive.RUNNING
 
     def undrive(self, instruction: Hashable, now: int) -> None:
-        """See the protocol."""
+        """See the base class."""
         if self._owner == instruction:
             self._owner = self._call = None
 
@@ -139,7 +139,7 @@ class FreeSide:
     # -- END ---------------------------------------------------------------------------------------
 
     def at_end(self, end: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         self._next = end + 1
         status, engine = self._status, self.engine
         hints = 0

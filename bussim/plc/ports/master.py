@@ -25,13 +25,13 @@ from bussim.plc.ports.device_layout import fetch, fits, store
 from bussim.plc.ports.events import TransactionTaken, TurnEnded
 from bussim.plc.ports.requests import make_request
 from bussim.plc.ports.rs2 import Call, Drive, Rs2, modbus_call
-from bussim.plc.ports.side import EngineItem
+from bussim.plc.ports.side import EngineItem, Side
 from bussim.plc.ports.spec import PollSpec
 from bussim.plc.ports.status import PortStatus
 
 
-class MasterSide:
-    """See :class:`~bussim.plc.ports.side.Side`."""
+class MasterSide(Side):
+    """See the base class."""
 
     def __init__(self, engine: Master, status: PortStatus, polls: Sequence[PollSpec], now: int) -> None:
         self.engine = engine
@@ -51,7 +51,7 @@ class MasterSide:
         return self._running is not None
 
     def wanted_end(self, now: int) -> int | None:
-        """See the protocol."""
+        """See the base class."""
         if self._running is not None:
             return None if self._ended is None else self._ended.end
         if self._call is not None:
@@ -59,18 +59,18 @@ class MasterSide:
         return self._list.next_due() if self._owner is None else None
 
     def event(self, item: EngineItem, now: int) -> None:
-        """See the protocol."""
+        """See the base class."""
         if isinstance(item, TransactionEnded):
             self._ended = item
 
     def release(self, now: int) -> None:
-        """See the protocol."""
+        """See the base class."""
         self._status.set_bit(RUNNING, 0)
 
     # -- instructions ------------------------------------------------------------------------------
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
-        """See the protocol. An instruction that has the port and waits may change its operands."""
+        """See the base class. An instruction that has the port and waits may change its operands."""
         if self._owner is not None and self._owner != instruction:
             return Drive.BUSY
         self._owner = instruction
@@ -79,7 +79,7 @@ class MasterSide:
         return Drive.RUNNING
 
     def undrive(self, instruction: Hashable, now: int) -> None:
-        """See the protocol."""
+        """See the base class."""
         if self._owner == instruction:
             self._owner = None
             if self._call is not None:
@@ -110,7 +110,7 @@ class MasterSide:
     # -- END ---------------------------------------------------------------------------------------
 
     def at_end(self, end: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         hints = 0
         again: PollSpec | None = None
         ended = self._ended

@@ -63,7 +63,7 @@ class PortRegisters:
         listener_of(self._free)
         self._profile = profile
         self._maps = maps
-        self._side: Side | None = None
+        self._side = Side()
         self._events: deque[PortEvent] = deque()
 
     def _check(self, words: Device, bits: Device) -> None:
@@ -90,7 +90,8 @@ class PortRegisters:
         None where the port has no protocol that is simulated, or refuses its words: then M8063 and
         D8063 say so, and it stays silent.
         """
-        self.engine = self._side = self.settings = None
+        self.engine = self.settings = None
+        self._side = Side()
         self.active = False
         status = PortStatus(self.spec.name, memory, self._places, errors, self._events)
         status.good()
@@ -102,10 +103,10 @@ class PortRegisters:
         self._side = self._make(settings, status, now)
         return self.engine
 
-    def _make(self, settings: PortSettings, status: PortStatus, now: int) -> Side | None:
+    def _make(self, settings: PortSettings, status: PortStatus, now: int) -> Side:
         protocol, profile = settings.protocol, self._profile
         if protocol is None or protocol == "hmi":
-            return None
+            return Side()
         if protocol == "free":
             free = self.engine = FreePort(
                 FreeConfig(
@@ -142,9 +143,8 @@ class PortRegisters:
 
     def release(self, now: int) -> None:
         """STOP or power-off: what was under way is forgotten. The driver stops the engine itself."""
-        if self._side is not None:
-            self._side.release(now)
-        self.engine = self._side = None
+        self._side.release(now)
+        self.engine, self._side = None, Side()
         self.active = False
 
     # -- END ---------------------------------------------------------------------------------------
@@ -155,8 +155,6 @@ class PortRegisters:
         None: no END does before something happens on the wire or in a program.
         """
         side = self._side
-        if side is None:
-            return None
         return now if side.busy != self.active else side.wanted_end(now)
 
     @property
@@ -166,17 +164,13 @@ class PortRegisters:
 
     def at_end(self, end: int) -> int:
         """Carry out what happens at this END; returns hints for the engine (see its contract)."""
-        side = self._side
-        if side is None:
-            return 0
-        hints = side.at_end(end)
-        self.active = side.busy
+        hints = self._side.at_end(end)
+        self.active = self._side.busy
         return hints
 
     def event(self, item: EngineItem, now: int) -> None:
         """Take an event of the engine."""
-        if self._side is not None:
-            self._side.event(item, now)
+        self._side.event(item, now)
 
     def poll(self) -> PortEvent | None:
         """The next event, None if there is none."""
@@ -186,9 +180,8 @@ class PortRegisters:
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
         """RS2 is executed with its contact on; ``instruction`` tells it from the program's others."""
-        return Drive.REFUSED if self._side is None else self._side.drive(instruction, operands, now)
+        return self._side.drive(instruction, operands, now)
 
     def undrive(self, instruction: Hashable, now: int) -> None:
         """RS2 is executed with its contact off."""
-        if self._side is not None:
-            self._side.undrive(instruction, now)
+        self._side.undrive(instruction, now)

@@ -1,9 +1,8 @@
-"""What a port does by its protocol: the contract of Modbus master, Modbus slave and free protocol."""
+"""What a port does by its protocol: what Modbus master, Modbus slave and free protocol have in common."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from typing import Protocol
 
 from bussim.plc.ports.rs2 import Drive, Rs2
 
@@ -11,8 +10,8 @@ from bussim.plc.ports.rs2 import Drive, Rs2
 EngineItem = object
 
 
-class Side(Protocol):
-    """What a port does at END, from RUN to STOP. Times are ticks.
+class Side:
+    """What a port does at END, from RUN to STOP: nothing, unless its protocol does it. Times are ticks.
 
     Within one END: what has been decided is taken over, what was executed in the scan that ends there
     goes out, and the polls (a program of their own) execute for the scan that begins.
@@ -21,18 +20,22 @@ class Side(Protocol):
     @property
     def busy(self) -> bool:
         """Whether a transaction or reception is under way."""
+        return False
 
     def wanted_end(self, now: int) -> int | None:
         """The earliest tick from which an END matters; None: none does before something happens."""
+        return None
 
     def at_end(self, end: int) -> int:
         """Carry out what happens at this END; returns hints for the engine."""
+        return 0
 
     def event(self, item: EngineItem, now: int) -> None:
         """Take an event of the engine."""
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
         """An RS2 instruction is executed, its contact on."""
+        return Drive.REFUSED
 
     def undrive(self, instruction: Hashable, now: int) -> None:
         """An RS2 instruction is executed, its contact off."""

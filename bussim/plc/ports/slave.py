@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-
 from bussim.engines.modbus.slave import Slave
 from bussim.engines.modbus.states import SlaveState
 from bussim.line.characters import LineTiming
-from bussim.plc.ports.rs2 import Drive, Rs2
-from bussim.plc.ports.side import EngineItem
+from bussim.plc.ports.side import Side
 from bussim.units import round_half_up
 
 _BUSY = frozenset((SlaveState.SERVING, SlaveState.ANSWERING, SlaveState.SENDING))
 
 
-class SlaveSide:
-    """See :class:`~bussim.plc.ports.side.Side`. Damaged frames and refused requests raise no port error."""
+class SlaveSide(Side):
+    """See the base class. No RS2 drives it; damaged frames and refused requests raise no port error."""
 
     def __init__(self, engine: Slave, timing: LineTiming) -> None:
         self.engine = engine
@@ -29,13 +26,13 @@ class SlaveSide:
         return self.engine.state in _BUSY
 
     def wanted_end(self, now: int) -> int | None:
-        """See the protocol."""
+        """See the base class."""
         if self.engine.waiting:
             return now
         return max(self._over, self._latest + 1) if self.busy else None
 
     def at_end(self, end: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         engine = self.engine
         self._latest = end
         hints = 0
@@ -45,16 +42,3 @@ class SlaveSide:
         if reply is not None and hints:
             self._over = engine.due + round_half_up(self._character * len(reply.chars))
         return hints
-
-    def event(self, item: EngineItem, now: int) -> None:
-        """Nothing to do: what a slave reports is no matter of END."""
-
-    def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
-        """No RS2 on a slave's port."""
-        return Drive.REFUSED
-
-    def undrive(self, instruction: Hashable, now: int) -> None:
-        """Nothing to do."""
-
-    def release(self, now: int) -> None:
-        """Nothing to do."""

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 
 from bussim.engines.nn.codes import NOT_IN_NETWORK
 from bussim.engines.nn.frames import DATA, POLL, Frame
-from bussim.engines.nn.monitor import NONE_PENDING, ReceptionState
+from bussim.engines.nn.monitor import NONE_PENDING, Reception, ReceptionState
 from bussim.engines.nn.slave import Slave
 from bussim.sim.nn.contract import LinkStation
 
 
-class SharedListener:
+class SharedListener(Reception):
     """The members are steady slaves with equal reception states; which node sent a frame plays no part.
 
     A member's engine lags behind until :meth:`sync`.
@@ -34,18 +34,7 @@ class SharedListener:
         self._block_size = -1
         self._watchdog = 0
         self._stale = False  # something was received since the members' engines were brought up to date
-        self._take(ReceptionState(NONE_PENDING, 0, 0, 0, 0, None, 0))
-
-    def _take(self, state: ReceptionState) -> None:
-        (
-            self.pending,
-            self._pending_counter,
-            self._outcome,
-            self._counter,
-            self._heard_master,
-            self._data_start,
-            self._data_counter,
-        ) = state
+        self.resume(ReceptionState(NONE_PENDING, 0, 0, 0, 0, None, 0))
 
     def form(self, ports: Sequence[LinkStation]) -> None:
         """Take in those of these ports whose slaves are steady and agree with the first such one."""
@@ -73,7 +62,7 @@ class SharedListener:
         if state is None or len(members) < 2:
             return
         self.members, self.by_station, self._flagged = tuple(members), by_station, flagged
-        self._take(state)
+        self.resume(state)
         self._current, self._longest = None, -1
         self._watchdog = min(e.watchdog for e in slaves if e.watchdog)
 
@@ -95,15 +84,7 @@ class SharedListener:
         if not self._stale:
             return
         self._stale = False
-        state = ReceptionState(
-            self.pending,
-            self._pending_counter,
-            self._outcome,
-            self._counter,
-            self._heard_master,
-            self._data_start,
-            self._data_counter,
-        )
+        state = self.reception
         for port in self.members:
             engine = port.engine
             if not isinstance(engine, Slave):

@@ -243,7 +243,7 @@ def frame_of(engine: Either, name: object, rest: list[object]) -> Frame | None:
     if isinstance(engine, Master):
         station, counter = engine._station, engine._counter
     else:
-        station, counter = max(engine._pending, 0) or 3, max(engine._counter, 0)
+        station, counter = max(engine.pending, 0) or 3, max(engine._counter, 0)
     match name, rest:
         case "reply", [int(other), int(later), int(size)]:
             return encode_data((station + other) % 8, (counter + later) % 16, bytes(range(size)))
