@@ -83,14 +83,18 @@ def scans_over(probability: float, ticks: float) -> str:
 
 
 def years_between(per_year: float) -> str:
-    """How often a living station is reported as failed."""
+    """How often a false station error begins."""
     if per_year <= 0:
         return "no false station error at all with the noise as entered"
     years = 1 / per_year
     if years > LONGEST_YEARS:
-        return f"one false station error in over {LONGEST_YEARS} years if the noise stays as entered"
+        return (
+            f"one onset of a false station error in over {LONGEST_YEARS} years if the noise stays as entered"
+        )
     if years >= 2:
-        return f"about one false station error in {about(years)} years if the noise stays as entered"
+        return (
+            f"about one onset of a false station error in {about(years)} years if the noise stays as entered"
+        )
     if per_year < 400:
-        return f"about {about(per_year)} false station errors a year if the noise stays as entered"
-    return f"about {about(per_year / 365)} false station errors a day if the noise stays as entered"
+        return f"about {about(per_year)} onsets of false station errors a year if the noise stays as entered"
+    return f"about {about(per_year / 365)} onsets of false station errors a day if the noise stays as entered"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -75,7 +76,10 @@ def expected(link: Mapping[str, Any], distribution: ExactDistribution | None) ->
     said += _dead(figures)
     silence = figures["ride_through_ms"]["silence"]
     if silence is not None:
-        said.append(f"The line may fall silent for up to {ms(silence)} without a station error.")
+        said.append(
+            f"An interruption of the line of up to {math.floor(silence):,} ms raises no station error; a "
+            "station's supply or STOP is not covered, since without its parameters it is in error at once."
+        )
     if distribution.notes:
         notes = "; ".join(distribution.notes)
         said.append(f"What is said beyond this run holds for its undisturbed parts: {notes}.")

@@ -115,10 +115,10 @@ def test_a_link_on_which_nobody_lives() -> None:
     ("per_year", "words"),
     [
         (0.0, "no false station error at all with the noise as entered"),
-        (1 / 620, "one false station error in over 100 years if the noise stays as entered"),
-        (1 / 62.3, "about one false station error in 62 years if the noise stays as entered"),
-        (1.94, "about 1.9 false station errors a year if the noise stays as entered"),
-        (365 * 1234.0, "about 1,200 false station errors a day if the noise stays as entered"),
+        (1 / 620, "one onset of a false station error in over 100 years if the noise stays as entered"),
+        (1 / 62.3, "about one onset of a false station error in 62 years if the noise stays as entered"),
+        (1.94, "about 1.9 onsets of false station errors a year if the noise stays as entered"),
+        (365 * 1234.0, "about 1,200 onsets of false station errors a day if the noise stays as entered"),
     ],
 )
 def test_errors_in_words(per_year: float, words: str) -> None:

@@ -71,7 +71,7 @@ def test_what_is_to_be_expected(link: dict[str, Any]) -> None:
         "Expect about one false station error in 3 years",
         "While one station is dead, every link scan takes about 349 ms, 298 ms more than the mean.",
         "A station that dies is in error after 308 ms on average, 345 ms at the latest",
-        "silent for up to 208 ms",
+        "An interruption of the line of up to 207 ms raises no station error",
         "holds for its undisturbed parts: x is left out.",
     ):
         assert part in said

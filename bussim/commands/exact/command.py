@@ -217,6 +217,12 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
         rows.append(("dead station noticed", text))
     console.print(named_values(rows))
     _show_refresh(console, figures)
+    if model.alive:
+        from bussim.exact.sizing.assumptions import setting_assumptions
+
+        console.print(Text("  the assumptions that change the figures most:"))
+        for text in setting_assumptions(model):
+            console.print(Text(f"    {text}"))
 
 
 def _show_refresh(console: Console, figures: Figures) -> None:

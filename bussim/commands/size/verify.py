@@ -31,22 +31,26 @@ class Verdict:
     """One setting: exact figures beside simulated ones. Times in ms.
 
     ``half`` is half the width of the simulated mean's 99.9 % interval; ``errors`` are scans that left
-    a station in error, ``allowed`` the range that the distribution gives them with 99.9 %.
+    a station in error, ``allowed`` the range that the distribution gives them with 99.9 %. ``reason`` says
+    why nothing was compared, empty where it was.
     """
 
     retries: int
     timeout: int
-    scans: int
-    exact_mean: float
-    mean: float
-    half: float
-    expected_errors: float
-    errors: int
-    allowed: tuple[int, int]
+    scans: int = 0
+    exact_mean: float = 0.0
+    mean: float = 0.0
+    half: float = 0.0
+    expected_errors: float = 0.0
+    errors: int = 0
+    allowed: tuple[int, int] = (0, 0)
+    reason: str = ""
 
     @property
-    def agrees(self) -> bool:
-        """Whether the distribution lies within the simulation's intervals."""
+    def agrees(self) -> bool | None:
+        """Whether the distribution lies within the simulation's intervals; None without a comparison."""
+        if self.reason:
+            return None
         low, high = self.allowed
         return abs(self.exact_mean - self.mean) <= self.half and low <= self.errors <= high
 
@@ -57,6 +61,9 @@ class Verdict:
 
     def in_words(self) -> str:
         """What was compared, and with what result."""
+        setting = f"D8179 = {self.retries}, D8180 = {self.timeout // (10 * TICKS_PER_MS)}"
+        if self.reason:
+            return f"{setting}: nothing to compare a simulation with: {self.reason}"
         low, high = self.allowed
         sign = "agrees" if self.agrees else "DISAGREES"
         expected = about(self.expected_errors)
@@ -67,8 +74,7 @@ class Verdict:
                 "so that this says nothing about errors"
             )
         return (
-            f"simulated D8179 = {self.retries}, D8180 = {self.timeout // (10 * TICKS_PER_MS)}, "
-            f"{self.scans:,} scans: mean {self.mean:.3f} ± {self.half:.3f} ms "
+            f"simulated {setting}, {self.scans:,} scans: mean {self.mean:.3f} ± {self.half:.3f} ms "
             f"(exact {self.exact_mean:.3f}), {errors}: {sign}"
         )
 
@@ -86,6 +92,7 @@ class Verdict:
             "allowed_station_errors": list(self.allowed),
             "about_errors": self.about_errors,
             "agrees": self.agrees,
+            "reason": self.reason,
         }
 
 
@@ -135,6 +142,8 @@ def verify(scenario: model.Scenario, bus: str, retries: int, timeout: int, loss:
     changed = with_setting(scenario, bus, retries, timeout, loss)
     exact: LinkModel = from_scenario(changed)[bus]
     figures = figures_of(exact, Request(levels={}, refresh=False))
+    if not figures.valid:
+        return Verdict(retries, timeout, reason="; ".join(figures.reasons))
     result = api.run(replace(changed, duration=round(_SCANS * (figures.mean or TICKS_PER_SECOND))))
     scans = result.link_scans
     times = scans.loc[scans["bus"] == bus, "duration_ms"].to_numpy()[1:]  # the first has the start-up in it

@@ -9,9 +9,11 @@ from bussim.exact.link import LinkModel
 from bussim.exact.sizing.choice import Choice, choice_of, recommend
 from bussim.exact.sizing.evaluation import evaluate_goals, timeout_floor
 from bussim.exact.sizing.goals import Goals
-from bussim.exact.sizing.noise_levels import LEVELS, TYPICAL, with_level
+from bussim.exact.sizing.grid import evaluate
+from bussim.exact.sizing.noise_levels import BAD, LEVELS, TYPICAL, with_level
+from bussim.exact.sizing.unmet_goals import scaled_noise
 from bussim.exact.text import a_year, ms_at_least, ms_at_most
-from bussim.plc.profiles import PROFILES, AbsentStation, Attempts
+from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, attempts_per_poll
 
 #: So many assumptions are named.
 _MOST = 3
@@ -44,17 +46,8 @@ class Assumption:
 
     def in_words(self) -> str:
         """What changes, in figures on the safe side."""
-        then, before = self.otherwise, self.before
-        parts = []
-        for said, old, new, in_words in (
-            ("{} false station errors a year", before.errors, then.errors, a_year),
-            ("a scan with a dead station of {}", before.dead, then.dead, ms_at_most),
-            ("{} of interruption pass", before.ride, then.ride, ms_at_least),
-            ("a scan of {}", before.mean, then.mean, ms_at_most),
-        ):
-            if abs(new - old) > _SLIGHT * old:
-                parts.append(f"{said.format(in_words(new))} instead of {in_words(old)}")
-        found = ", ".join(parts) or "the figures hardly change"
+        before = self.before
+        found = changes(before, self.otherwise)
         if self.instead is None:
             return f"{self.name}; {self.alternative}: {found}; no setting meets the goals"
         advice = f"D8179 = {self.instead.retries}, D8180 = {self.instead.d8180} would be recommended"
@@ -73,6 +66,45 @@ class Assumption:
         }
 
 
+def changes(before: Choice, then: Choice) -> str:
+    """The figures of a setting that differ between two assumptions, those of the second first."""
+    parts = []
+    for said, old, new, in_words in (
+        ("{} false station errors a year", before.errors, then.errors, a_year),
+        ("a scan with a dead station of {}", before.dead, then.dead, ms_at_most),
+        ("{} of interruption pass", before.ride, then.ride, ms_at_least),
+        ("a scan of {}", before.mean, then.mean, ms_at_most),
+    ):
+        if abs(new - old) > _SLIGHT * old and in_words(new) != in_words(old):
+            parts.append(f"{said.format(in_words(new))} instead of {in_words(old)}")
+    return ", ".join(parts) or "the figures hardly change"
+
+
+def setting_assumptions(model: LinkModel) -> tuple[str, ...]:
+    """What would change the figures of the setting that a link has most, in words."""
+    before = _as_set(model)
+    noise = "the noise is as entered", "with ten times as much", scaled_noise(model, 10)
+    if not model.noisy:
+        noise = "no noise (none is entered)", "at the level bad", with_level(model, LEVELS[BAD])
+    found = [
+        (
+            Assumption(name, alternative, before, then, None).weight,
+            f"{name}; {alternative}: {changes(before, then)}",
+        )
+        for name, alternative, changed in (*_alternatives(model), noise)
+        if changed.valid
+        for then in (_as_set(changed),)
+    ]
+    return tuple(text for _, text in sorted(found, reverse=True)[:_MOST])
+
+
+def _as_set(model: LinkModel) -> Choice:
+    """The setting that a link has, with the figures under its own noise."""
+    attempts = attempts_per_poll(model.reading, model.retries)
+    grid = evaluate(model, (attempts,), (model.timeout,))
+    return choice_of(grid, model.reading, model.retries, model.timeout)
+
+
 def assumptions(model: LinkModel, goals: Goals, recommended: Choice) -> tuple[Assumption, ...]:
     """The assumptions that would change a recommendation most, worked out with their alternatives."""
     found = []
@@ -80,7 +112,7 @@ def assumptions(model: LinkModel, goals: Goals, recommended: Choice) -> tuple[As
         if timeout_floor(changed) > recommended.timeout:
             continue
         checked = evaluate_goals(changed, goals)
-        then = choice_of(checked, changed.reading, recommended.retries, recommended.timeout)
+        then = choice_of(checked.grid, changed.reading, recommended.retries, recommended.timeout)
         found.append(Assumption(name, alternative, recommended, then, recommend(changed, goals)))
     if goals.ride and "ride" not in goals.given:
         free = recommend(model, replace(goals, ride=0))
@@ -102,7 +134,7 @@ def _alternatives(model: LinkModel) -> list[tuple[str, str, LinkModel]]:
         ),
         (f"absent_station: {model.absent} (assumed)", f"with {absent}", replace(model, absent=absent)),
     ]
-    if not model.notes:  # else replies at END are among the link's own times
+    if not any("replies at END" in note for note in model.notes):
         at_end = tuple(replace(station, extra=station.extra + station.scan) for station in model.stations)
         changed = replace(model, stations=at_end)
         found.append(("a slave replies at once (assumed)", "if it replied at its END, at worst", changed))
@@ -117,7 +149,7 @@ def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumpti
         name = "the noise is of the level bad (assumed)"
         alternative, changed = "at the level typical", with_level(model, LEVELS[TYPICAL])
     checked = evaluate_goals(changed, goals, alone=True)
-    then = choice_of(checked, model.reading, recommended.retries, recommended.timeout)
+    then = choice_of(checked.grid, model.reading, recommended.retries, recommended.timeout)
     if then.errors > recommended.errors * 0.99:
         return []  # the noise as entered is the worse one
     return [Assumption(name, alternative, recommended, then, recommend(changed, goals, alone=True))]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
-from bussim.exact.sizing.evaluation import Checked, evaluate_goals, least, rows_of
+from bussim.exact.sizing.evaluation import evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.grid import Grid
 from bussim.exact.text import in_ms
 from bussim.plc.profiles import Attempts, attempts_per_poll
 
@@ -58,12 +59,11 @@ def recommend(model: LinkModel, goals: Goals, *, alone: bool = False) -> Choice 
     found = least([(checked, rows_of(checked, model.reading))])
     if found is None:
         return None
-    return choice_of(checked, model.reading, found[0], checked.grid.timeouts[found[1]])
+    return choice_of(checked.grid, model.reading, found[0], checked.grid.timeouts[found[1]])
 
 
-def choice_of(checked: Checked, reading: Attempts, retries: int, timeout: int) -> Choice:
+def choice_of(grid: Grid, reading: Attempts, retries: int, timeout: int) -> Choice:
     """A setting (``timeout`` in ticks) with its figures."""
-    grid = checked.grid
     attempts = attempts_per_poll(reading, retries)
     i, j = grid.at(attempts, timeout)
     figures = (

@@ -67,7 +67,9 @@ def margins(model: LinkModel, goals: Goals, recommended: Choice) -> tuple[Margin
         setting = None if choice is None else (choice.retries, choice.timeout)
         more = 0.0
         if choice is not None:
-            more = choice_of(known, model.reading, choice.retries, choice.timeout).dead - recommended.dead
+            more = (
+                choice_of(known.grid, model.reading, choice.retries, choice.timeout).dead - recommended.dead
+            )
         found.append(
             Margin(
                 base if factor == 1 else f"{factor} times the {base}",

@@ -208,7 +208,7 @@ def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[s
     chosen = least(list(readings.values()))
     if chosen is not None:
         retries, timeout = chosen[0], views[AbsentStation.FULL].grid.timeouts[chosen[1]]
-        found = {key: choice_of(view, key[0], retries, timeout) for key, (view, _) in readings.items()}
+        found = {key: choice_of(view.grid, key[0], retries, timeout) for key, (view, _) in readings.items()}
         return Robust(retries, timeout, found), ()
     failing = tuple(
         f"no setting meets the goals with D8179 read as {reading} and absent_station: {absent}"
@@ -242,5 +242,5 @@ def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
         if any(d <= detect and e <= _EQUAL * errors for d, e in best):
             continue
         best.append((detect, errors))
-        front.append(choice_of(checked, reading, retries, timeout))
+        front.append(choice_of(grid, reading, retries, timeout))
     return tuple(front)
