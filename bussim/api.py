@@ -20,8 +20,8 @@ from bussim.results.meters.latency import LatencySpec, Route
 from bussim.results.result import Result
 from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import RunFolder
+from bussim.results.store.in_memory import MemoryRows
 from bussim.results.store.load import FolderRows, load_run
-from bussim.results.store.memory import MemoryRows
 from bussim.results.summary.latency import LatencyBounds
 from bussim.scenario.build.trace_header import trace_header
 from bussim.scenario.model import Scenario

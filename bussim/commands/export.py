@@ -13,7 +13,7 @@ from bussim.errors import UsageError
 from bussim.export.formats import FORMATS
 
 if TYPE_CHECKING:
-    from bussim.export.source import Written
+    from bussim.export.selection import Written
     from bussim.trace.file import Trace
 
 
@@ -62,7 +62,7 @@ def command(
     Needs a run with --trace. Prints the file, and how the tool that opens it is set up.
     """
     from bussim.commands.common.output import busy, checked_target, traced_again
-    from bussim.export.run import export_trace
+    from bussim.export.write import export_trace
     from bussim.results.store.load import load_run
     from bussim.trace.file import TRACE, read_trace
 
@@ -100,7 +100,7 @@ def _window(since: str | None, until: str | None) -> tuple[int | None, int | Non
 
 
 def _default(folder: Path, fmt: str, trace: Trace, bus: str | None) -> Path:
-    from bussim.results.store.names import file_names
+    from bussim.results.store.safe_names import file_names
 
     stem, ending = FORMATS[fmt].stem, FORMATS[fmt].ending
     if bus is not None:

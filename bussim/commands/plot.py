@@ -155,7 +155,7 @@ def _draw(
     place: Path,
 ) -> Iterator[Path]:
     from bussim.results.plots.over_run import scan_times_over_run
-    from bussim.results.store.names import file_name, file_names
+    from bussim.results.store.safe_names import file_name, file_names
 
     several = len(records) > 1
     ending = f"_{file_name('_'.join(labels))}" if several else ""

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from bussim.exact.metrics import Figures
     from bussim.exact.scan.mixture import Distribution
+    from bussim.report.runs import ExactDistribution, Source
     from bussim.report.scene import Scene
-    from bussim.report.source import ExactDistribution, Source
     from bussim.results.meters.histogram import Histogram
     from bussim.results.run_record import RunRecord
 
@@ -82,7 +82,7 @@ def _source(
     folder: Path, record: RunRecord, label: str, *, shapes: int, exact: bool, allow_code: bool
 ) -> Source:
     from bussim.commands.common.output import traced_again
-    from bussim.report.source import Source
+    from bussim.report.runs import Source
     from bussim.report.tables import turnarounds_of
     from bussim.trace.file import TRACE, read_trace
     from bussim.trace.records import AttemptRecord
@@ -167,7 +167,7 @@ def _distributions(folder: Path, *, allow_code: bool) -> dict[str, ExactDistribu
 
 
 def _distribution(figures: Figures) -> ExactDistribution:
-    from bussim.report.source import ExactDistribution
+    from bussim.report.runs import ExactDistribution
 
     if figures.distribution is None:
         return ExactDistribution(figures.to_json())

@@ -50,7 +50,7 @@ def command(
     """
     from bussim import api
     from bussim.commands.common.progress import simulating_bar
-    from bussim.results.store.names import file_name
+    from bussim.results.store.safe_names import file_name
     from bussim.scenario import loader
     from bussim.scenario.builtin import DEFAULT
 

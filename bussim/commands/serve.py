@@ -107,7 +107,7 @@ def _folder(
     if out is None and not trace:
         return None
     from bussim.results.store.folder import RunFolder
-    from bussim.results.store.names import file_name
+    from bussim.results.store.safe_names import file_name
     from bussim.serve.session import session_header
 
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
@@ -124,8 +124,8 @@ def _folder(
 
 
 def _serve(session: Session, stop: Any, folder: Path, *, allow_code: bool) -> None:
-    from bussim.serve.answers import Answers
     from bussim.serve.control import ControlServer
+    from bussim.serve.requests import Answers
 
     for text in session.described():  # for people and, by its last word, for programs
         click.echo(text, err=True)

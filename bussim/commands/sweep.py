@@ -95,7 +95,7 @@ def command(
       --vary plcs.press2.scan.mean=5ms,10ms,20ms
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
     from bussim.commands.common.progress import progress_bar
-    from bussim.results.store.names import file_name
+    from bussim.results.store.safe_names import file_name
     from bussim.sweep.run import run_sweep
 
     target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)

@@ -53,7 +53,7 @@ def command(
     from bussim.report.scene import scene_of
     from bussim.report.trace_window import read_window
     from bussim.results.store.load import load_run
-    from bussim.results.store.names import file_names
+    from bussim.results.store.safe_names import file_names
     from bussim.results.text.run import caption_of
     from bussim.trace.file import TRACE, read_trace
     from bussim.units import seconds

@@ -179,7 +179,7 @@ def _simulated(scenario: Scenario, watched: list[Watched]) -> Watch:
 
 
 def _csv(watch: Watch, begin: int, end: int) -> str:
-    from bussim.results.store.names import cell
+    from bussim.results.store.safe_names import cell
     from bussim.units import seconds
 
     text = io.StringIO()

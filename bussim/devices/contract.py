@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
 from bussim.devices.areas import AreaMap
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.server import RegisterMap

@@ -10,11 +10,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from bussim.devices.contract import AnySettings, BusDevice, SlaveSettings
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
 from bussim.forms.fields import Baud, Format, Name, choice, time, whole
 from bussim.forms.form import Model
-from bussim.forms.report import EntryView, Reporter
+from bussim.forms.mistakes import EntryView, Reporter
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import PollSpec
 from bussim.units import TICKS_PER_SECOND, format_time

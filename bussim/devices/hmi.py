@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from bussim.devices.contract import Behaviour, BusDevice, MasterSettings
 from bussim.devices.forms import Find, MasterIn
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.master import MasterConfig
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import PollList

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 from bussim.export.lanes import write_lanes
 from bussim.export.packets import write_pcapng
 from bussim.export.perfetto import write_perfetto
+from bussim.export.selection import Job, Written
 from bussim.export.sigrok import write_sigrok
-from bussim.export.source import Job, Written
 from bussim.export.tables import write_table
 from bussim.export.vcd import write_vcd
 from bussim.results.store.tables import CsvTable, ParquetTable

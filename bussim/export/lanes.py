@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bussim.export.received import lows_of
-from bussim.export.source import Job, Selection, Survey, Written, in_order
+from bussim.export.selection import Job, Selection, Survey, Written, in_order
 from bussim.line.wave import Interval
 from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_US

@@ -12,7 +12,7 @@ from typing import Final
 
 from bussim.export.pcapng import SYMBOL_ERROR, PcapngWriter
 from bussim.export.received import Received, receive, remarks
-from bussim.export.source import BusSurvey, Job, Selection, Survey, Written, in_order
+from bussim.export.selection import BusSurvey, Job, Selection, Survey, Written, in_order
 from bussim.export.udp import PORT, Gateway
 from bussim.line.protocols import BusProtocol
 from bussim.units import nanoseconds

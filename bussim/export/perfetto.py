@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, assert_never
 
 from bussim.errors import UsageError
-from bussim.export.source import Job, Selection, Written, nothing_there
+from bussim.export.selection import Job, Selection, Written, nothing_there
 from bussim.line.protocols import BusProtocol
 from bussim.trace import records
 from bussim.trace.file import interval

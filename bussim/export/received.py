@@ -11,7 +11,7 @@ import heapq
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from bussim.export.source import Survey, timing_of
+from bussim.export.selection import Survey, timing_of
 from bussim.line.characters import LineTiming
 from bussim.line.uart import Uart
 from bussim.line.wave import Interval, Wave, clip, low_intervals

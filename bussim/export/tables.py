@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bussim.export.received import Received, receive
-from bussim.export.source import Job, Written, in_order
+from bussim.export.selection import Job, Written, in_order
 from bussim.results.store import tables as column
 from bussim.results.store.tables import Columns, CsvTable, ParquetTable
 

@@ -12,7 +12,7 @@ import struct
 from ipaddress import IPv4Address
 
 from bussim.errors import UsageError
-from bussim.export.source import BusSurvey
+from bussim.export.selection import BusSurvey
 from bussim.trace.records import FrameRecord
 
 #: The port of a Modbus server behind the gateway; 502 is that of Modbus/TCP, another layout.

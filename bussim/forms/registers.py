@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from bussim.forms.report import Path, Reporter
+from bussim.forms.mistakes import Path, Reporter
 from bussim.plc.memory import Device, parse_device
 
 #: What the link writes: mirrors of its settings, times, counts and codes, and flags.

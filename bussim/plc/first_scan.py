@@ -102,7 +102,7 @@ def _tried(
     others: bool,
 ) -> tuple[Memory, _Calls]:
     """The memory after the first scan, from settings as they are or from ``others``."""
-    from bussim.plc.program.run import ProgramRun  # what only a PLC with a program pays
+    from bussim.plc.program.execution import ProgramRun  # what only a PLC with a program pays
 
     memory = _powered(profile, registers, inputs, now)
     if others:

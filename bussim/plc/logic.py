@@ -12,11 +12,11 @@ from collections.abc import Mapping
 
 from bussim.plc.inputs import NEVER, Change, Stimulus
 from bussim.plc.memory import BlockPlace, Device, Memory, SharedAreas
-from bussim.plc.ports.program import ProgramPorts
-from bussim.plc.program.faults import Halt, OperationFault
+from bussim.plc.ports.port_instructions import ProgramPorts
+from bussim.plc.program.errors import Halt, OperationFault
+from bussim.plc.program.execution import ProgramRun
+from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
-from bussim.plc.program.times import InstructionTimes
 from bussim.units import TICKS_PER_MS
 
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from bussim.plc.inputs import Change
 from bussim.plc.memory import Device
-from bussim.plc.program.faults import Halt, OperationFault
+from bussim.plc.program.errors import Halt, OperationFault
 
 
 class PlcObserver(Protocol):

@@ -15,8 +15,8 @@ from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power
 from bussim.plc.logic import Logic
 from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.observer import PlcObserver
+from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.ports.port_registers import Maps, PortRegisters
-from bussim.plc.ports.program import ProgramPorts
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
 from bussim.plc.program.program import Program

@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple, assert_never
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
-from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes
+from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 

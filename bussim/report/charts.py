@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from bussim.report.picture import BOX_STYLES, MARKS, BoxStyle, style_of
+from bussim.report.runs import ExactDistribution
 from bussim.report.scene import END, Scene
-from bussim.report.source import ExactDistribution
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
 from bussim.results.meters.link import LinkRecord

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from bussim.report.latency import compared
-from bussim.report.source import Source
+from bussim.report.runs import Source
 from bussim.report.tables import NONE, SETTINGS, TIMES, Cell, Table, label_of, leaves, number, plain, pointer
 
 _HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}

@@ -8,7 +8,7 @@ from typing import Any
 
 from bussim.report import charts, tables
 from bussim.report.parts import Chart, Charts
-from bussim.report.source import Source
+from bussim.report.runs import Source
 from bussim.report.tables import NONE, Cell, Table, found, number, pointer
 from bussim.report.text import ms
 from bussim.results.meters.latency_record import PARTS, LatencyRecord

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from bussim.report import charts, compare, tables
 from bussim.report.latency import LatencyPart, latency_part, overlays
 from bussim.report.parts import Chart, Charts
+from bussim.report.runs import Source
 from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
-from bussim.report.source import Source
 from bussim.report.tables import Table
 from bussim.report.text import alone, expected, health, median_or_mean, ports, seen
 from bussim.results.meters.histogram import Histogram

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from bussim.report.charts import Quantity
+from bussim.report.runs import ExactDistribution, Source
 from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
-from bussim.report.source import ExactDistribution, Source
 from bussim.report.text import CODES
 from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width, statistics
 from bussim.results.meters.timeline import time_on

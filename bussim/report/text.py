@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from bussim.report.source import ExactDistribution
+from bussim.report.runs import ExactDistribution
 from bussim.results.meters.timeline import Span, time_on
 
 #: Error codes of the N:N link (FX communication manual JY992D69901, chapter 4) in words.

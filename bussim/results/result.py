@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bussim.results.plots.style import Picture
+    from bussim.results.store.in_memory import MemoryRows
     from bussim.results.store.load import FolderRows
-    from bussim.results.store.memory import MemoryRows
     from bussim.trace.file import Trace
 
 

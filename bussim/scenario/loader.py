@@ -123,7 +123,7 @@ def _check(
     # Here, because pydantic costs a tenth of a second that only a readable file should pay.
     from bussim.scenario.build.scenario import build
     from bussim.scenario.resolve.scenario import resolve
-    from bussim.scenario.rules.check import check_rules
+    from bussim.scenario.rules.cross_checks import check_rules
     from bussim.scenario.schema.draft import read_draft
 
     data = apply_overrides(data, source_map, overrides)

@@ -314,7 +314,7 @@ class Plc:
         scan = sum(round_half_up(part * factor) for part in (Fraction(self.scan.mean), self.scan.jitter))
         spent = self.instruction_time
         if spent is None:
-            from bussim.plc.program.run import WATCHDOG
+            from bussim.plc.program.execution import WATCHDOG
 
             spent = self.registers.get("D8000", WATCHDOG) * TICKS_PER_MS
         return scan + spent + len(self.ports) * self.profile.transaction_time

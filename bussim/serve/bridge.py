@@ -22,8 +22,8 @@ from bussim.line.uart import Sampled, Uart
 from bussim.line.wave import Wave
 from bussim.live.arrival import Arrivals, Timed
 from bussim.live.wire import Wire
+from bussim.serve.external_frames import Journal
 from bussim.serve.external_node import ExternalNode
-from bussim.serve.journal import Journal
 from bussim.sim.kernel import SENDING, Kernel
 from bussim.sim.wire.contract import LineNode, Transmission
 

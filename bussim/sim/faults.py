@@ -11,7 +11,7 @@ from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.scenario import model
 from bussim.sim.kernel import FAULT, Kernel
-from bussim.sim.units import PlcUnit, Unit
+from bussim.sim.power_units import PlcUnit, Unit
 from bussim.sim.wire.disturber import Drop, FrameFault
 from bussim.sim.wire.jabber import Jabber
 from bussim.sim.wire.line import Line

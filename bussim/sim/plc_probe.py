@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from bussim.plc.inputs import Change
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc
-from bussim.plc.program.faults import Halt, OperationFault
+from bussim.plc.program.errors import Halt, OperationFault
 from bussim.plc.program.program import Program
 from bussim.trace.records import DeviceValueRecord, InputRecord, NoteRecord, Sink
 from bussim.units import seconds
 
-#: What a PLC does whose program has stopped: an assumption, see :mod:`bussim.plc.program.run`.
+#: What a PLC does whose program has stopped: an assumption, see :mod:`bussim.plc.program.execution`.
 _STANDS_STILL = (
     "its outputs are off until STOP→RUN, its link and ports go on with what memory holds (assumed)"
 )

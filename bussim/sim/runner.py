@@ -19,16 +19,16 @@ from bussim.sim.end_recorder import EndRecorder
 from bussim.sim.faults import FaultPlan
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
-from bussim.sim.nn.port import LinkPort
+from bussim.sim.nn.link_port import LinkPort
 from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.noise import place_noise
 from bussim.sim.plc_probe import PlcProbe
+from bussim.sim.power_units import DeviceUnit, PlcUnit, Unit
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
-from bussim.sim.units import DeviceUnit, PlcUnit, Unit
 from bussim.sim.wire.contract import LineReporter
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node

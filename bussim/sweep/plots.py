@@ -21,7 +21,7 @@ from bussim.results.plots.style import (
     shorten,
     style,
 )
-from bussim.results.store.names import file_names
+from bussim.results.store.safe_names import file_names
 from bussim.sweep.figures import LATENCY, latencies_in, masters_in
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, Table

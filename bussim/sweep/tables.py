@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from bussim.errors import UsageError
-from bussim.results.store.names import cell, from_cell
+from bussim.results.store.safe_names import cell, from_cell
 from bussim.results.store.tables import import_pyarrow
 from bussim.sweep.figures import Number, in_order, is_event_count, rare_count_of
 from bussim.sweep.intervals import mean_of

@@ -29,7 +29,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bussim.testing.bus import Items, ServedBus, Station
+    from bussim.testing.served import Items, ServedBus, Station
 
 __all__ = ["Items", "ServedBus", "Station"]
 
@@ -37,7 +37,7 @@ __all__ = ["Items", "ServedBus", "Station"]
 def __getattr__(name: str) -> object:
     # pytest imports this package in every session: what it offers is imported when it is used.
     if name in __all__:
-        from bussim.testing import bus
+        from bussim.testing import served as bus
 
         return getattr(bus, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from bussim.testing.bus import ServedBus
+    from bussim.testing.served import ServedBus
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def modbus_serve() -> Iterator[Callable[..., ServedBus]]:
         pytest.skip("Windows has no pseudo-terminals")
     from contextlib import ExitStack
 
-    from bussim.testing.bus import ServedBus
+    from bussim.testing.served import ServedBus
 
     with ExitStack() as stack:
 

@@ -32,8 +32,8 @@ from bussim.line.protocols import BusProtocol
 from bussim.plc.inputs import Square
 from bussim.plc.memory import Device, Memory
 from bussim.plc.profiles import PROFILES
+from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
 from bussim.results.collector import Collector
 from bussim.scenario import model
 from bussim.sim.runner import simulate

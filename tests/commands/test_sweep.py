@@ -16,7 +16,7 @@ from bussim import api
 from bussim.cli import main
 from bussim.commands import sweep
 from bussim.commands.common import progress
-from bussim.results.store.names import from_cell
+from bussim.results.store.safe_names import from_cell
 from bussim.sweep import plots, run
 from bussim.sweep.plan import Plan
 from tests.sweep.samples import BER, RETRIES, TIMEOUT, HereExecutor, noisy

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import (
     ExceptionResponse,

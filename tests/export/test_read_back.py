@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bussim.engines.modbus.adu import Mode
-from bussim.live.recordings.sources import Kind, characters, kind_of
+from bussim.live.recordings.open import Kind, characters, kind_of
 from bussim.trace.records import FrameRecord, TraceBus
 from tests.export.samples import FEEDER, LINK, PUMPS, exchanges, exported, link_frames, timing, trace
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.export.received import Received, receive, remarks
-from bussim.export.source import Selection, in_order, survey
+from bussim.export.selection import Selection, in_order, survey
 from bussim.line.characters import CharFormat
 from bussim.line.protocols import BusProtocol
 from bussim.trace.records import FrameRecord, TraceBus

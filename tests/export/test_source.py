@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from bussim.errors import UsageError
 from bussim.export import formats
 from bussim.export.formats import FORMATS
-from bussim.export.source import Selection, in_order, survey
+from bussim.export.selection import Selection, in_order, survey
 from bussim.units import TICKS_PER_SECOND
 from tests.export.samples import FEEDER, LINK, exported, frame, link_frames, trace
 

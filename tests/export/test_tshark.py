@@ -12,7 +12,7 @@ from bussim.engines.modbus.pdu import unpack_bits, unpack_words
 from bussim.engines.nn.frames import MODES, decode
 from bussim.export.packets import script
 from bussim.export.received import Received, receive
-from bussim.export.source import Selection, in_order, survey
+from bussim.export.selection import Selection, in_order, survey
 from bussim.line.checksums import crc16
 from bussim.line.protocols import BusProtocol
 from bussim.trace.file import Trace

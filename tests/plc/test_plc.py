@@ -11,7 +11,7 @@ from bussim.engines.nn.slave import Slave
 from bussim.line.random_streams import Streams
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc, PlcState
-from bussim.plc.ports.program import ProgramPorts
+from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Constant, Counter, Source, Toggle
 

@@ -13,7 +13,7 @@ from bussim.report import compare, settings, tables
 from bussim.report.charts import MOST_BINS, MOST_POINTS, SCANS, histogram_chart, tail_chart
 from bussim.report.latency import in_words, latency_part, overlays, parts_data
 from bussim.report.parts import Charts
-from bussim.report.source import ExactDistribution, Source
+from bussim.report.runs import ExactDistribution, Source
 from bussim.report.tables import stations, turnarounds_of
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.run_record import RunRecord

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import bussim
-from bussim.report.source import ExactDistribution
+from bussim.report.runs import ExactDistribution
 from bussim.report.text import cause_in_words, expected, health, ports, seen
 from bussim.results.meters.timeline import Span
 from bussim.units import TICKS_PER_SECOND

@@ -14,8 +14,8 @@ from bussim.results.collector import Collector
 from bussim.results.meters.plain_data import from_plain, to_plain
 from bussim.results.meters.ports import PortRecord, response_time
 from bussim.results.run_record import RunRecord
+from bussim.results.store.in_memory import MemoryRows
 from bussim.results.store.load import FolderRows
-from bussim.results.store.memory import MemoryRows
 from bussim.results.store.rows import FileRows
 from bussim.trace.records import (
     CycleRecord,

@@ -13,8 +13,8 @@ from bussim.results.plots.style import IN_ERROR
 from bussim.results.result import Result
 from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import RunFolder
+from bussim.results.store.in_memory import MemoryRows
 from bussim.results.store.load import load_run
-from bussim.results.store.memory import MemoryRows
 from bussim.trace.records import RunTotals
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.selection import quick

@@ -7,8 +7,8 @@ import pytest
 
 from bussim.errors import UsageError
 from bussim.results.result import Result
+from bussim.results.store.in_memory import MemoryRows
 from bussim.results.store.load import FolderRows
-from bussim.results.store.memory import MemoryRows
 from bussim.units import TICKS_PER_SECOND
 
 from .fakes import Fake, quiet

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 import bussim
 from bussim.errors import UsageError
+from bussim.results.store.in_memory import MemoryRows
 from bussim.results.store.load import FolderRows
-from bussim.results.store.memory import MemoryRows
-from bussim.results.store.names import cell, file_name, file_names, from_cell
 from bussim.results.store.rows import SCANS, FileRows
+from bussim.results.store.safe_names import cell, file_name, file_names, from_cell
 from bussim.results.store.tables import INT, TEXT, CsvTable, open_table
 from bussim.trace.records import AttemptRecord, ScanRecord
 from bussim.units import TICKS_PER_SECOND, nanoseconds

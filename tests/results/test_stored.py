@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from bussim.report.page import report_page
-from bussim.report.source import Source
+from bussim.report.runs import Source
 from bussim.results.store.load import FolderRows, load_run
 from bussim.results.store.rows import FORMS, SCANS
 from bussim.results.text.run import show_result

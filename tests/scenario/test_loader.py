@@ -12,7 +12,7 @@ from bussim.errors import ScenarioError
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Reply, Turnaround
-from bussim.plc.program.times import InstructionTimes
+from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.sources import Constant, Counter, Ramp, Toggle
 from bussim.scenario import model
 from bussim.scenario.loader import from_data, loads

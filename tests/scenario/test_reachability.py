@@ -12,8 +12,8 @@ import pytest
 import bussim
 from bussim.exact.latency.bounds import bounds_of
 from bussim.plc.memory import Device, Memory
+from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.scenario.signals.network import Network, Reachability

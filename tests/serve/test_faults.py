@@ -18,8 +18,8 @@ from bussim.cli import main
 from bussim.engines.modbus.adu import Mode
 from bussim.errors import UsageError
 from bussim.serve import control
-from bussim.serve.answers import Answers
 from bussim.serve.control import ControlServer, control_folder, running
+from bussim.serve.requests import Answers
 from tests.serve.serving import PATIENCE, SLAVES, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")

@@ -11,8 +11,8 @@ import pytest
 from bussim.commands.sniff.command import command as sniff
 from bussim.engines.nn.frames import LinkSettings, encode_data, encode_parameters, encode_poll
 from bussim.live.options import PortOptions
+from bussim.results.store.in_memory import MemoryRows
 from bussim.results.store.load import load_run
-from bussim.results.store.memory import MemoryRows
 from bussim.scenario.loader import loads
 from bussim.serve.session import session_header
 from bussim.serve.targets import targets

@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from bussim.plc.profiles import PROFILES
 from bussim.scenario import model
-from bussim.sim.nn.port import LinkPort
+from bussim.sim.nn.link_port import LinkPort
 
 from . import chance
 from .build import MS, Recorder, bus_of, link, plc, run, started

@@ -19,7 +19,7 @@ from bussim.plc.memory import BIT_RANGES, WORD_RANGES
 from bussim.scenario import model
 from bussim.sim.kernel import Timer
 from bussim.sim.nn.bus import LinkBus
-from bussim.sim.nn.port import LinkPort
+from bussim.sim.nn.link_port import LinkPort
 from bussim.sim.wire.cable import Listeners
 from bussim.trace.records import NoteRecord
 from tests.selection import quick

@@ -12,7 +12,7 @@ from bussim.commands.common.port_options import format_of, with_options
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
-    from bussim.live.recordings.sources import Kind
+    from bussim.live.recordings.open import Kind
     from bussim.live.sniff.heard import Protocol
     from bussim.live.sniff.listener import Listener
 
@@ -58,7 +58,7 @@ def known_line(source: str, kind: Kind | None, timing: LineTiming, name: str | N
     ``kind`` is None for a port. Raises UsageError for a trace without such a bus.
     """
     from bussim.line.characters import CharFormat, LineTiming
-    from bussim.live.recordings.sources import Kind
+    from bussim.live.recordings.open import Kind
     from bussim.trace.file import read_trace
 
     if kind is not Kind.TRACE:
@@ -104,7 +104,7 @@ def line_of(
 
 def read(path: Path, kind: Kind, listener: Listener, channel: str | None, limit: int | None) -> int:
     """Read a recording up to a tick, to the end of its listener; returns when it ends."""
-    from bussim.live.recordings.sources import Kind, characters
+    from bussim.live.recordings.open import Kind, characters
 
     last = 0
     if kind is Kind.TRACE:

@@ -257,7 +257,7 @@ def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, p
 
     from bussim import api
     from bussim.results.plots.distribution import distribution_and_histogram
-    from bussim.results.store.names import file_names
+    from bussim.results.store.safe_names import file_names
     from bussim.version import __version__
 
     result = api.run(scenario, rows=False)

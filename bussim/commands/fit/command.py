@@ -139,7 +139,7 @@ def _simulated(scenario: Scenario, fitted: Fitted, *, wanted: bool) -> RunRecord
 
 def _plot(place: Path, fitted: Fitted, simulated: RunRecord | None) -> None:
     from bussim.results.plots.scan_times import scan_time_histogram
-    from bussim.results.store.names import file_name
+    from bussim.results.store.safe_names import file_name
 
     if simulated is None:
         raise UsageError("there are no link scans to draw")

@@ -12,7 +12,7 @@ from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
-from bussim.live.recordings.sources import Kind, kind_of
+from bussim.live.recordings.open import Kind, kind_of
 from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
 from bussim.results.collector import Collector

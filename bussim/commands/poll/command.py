@@ -16,7 +16,7 @@ from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.engines.modbus.pdu import Request
-    from bussim.live.values import Form
+    from bussim.live.value_notation import Form
 
 #: Read and write functions by data type; None: cannot be written.
 _FUNCTIONS = {"0": (1, 5, 15), "1": (2, None, None), "3": (4, None, None), "4": (3, 6, 16)}
@@ -176,7 +176,7 @@ def _polls(
 
 
 def _kind(text: str) -> tuple[str, Form | None]:
-    from bussim.live.values import Form
+    from bussim.live.value_notation import Form
 
     space, _, form = text.partition(":")
     if space not in _FUNCTIONS:
@@ -214,7 +214,7 @@ def _read(space: str, form: Form | None, address: int, count: int) -> Request:
 
 def _write(space: str, form: Form | None, address: int, values: tuple[str, ...], *, big: bool) -> Request:
     from bussim.engines.modbus.pdu import write_coil, write_coils, write_register, write_registers
-    from bussim.live.values import to_words
+    from bussim.live.value_notation import to_words
 
     if _FUNCTIONS[space][1] is None:
         raise UsageError(f"-t {space} can only be read; coils (0) and holding registers (4) can be written")

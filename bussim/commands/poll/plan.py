@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from bussim.engines.modbus.adu import Mode
     from bussim.engines.modbus.polls import Poll
     from bussim.line.characters import LineTiming
-    from bussim.live.values import Form
+    from bussim.live.value_notation import Form
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from bussim.devices.contract import BusDevice, MasterSettings
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import WRITES
 from bussim.errors import UsageError
-from bussim.live.values import Form
+from bussim.live.value_notation import Form
 from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.cpavl import BadSettings, read_settings
 from bussim.plc.ports.device_layout import fetch, fits, is_bits

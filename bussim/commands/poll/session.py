@@ -182,7 +182,7 @@ def _outcome(error: int, exception: int) -> str:
 
 
 def _values(turn: Turn, planned: Planned) -> list[int | float | str]:
-    from bussim.live.values import to_values
+    from bussim.live.value_notation import to_values
 
     response = turn.last.response
     if response is None or planned.poll.request.function not in READS:

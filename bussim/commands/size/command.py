@@ -135,7 +135,7 @@ def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verdict]:
 def _write(scenario: Scenario, found: dict[str, Sizing], text: str, place: Path) -> list[Path]:
     from bussim.exact.sizing.trade_off import trade_off
     from bussim.results.plots.trade_off import trade_off_picture
-    from bussim.results.store.names import file_names
+    from bussim.results.store.safe_names import file_names
     from bussim.units import TICKS_PER_MS
     from bussim.version import __version__
 

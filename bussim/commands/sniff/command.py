@@ -59,7 +59,7 @@ def command(
     a pcapng file, a sigrok session (.sr), or a text file of lines "seconds hexbytes". Nothing is ever
     sent, except with --bridge.
     """
-    from bussim.live.recordings.sources import Kind, kind_of
+    from bussim.live.recordings.open import Kind, kind_of
     from bussim.live.sniff.heard import Protocol
 
     known = None if protocol == "auto" else Protocol(protocol)
@@ -74,7 +74,7 @@ def command(
     with ExitStack() as stack:
         session = _Session(stack, line, known, gap, out=out, force=force)
         if kind is None:
-            from bussim.commands.sniff.port import listen
+            from bussim.commands.sniff.listen import listen
 
             ended = listen(
                 source, bridge, line.timing, options, session.listener, limit, session.display(as_json)

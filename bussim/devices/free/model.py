@@ -10,7 +10,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from bussim.devices.contract import Behaviour, BusDevice, FreeProtocolSettings
 from bussim.devices.forms import Delay, DeviceIn, Find
 from bussim.devices.free.scripted import Message, ScriptedDevice
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.forms.fields import Hex, Positive, Text, Time, Times, fail
 from bussim.forms.form import Model, only_one
 from bussim.line.random_streams import Streams

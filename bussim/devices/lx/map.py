@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bussim.devices.areas import Area, AreaMap, Part
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.pdu import Limits
 from bussim.engines.modbus.server import Space
 from bussim.plc.memory import FIRST_LONG_COUNTER, Device, Memory

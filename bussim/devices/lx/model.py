@@ -10,8 +10,8 @@ from bussim.devices.contract import SlaveSettings
 from bussim.devices.forms import Find, SlaveIn, Word
 from bussim.devices.lx.map import LX_PORT, LxMap
 from bussim.forms.form import ScanIn
+from bussim.forms.mistakes import EntryView, Reporter
 from bussim.forms.registers import check_registers
-from bussim.forms.report import EntryView, Reporter
 from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.spec import PollSpec
 from bussim.plc.scan import Scan

@@ -13,12 +13,12 @@ from bussim.devices.contract import Behaviour, BusDevice, DeviceEvent, SlaveSett
 from bussim.devices.forms import LONG, Find, Long, SlaveIn
 from bussim.devices.map.map import Entry, UserMap
 from bussim.devices.map.values import Computed, Fixed, Noise, Sweep, Value, noise_key
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.slave import Slave
 from bussim.forms.fields import CallableName, Flag, FunctionCode, Name, Positive, fail, whole
 from bussim.forms.form import Model, only_one
-from bussim.forms.report import EntryView, Path, Reporter
+from bussim.forms.mistakes import EntryView, Path, Reporter
 from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.spec import PollSpec

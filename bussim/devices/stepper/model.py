@@ -17,7 +17,7 @@ from bussim.devices.stepper.registers import BY_NAME, COILS, INPUTS, MAX_STEPS, 
 from bussim.engines.modbus.slave import Slave
 from bussim.forms.fields import Flag, choice, fail, number, whole
 from bussim.forms.form import Model, changed
-from bussim.forms.report import EntryView, Path, Reporter
+from bussim.forms.mistakes import EntryView, Path, Reporter
 from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.spec import PollSpec

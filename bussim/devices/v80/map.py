@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from bussim.devices.areas import WRITABLE, Area, AreaMap, Part
-from bussim.devices.port import DevicePort
+from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.codes import ExceptionCode
 from bussim.engines.modbus.gaps import GapRule
 from bussim.engines.modbus.pdu import FUNCTIONS, Limits

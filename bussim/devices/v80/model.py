@@ -14,7 +14,7 @@ from bussim.devices.forms import Find, SlaveIn, Word
 from bussim.devices.v80.map import V80, V80_ITEMS, V80_PORT
 from bussim.engines.modbus.server import Space
 from bussim.forms.fields import whole
-from bussim.forms.report import EntryView, Reporter
+from bussim.forms.mistakes import EntryView, Reporter
 from bussim.plc.ports.spec import PollSpec
 
 _Bits = dict[str, Annotated[int, whole(0, 1)]]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bussim.exact.polls.master_timing import MasterTiming, Span, exactly
-from bussim.exact.polls.model import PollListModel, PollModel
+from bussim.exact.polls.poll_list import PollListModel, PollModel
 
 
 @dataclass(frozen=True, slots=True)

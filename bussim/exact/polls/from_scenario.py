@@ -1,4 +1,4 @@
-"""A scenario's poll lists as :class:`~bussim.exact.polls.model.PollListModel` values.
+"""A scenario's poll lists as :class:`~bussim.exact.polls.poll_list.PollListModel` values.
 
 The figures are those without errors: noise and faults are left out (and named), except that a slave which a
 fault makes slow is as slow as that, and one that is dead for the whole run is named.
@@ -14,8 +14,8 @@ from bussim.devices.contract import BusDevice, FreeProtocolSettings, MasterSetti
 from bussim.devices.lx.map import LxMap
 from bussim.engines.modbus.framing import Framing
 from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
-from bussim.exact.polls.model import PollListModel, PollModel
 from bussim.exact.polls.one_poll import MasterModel, poll_model, too_hasty
+from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.polls.slaves import SlaveModel, device_model
 from bussim.line.characters import LineTiming
 from bussim.plc.link_registers import bad_parameters, setting_values

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from bussim.exact.polls.cycle import Cost, Round, at_worst, failing
 from bussim.exact.polls.master_timing import Span
-from bussim.exact.polls.model import PollListModel, PollModel
+from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.polls.text import remarks, when_off
 from bussim.units import TICKS_PER_MS
 

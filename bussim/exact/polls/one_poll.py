@@ -11,7 +11,7 @@ from bussim.engines.modbus.framing import Framing, reply_times
 from bussim.engines.modbus.master import refusal
 from bussim.engines.modbus.pdu import MAX_PDU, READS, WRITES, Request, encode_request, response_size
 from bussim.exact.polls.master_timing import MasterTiming, Span, exactly
-from bussim.exact.polls.model import PollModel
+from bussim.exact.polls.poll_list import PollModel
 from bussim.exact.polls.slaves import SlaveModel
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.device_layout import fits, is_bits

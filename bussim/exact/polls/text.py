@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bussim.exact.polls.master_timing import Span
-from bussim.exact.polls.model import PollListModel, PollModel
+from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.text import ms
 from bussim.units import TICKS_PER_SECOND
 from bussim.wording import about, names

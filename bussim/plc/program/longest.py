@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bussim.plc.program.compiled.code import standing_time, time_when_on
+from bussim.plc.program.instruction_times import InstructionTimes, ticks_of
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.check import slots_of
-from bussim.plc.program.times import InstructionTimes, ticks_of
+from bussim.plc.program.text.operand_checks import slots_of
 
 #: Instructions that lead backwards or elsewhere and back: how often they do so is known only when they run.
 _RETURNING = frozenset(("CALL", "FOR"))

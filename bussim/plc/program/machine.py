@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from bussim.plc.memory import Device, Memory
-from bussim.plc.program.times import InstructionTimes
+from bussim.plc.program.instruction_times import InstructionTimes
 
 #: Error codes of D8067 (FX programming manual): CALL too deep; an operand's address or data out of range.
 CALLS_TOO_DEEP = 6702

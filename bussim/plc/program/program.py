@@ -9,9 +9,9 @@ from bussim.errors import Problem, ProgramError
 from bussim.plc.memory import Device
 from bussim.plc.program.machine import BACKWARDS
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.check import Extent, extents
 from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
 from bussim.plc.program.text.ladder import Ladder
+from bussim.plc.program.text.operand_checks import Extent, extents
 from bussim.plc.program.text.source import Source
 from bussim.plc.program.text.specials import not_simulated
 

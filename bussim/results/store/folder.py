@@ -14,8 +14,8 @@ from typing import IO, Any, Self
 from bussim.errors import RunError, UsageError
 from bussim.files import reason, remove_folder
 from bussim.results.run_record import RunRecord
-from bussim.results.store.names import file_names
 from bussim.results.store.rows import FileRows
+from bussim.results.store.safe_names import file_names
 from bussim.results.store.tables import FORMATS, import_pyarrow
 from bussim.trace.records import TraceHeader
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from bussim.errors import UsageError
 from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
-from bussim.results.store.memory import frame
-from bussim.results.store.names import from_cell
+from bussim.results.store.in_memory import frame
 from bussim.results.store.rows import FORMS, Form
+from bussim.results.store.safe_names import from_cell
 from bussim.results.store.tables import BYTES, FLAG, FORMATS, TEXT, Kind, import_pyarrow
 from bussim.results.summary import SCHEMA
 from bussim.trace.file import TRACE, Trace, read_trace

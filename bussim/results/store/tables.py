@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, TextIO, TypeVar
 
 from bussim.errors import UsageError
-from bussim.results.store.names import cell
+from bussim.results.store.safe_names import cell
 from bussim.units import nanoseconds
 
 #: Formats of the tables, by the extension of their files.

@@ -15,8 +15,8 @@ from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.nodes import Directory
 from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL, FREE, PortConfiguration
 from bussim.scenario.resolve.scenario import Resolved
-from bussim.scenario.rules.answers import Answers
 from bussim.scenario.rules.links import blocks_of
+from bussim.scenario.rules.responses import Answers
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Path, Report

@@ -13,7 +13,7 @@ from bussim.scenario.yaml.source_map import Report
 
 if TYPE_CHECKING:
     from bussim.plc.program.text.catalog import Instruction
-    from bussim.plc.program.text.check import Extent
+    from bussim.plc.program.text.operand_checks import Extent
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
 MAX_PROGRAMS = 256 * 1024
@@ -110,7 +110,7 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
     program = member.logic.program
     if program is None:
         return
-    from bussim.plc.program.text.check import extents  # what only a scenario with programs pays
+    from bussim.plc.program.text.operand_checks import extents  # what only a scenario with programs pays
 
     blocks, turns = blocks_of(member, members), program.turns_bmov
     blocks.pop(member.station, None)

@@ -17,7 +17,7 @@ from bussim.engines.nn.frames import MODES
 from bussim.forms.fields import Flag, Time, choice, fail, nanoseconds, number, time, time_or, whole
 from bussim.forms.form import Model
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
-from bussim.plc.program.times import InstructionTimes
+from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.units import TICKS_PER_SECOND
 from bussim.wording import show, suggest
 

@@ -17,8 +17,8 @@ from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameter
 from bussim.plc.memory import BlockPlace, Device, block_place
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.check import READ_ONLY_BITS, Extent, extents
 from bussim.plc.program.text.ladder import Condition, Contact, Not, Rung, Saved
+from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
 
 #: Special devices begin here (FX programming manual).

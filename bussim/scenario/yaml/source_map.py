@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from bussim.errors import Problem
-from bussim.forms.report import Path
+from bussim.forms.mistakes import Path
 from bussim.wording import shorten
 
 __all__ = ["Mark", "Path", "Report", "SourceMap"]

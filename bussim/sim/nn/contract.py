@@ -1,7 +1,7 @@
 """A station of the link as the parts of its bus see it.
 
 The bus, its reporter, the shared listener and the fast path are written against this protocol; the port
-that fulfils it (:class:`bussim.sim.nn.port.LinkPort`) can therefore import the bus.
+that fulfils it (:class:`bussim.sim.nn.link_port.LinkPort`) can therefore import the bus.
 """
 
 from __future__ import annotations

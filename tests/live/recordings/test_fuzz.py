@@ -19,10 +19,10 @@ from bussim.engines.nn.frames import encode_poll
 from bussim.errors import UsageError
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Arrivals
+from bussim.live.recordings.open import characters, kind_of
 from bussim.live.recordings.pcapng import PcapngReader
 from bussim.live.recordings.raw import read_raw
 from bussim.live.recordings.sigrok import SigrokFile
-from bussim.live.recordings.sources import characters, kind_of
 from bussim.live.sniff.heard import Protocol
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.recognise import Recogniser

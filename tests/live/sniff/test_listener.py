@@ -22,7 +22,7 @@ from bussim.engines.modbus.server import serve
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Arrivals, Timed
 from bussim.live.recordings.frames import heard_of
-from bussim.live.recordings.sources import placed
+from bussim.live.recordings.open import placed
 from bussim.live.sniff.heard import Heard, Protocol
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener

@@ -13,7 +13,7 @@ from bussim.line.random_streams import Streams
 from bussim.plc.plc import Plc
 from bussim.plc.ports.cpavl import FORMAT, PROTOCOL, PROTOCOL_CODES, STATION, default_places, format_word
 from bussim.plc.ports.events import PortErrorRaised, PortEvent, TransactionTaken
-from bussim.plc.ports.program import ProgramPorts
+from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Source

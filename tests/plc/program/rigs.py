@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from bussim.errors import ProgramError
 from bussim.plc.memory import Device, Memory, parse_device
+from bussim.plc.program.execution import ProgramRun
+from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes
 from bussim.plc.program.machine import Ports
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
-from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.plc.program.times import InstructionTimes
+from bussim.plc.program.instruction_times import InstructionTimes
 
 from .rigs import Rig
 
@@ -105,7 +105,7 @@ def test_wdt_lets_a_long_scan_live() -> None:
 def test_an_endless_loop_that_serves_the_watchdog_is_cut_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("bussim.plc.program.run.MAX_BLOCKS", 1000)
+    monkeypatch.setattr("bussim.plc.program.execution.MAX_BLOCKS", 1000)
     assert Rig("P0 / LD M8000 / WDT / CJ P0").scan().run.halted == 6105
 
 

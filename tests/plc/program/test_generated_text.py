@@ -12,8 +12,8 @@ import pytest
 
 from bussim.errors import ProgramError
 from bussim.plc.program.compiled.code import ARRAYS, _Writer
+from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
-from bussim.plc.program.times import InstructionTimes
 
 from .random_programs import Writer
 

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.plc.memory import Device, Memory
+from bussim.plc.program.execution import ProgramRun
+from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes, ticks_of
 from bussim.plc.program.longest import longest_scan
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
-from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes, ticks_of
 
 BODY = """\
 LD X0

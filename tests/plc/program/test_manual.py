@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from bussim.plc.memory import BlockPlace, Memory, block_place, parse_device
+from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
 from bussim.units import TICKS_PER_MS
 
 from .test_run import Heard

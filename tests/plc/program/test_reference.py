@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bussim.plc.memory import Memory
+from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
 from bussim.plc.program.text.catalog import FORMS
 from bussim.units import TICKS_PER_MS
 from tests.selection import quick

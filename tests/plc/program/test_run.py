@@ -8,10 +8,10 @@ import pytest
 
 from bussim.plc.memory import Device, Memory
 from bussim.plc.program.compiled.build import APPLIED
+from bussim.plc.program.execution import ProgramRun
+from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
 from bussim.plc.program.text.catalog import FORMS, SPECS, Role
-from bussim.plc.program.times import InstructionTimes
 from bussim.units import TICKS_PER_MS
 
 from .rigs import Rig

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from bussim.errors import ProgramError, ScenarioError
 from bussim.plc.memory import Memory
+from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
-from bussim.plc.program.run import ProgramRun
 from bussim.plc.program.text.catalog import FORMS, Role
 from bussim.plc.program.text.operands import parse_operand
 from bussim.plc.program.text.source import MAX_CHARACTERS

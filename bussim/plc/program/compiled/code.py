@@ -13,12 +13,12 @@ from collections.abc import Iterator
 from functools import lru_cache
 from types import CodeType
 
+from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.flow import BasicBlock
 from bussim.plc.program.text.ladder import Both, Condition, Contact, Control, Either, Not, Rung, Saved
 from bussim.plc.program.text.operands import Operand
-from bussim.plc.program.times import InstructionTimes
 
 #: The arrays that a function uses; arguments with defaults are faster to reach than globals.
 ARRAYS = ("X", "Y", "M", "S", "T", "C", "D", "TN", "CN", "V", "Z", "levels", "saved", "earlier", "spent")

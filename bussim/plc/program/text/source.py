@@ -24,7 +24,7 @@ from bussim.plc.program.text.catalog import (
     Spec,
     steps_of,
 )
-from bussim.plc.program.text.check import operand_problems, slots_of
+from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
 from bussim.wording import nearest, shorten
 

@@ -27,6 +27,7 @@ from collections.abc import Callable
 from bussim.plc.memory import Memory
 from bussim.plc.program.compiled.build import blocks
 from bussim.plc.program.compiled.code import END
+from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes, ticks_of
 from bussim.plc.program.instructions.coils import FIRST_RETENTIVE_TIMER
 from bussim.plc.program.machine import (
     CALLS_TOO_DEEP,
@@ -40,7 +41,6 @@ from bussim.plc.program.machine import (
 )
 from bussim.plc.program.program import LINK_SETTINGS, Program
 from bussim.plc.program.text.flow import MAX_CALLS
-from bussim.plc.program.times import DEFAULT_TIMES, InstructionTimes, ticks_of
 from bussim.units import TICKS_PER_MS
 
 #: D8000 at power-on, in ms (FX programming manual).

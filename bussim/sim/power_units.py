@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from bussim.plc.plc import Plc, PlcState
-from bussim.sim.nn.port import LinkPort
+from bussim.sim.nn.link_port import LinkPort
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.wire.node import Node

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bussim.errors import UsageError
 from bussim.export.formats import FORMATS
-from bussim.export.source import Job, Selection, Written
+from bussim.export.selection import Job, Selection, Written
 from bussim.files import written_whole
 from bussim.trace.file import Trace
 from bussim.wording import suggest
