@@ -57,7 +57,12 @@ _SHOWN_OF_LATENCY = {
 )
 @click.option("--workers", metavar="N", type=int, help="Processes of this machine (default: one a core).")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://10.0.0.5:8786.")
-@click.option("--same-luck", is_flag=True, help="The same seeds at every point (common random numbers).")
+@click.option(
+    "--same-luck",
+    "common_random_numbers",
+    is_flag=True,
+    help="The same seeds at every point (common random numbers).",
+)
 @click.option("--duration", metavar="T", help="Simulate so long, such as 90s or 10h.")
 @click.option("--seed", metavar="N", help="Seed from which those of all runs are derived.")
 @set_option
@@ -74,7 +79,7 @@ def command(
     repeat: int,
     workers: int | None,
     scheduler: str | None,
-    same_luck: bool,
+    common_random_numbers: bool,
     duration: str | None,
     seed: str | None,
     overrides: tuple[str, ...],
@@ -109,7 +114,7 @@ def command(
                 sets=values_of(overrides, duration=duration, seed=seed),
                 workers=workers,
                 scheduler=scheduler,
-                same_luck=same_luck,
+                common_random_numbers=common_random_numbers,
                 force=force,
                 allow_code=allow_code,
                 numbered=out is None and not force,

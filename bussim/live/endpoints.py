@@ -30,7 +30,7 @@ from serial.rs485 import RS485Settings
 
 from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
-from bussim.live.options import CHUNK, Direction, PortOptions
+from bussim.live.options import CHUNK, DirectionControl, PortOptions
 
 if sys.platform == "win32":
     _SETTING_ERRORS: tuple[type[Exception], ...] = ()
@@ -106,7 +106,7 @@ class SerialEndpoint:
         self.name = url
         self.instant = _is_instant(url)
         self.warnings: tuple[str, ...] = ()
-        self._rts = options.direction is Direction.RTS
+        self._rts = options.direction is DirectionControl.RTS
         special = line.format.data_bits != 8 or line.format.parity != "N"
         # Linux refuses parity on a pseudo-terminal only sometimes, and else leaves it out in silence.
         plain = special and _is_terminal(url)
@@ -123,7 +123,7 @@ class SerialEndpoint:
                 f"it is used with 8N{line.format.stop_bits} instead of {line.format}"
             )
             self.warnings = (missing,)
-        if options.direction is Direction.DRIVER:
+        if options.direction is DirectionControl.DRIVER:
             self._set_direction(url)
         if self._rts:
             self._port.rts = False

@@ -11,7 +11,7 @@ from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 CHUNK = 4096
 
 
-class Direction(StrEnum):
+class DirectionControl(StrEnum):
     """Who switches an RS485 driver on and off."""
 
     ADAPTER = "adapter"  # the adapter itself, or there is nothing to switch
@@ -37,7 +37,7 @@ class PortOptions:
     tolerance: int = 20 * TICKS_PER_MS
     paced: bool = False
     echo: bool = False
-    direction: Direction = Direction.ADAPTER
+    direction: DirectionControl = DirectionControl.ADAPTER
     instant: bool | None = None
     retry_first: int = TICKS_PER_SECOND // 10
     retry_last: int = 5 * TICKS_PER_SECOND

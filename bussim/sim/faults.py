@@ -13,7 +13,7 @@ from bussim.scenario import model
 from bussim.sim.kernel import FAULT, Kernel
 from bussim.sim.power_units import PlcUnit, Unit
 from bussim.sim.wire.disturber import Drop, FrameFault
-from bussim.sim.wire.jabber import Jabber
+from bussim.sim.wire.jabber import JabberSender
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
 from bussim.trace.records import NoteRecord, Sink
@@ -47,7 +47,7 @@ class FaultPlan:
         # Reasons why something has no supply or is in STOP; several may overlap.
         self._unpowered: dict[str, int] = {}
         self._stopped: dict[str, int] = {}
-        self._jabbers: dict[str, list[Jabber]] = {}
+        self._jabbers: dict[str, list[JabberSender]] = {}
         self._cuts: dict[str, list[int]] = {name: [] for name in buses}
         self._order = {bus.name: scenario.nodes_on(bus.name) for bus in scenario.buses}
         supplied = [(plc.name, plc.power_on) for plc in scenario.plcs]
@@ -131,7 +131,7 @@ class FaultPlan:
         return lambda _: plc.board_error_over(kind.port, kind.code)
 
     def _jabber(self, name: str, node: Node, now: int) -> Undo:
-        jabber = Jabber(node, self._kernel, self._streams.uniforms("jabber", name))
+        jabber = JabberSender(node, self._kernel, self._streams.uniforms("jabber", name))
         jabbers = self._jabbers.setdefault(node.name, [])
         jabbers.append(jabber)
         if node.powered:

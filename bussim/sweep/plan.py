@@ -44,14 +44,14 @@ class Plan:
         *,
         sets: Sequence[str | Override] = (),
         repeat: int = 1,
-        same_luck: bool = False,
+        common_random_numbers: bool = False,
         allow_code: bool = False,
     ) -> None:
         self.sets = tuple(Override.parse(each) if isinstance(each, str) else each for each in sets)
         self.axes = parse_axes(vary, [override.key for override in self.sets])
         self.points = grid(self.axes, repeat)
         self.repeat = repeat
-        self.same_luck = same_luck
+        self.common_random_numbers = common_random_numbers
         self._own_seeds = any(axis.key == "seed" for axis in self.axes)
         if self._own_seeds and repeat > 1:
             raise UsageError(
@@ -86,7 +86,13 @@ class Plan:
         if self._own_seeds:
             return None
         point, repeat = self.place(run)
-        return run_seed(self.base.seed, self.axes, self.points[point], repeat, same_luck=self.same_luck)
+        return run_seed(
+            self.base.seed,
+            self.axes,
+            self.points[point],
+            repeat,
+            common_random_numbers=self.common_random_numbers,
+        )
 
     def job(self, run: int) -> Job:
         """The task of a run."""
@@ -126,7 +132,7 @@ class Plan:
                 for axis in self.axes
             ],
             "repeat": self.repeat,
-            "same_luck": self.same_luck,
+            "same_luck": self.common_random_numbers,
             "points": len(self.points),
             "runs": self.runs,
             "source": self._source(),

@@ -152,7 +152,7 @@ def heat_maps(plan: Plan, points: Table, bus: str) -> Picture:
 def _new(plan: Plan) -> Picture:
     base = plan.base
     about = (
-        f"{base.name}, seed {base.seed}{' at every point' if plan.same_luck else ''}, "
+        f"{base.name}, seed {base.seed}{' at every point' if plan.common_random_numbers else ''}, "
         f"{seconds(base.duration):g} s, {plan.runs:,} runs, bussim {__version__}"
     )
     return new_picture(10.5, 8, about)

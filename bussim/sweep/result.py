@@ -67,7 +67,7 @@ class SweepResult:
                 for axis in plan.axes
             ],
             "repeat": plan.repeat,
-            "same_luck": plan.same_luck,
+            "same_luck": plan.common_random_numbers,
             "runs": plan.runs,
             "points": [
                 {

@@ -34,7 +34,7 @@ def run_sweep(
     sets: Sequence[str | Override] = (),
     workers: int | None = None,
     scheduler: str | None = None,
-    same_luck: bool = False,
+    common_random_numbers: bool = False,
     force: bool = False,
     numbered: bool = False,
     allow_code: bool = False,
@@ -44,7 +44,7 @@ def run_sweep(
 
     ``scenario`` is a file or the name of a built-in one; ``sets`` are values set at every point
     (``key.path=value``), ``vary`` what changes from point to point: ``key.path=a:b:step``,
-    ``key.path=a:b:logN`` or ``key.path=value,value``. Several make a grid. With ``same_luck`` every
+    ``key.path=a:b:logN`` or ``key.path=value,value``. Several make a grid. With ``common_random_numbers`` every
     point has the same seeds, see :func:`bussim.sweep.seeds.run_seed`.
 
     Runs are simulated by ``workers`` processes (None: one for each core), or by the workers of the
@@ -61,7 +61,14 @@ def run_sweep(
     Raises ScenarioError that names every bad point, UsageError for other mistakes, before anything
     is run or written; RunError if a run or writing fails.
     """
-    plan = Plan(scenario, vary, sets=sets, repeat=repeat, same_luck=same_luck, allow_code=allow_code)
+    plan = Plan(
+        scenario,
+        vary,
+        sets=sets,
+        repeat=repeat,
+        common_random_numbers=common_random_numbers,
+        allow_code=allow_code,
+    )
     executor = open_executor(workers, scheduler)
     with SweepFolder(Path(out), plan.manifest(), force=force, numbered=numbered) as folder:
         before = plan.runs

@@ -21,7 +21,7 @@ from bussim.exact.sizing.evaluation import evaluate_goals, missed_per_year, nois
 from bussim.exact.sizing.goals import FORMS, OUTAGE, Goals
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.size import size
-from bussim.exact.sizing.unmet_goals import conflicts, remedies, scaled_noise, with_mode
+from bussim.exact.sizing.unmet_goals import conflicts, helpful_changes, scaled_noise, with_mode
 from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most
 from bussim.plc.profiles import Attempts, Turnaround
 from tests.exact.links import FULL, MS, PROBE, change, link
@@ -153,7 +153,7 @@ def advice_holds(model: LinkModel, texts: list[str]) -> None:
             assert brute(model, goals, tuple(other for other in names if other != name))
     if not found:
         return
-    printed = remedies(model, goals)
+    printed = helpful_changes(model, goals)
     for remedy in printed:
         assert recommend(remedy.model, remedy.goals) is not None
         old, new = goals.forms(), remedy.goals.forms()

@@ -16,7 +16,7 @@ from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.clock import Clock, as_seconds
-from bussim.live.options import Direction, PortOptions
+from bussim.live.options import DirectionControl, PortOptions
 from bussim.live.served import ServedSlave
 from bussim.live.wire import Wire
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
@@ -70,7 +70,7 @@ def test_rts_is_on_around_a_write_and_off_else(monkeypatch: pytest.MonkeyPatch) 
         return int(write(self, data))
 
     monkeypatch.setattr(loop, "write", noted)
-    wire = Wire("loop://", LINE, PortOptions(direction=Direction.RTS))
+    wire = Wire("loop://", LINE, PortOptions(direction=DirectionControl.RTS))
     wire.open()
     seen.clear()
     wire.write(b"ab")
@@ -187,7 +187,7 @@ def test_a_driver_without_rs485_is_a_mistake_of_the_user() -> None:
     inner, outer = os.openpty()
     try:
         with pytest.raises(UsageError, match="cannot switch"):
-            Wire(os.ttyname(outer), LINE, PortOptions(direction=Direction.DRIVER)).open()
+            Wire(os.ttyname(outer), LINE, PortOptions(direction=DirectionControl.DRIVER)).open()
     finally:
         os.close(inner)
         os.close(outer)

@@ -157,7 +157,7 @@ def test_another_sweep_is_refused_with_what_differs(
     for vary, options, message in (
         (f"{RETRIES}=0,2", {}, f"{RETRIES} is varied over 0,2 here, 0,1 there"),
         (f"{RETRIES}=0,1", {"repeat": 2}, "--repeat is 2 here, 1 there"),
-        (f"{RETRIES}=0,1", {"same_luck": True}, "--same-luck is true here, false there"),
+        (f"{RETRIES}=0,1", {"common_random_numbers": True}, "--same-luck is true here, false there"),
         (f"{RETRIES}=0,1", {"sets": ["seed=5"]}, "seed is 5 here, 3 there"),
         (f"{RETRIES}=0,1", {"sets": ["noise=[]"]}, 'noise is [] here, [{"bus": "link", "ber": 0.001}] there'),
     ):

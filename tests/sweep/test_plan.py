@@ -46,10 +46,12 @@ def test_a_varied_seed_is_the_runs_own(scenario: Path) -> None:
         Plan(scenario, ["seed=1,2"], repeat=2)
 
 
-def test_same_luck_damages_the_same_bits(scenario: Path) -> None:
+def test_common_random_numbers_damages_the_same_bits(scenario: Path) -> None:
     """With retries that are never used up, the noise that a link meets does not depend on their number."""
     vary = [f"{RETRIES}=9,10"]
-    one, other = (run_job(Plan(scenario, vary, same_luck=True).job(run)).figures for run in (0, 1))
+    one, other = (
+        run_job(Plan(scenario, vary, common_random_numbers=True).job(run)).figures for run in (0, 1)
+    )
     assert one == other
     one, other = (run_job(Plan(scenario, vary).job(run)).figures for run in (0, 1))
     assert one != other
@@ -133,7 +135,9 @@ def test_what_distinguishes_two_sweeps(scenario: Path) -> None:
     vary = [f"{RETRIES}=0:5:1", f"{BER}=1e-4,1e-3"]
     here = Plan(scenario, vary, sets=["duration=2s"], repeat=3).manifest()
     assert differences(here, Plan(scenario, vary, sets=["duration=2s"], repeat=3).manifest()) == []
-    other = Plan(scenario, vary[:1], sets=[f"{TIMEOUT}=60ms"], repeat=4, same_luck=True).manifest()
+    other = Plan(
+        scenario, vary[:1], sets=[f"{TIMEOUT}=60ms"], repeat=4, common_random_numbers=True
+    ).manifest()
     assert differences(here, other | {"bussim": "0.0.9"}) == [
         f'the version of bussim is "{here["bussim"]}" here, "0.0.9" there',
         "--repeat is 3 here, 4 there",

@@ -52,10 +52,10 @@ port_options = with_options(
 
 def options_of(*, tolerance: str, echo: bool, rs485: str, paced: bool = False) -> PortOptions:
     """The settings that these options ask for. Raises UsageError."""
-    from bussim.live.options import Direction, PortOptions
+    from bussim.live.options import DirectionControl, PortOptions
 
     return PortOptions(
-        tolerance=time_of("--tolerance", tolerance), echo=echo, paced=paced, direction=Direction(rs485)
+        tolerance=time_of("--tolerance", tolerance), echo=echo, paced=paced, direction=DirectionControl(rs485)
     )
 
 

@@ -22,7 +22,7 @@ from bussim.wording import about
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)
 _FURTHER = (1.1, 1.25, 1.5, 2, 3, 5, 10)
 #: So many remedies are looked for, and so many changes belong to one at most.
-_REMEDIES, _CHANGES = 4, 3
+_COMBINATIONS, _CHANGES = 4, 3
 
 
 class Changed(NamedTuple):
@@ -54,7 +54,7 @@ def unmet_goals(model: LinkModel, goals: Goals, checked: Checked) -> tuple[Unmet
     """Why no setting meets all goals: all smallest sets of goals that stand against each other."""
     index = sorted(set(rows_of(checked, model.reading)))
     sets = conflicts(checked, index)
-    helps = tuple(remedy.text for remedy in remedies(model, goals)) if sets else ()
+    helps = tuple(change.text for change in helpful_changes(model, goals)) if sets else ()
     return tuple(Unmet(names, _conflict(checked, index, names), helps) for names in sets)
 
 
@@ -119,7 +119,7 @@ def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Remedy:
+class Change:
     """Changes of the link or its goals that make all goals possible together: the solver met them."""
 
     text: str
@@ -135,12 +135,12 @@ class _Kind:
     steps: tuple[Callable[[Changed], Changed], ...]
 
 
-def remedies(model: LinkModel, goals: Goals) -> list[Remedy]:
+def helpful_changes(model: LinkModel, goals: Goals) -> list[Change]:
     """Changes that help, of as few kinds at once as do; of each kind the smallest that does."""
     kinds = list(_kinds(model, goals))
     for count in range(1, _CHANGES + 1):
         each = (_smallest(model, goals, chosen) for chosen in combinations(kinds, count))
-        most = len(kinds) if count == 1 else _REMEDIES
+        most = len(kinds) if count == 1 else _COMBINATIONS
         if found := list(islice(filter(None, each), most)):
             return found
     return []
@@ -179,7 +179,7 @@ def _further(name: str, factor: float, now: Changed) -> Changed:
     return now._replace(goals=relaxed(now.goals, name, factor))
 
 
-def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Remedy | None:
+def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change | None:
     """The smallest changes of these kinds that help together, or None where the largest do not."""
     steps = [len(kind.steps) - 1 for kind in kinds]
 
@@ -206,7 +206,7 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Remedy 
     return (
         None
         if setting is None
-        else Remedy(f"{_changes(model, goals, now)} (then {setting})", now.model, now.goals)
+        else Change(f"{_changes(model, goals, now)} (then {setting})", now.model, now.goals)
     )
 
 

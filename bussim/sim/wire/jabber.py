@@ -11,7 +11,7 @@ from bussim.sim.wire.node import Node
 _CHUNK = 32
 
 
-class Jabber:
+class JabberSender:
     """Random characters back to back from one node, until :meth:`end`."""
 
     def __init__(self, port: Node, kernel: Kernel, draws: Iterator[float]) -> None:
