@@ -14,6 +14,7 @@ from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.timeline import Span
 from bussim.results.plots.style import PARTS_OF_LATENCY
 from bussim.results.text.latency import part_names
+from bussim.results.text.run import lost_in_words
 from bussim.units import milliseconds, seconds
 
 # A page of seven runs stays under 5 MB, whatever they are: what a chart carries is bounded.
@@ -33,6 +34,7 @@ class Quantity(NamedTuple):
 SCANS = Quantity("link scan time", "link scans")
 LATENCIES = Quantity("latency", "changes")
 AGES = Quantity("data age", "readings")
+RESPONSES = Quantity("response time", "responses")
 
 
 def histogram_chart(
@@ -150,9 +152,16 @@ def _distribution_points(distribution: ExactDistribution | None) -> list[list[fl
 
 
 def over_run_chart(
-    link: LinkRecord, faults: Sequence[tuple[str, Span]], duration: int, title: str
+    link: LinkRecord,
+    faults: Sequence[tuple[str, Span]],
+    duration: int,
+    title: str,
+    lost: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Longest and shortest of neighbouring link scans over the run, faults, stations in error."""
+    """Longest and shortest of neighbouring link scans over the run, faults, stations in error.
+
+    ``lost`` are the times without the master, of the summary.
+    """
     end = seconds(duration)
     return {
         "kind": "over-run",
@@ -171,6 +180,10 @@ def over_run_chart(
             [f"station {station} in error", *_span(span, end)]
             for station, spans in link.in_error.items()
             for span in spans
+        ],
+        "lost": [
+            [lost_in_words(each["stations"]), each["from_s"], round(each["from_s"] + each["for_s"], 6)]
+            for each in lost
         ],
     }
 

@@ -7,8 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from bussim.report.latency import compared
+from bussim.report.nodes import node_metrics
 from bussim.report.runs import Source
-from bussim.report.tables import NONE, SETTINGS, TIMES, Cell, Table, label_of, leaves, number, plain, pointer
+from bussim.report.tables import NONE, SETTINGS, TIMES, Cell, Table, number, pointer
+from bussim.results.verdict.judge import faults, verdict_of
 
 _HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
 _FIGURES = (
@@ -18,9 +20,21 @@ _FIGURES = (
     ("collisions", "collisions", None),
     ("undetected_frames", "damaged frames taken as good", None),
 )
-_SUMS: tuple[tuple[str, Callable[[Mapping[str, Any]], int]], ...] = (
+
+
+def _onsets(link: Mapping[str, Any]) -> int | None:
+    """The onsets of all stations; None of a folder of an earlier version."""
+    onsets = link.get("station_error_onsets")
+    return None if onsets is None else sum(onsets.values())
+
+
+_SUMS: tuple[tuple[str, Callable[[Mapping[str, Any]], int | None]], ...] = (
     ("failed attempts", lambda link: sum(sum(codes.values()) for codes in link["failed_attempts"].values())),
-    ("link scans with a station in error", lambda link: sum(link["station_errors"].values())),
+    (
+        "station errors (link scans in which every attempt at a station failed)",
+        lambda link: sum(link["station_errors"].values()),
+    ),
+    ("onsets (how often a station error began)", _onsets),
 )
 _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
     ("exact: mean link scan (ms)", lambda figures: figures["mean_ms"]),
@@ -35,6 +49,15 @@ def head_table(sources: Sequence[Source]) -> Table:
     """What was run."""
     rows = [(label, _row(sources, (key,), change=False)) for key, label in _HEAD.items()]
     return Table("The runs", ["", *(source.label for source in sources)], rows)
+
+
+def verdict_table(sources: Sequence[Source]) -> Table:
+    """What was wrong in each run, in the words of its verdict."""
+    rows = []
+    for source in sources:
+        texts = [item["text"] for item in faults(verdict_of(source.summary, source.record.links))]
+        rows.append((source.label, [Cell(" ".join(texts) or "nothing was wrong")]))
+    return Table("Verdicts", ["", "what was wrong"], rows)
 
 
 def link_table(sources: Sequence[Source], bus: str) -> Table:
@@ -61,9 +84,13 @@ def entry_tables(sources: Sequence[Source]) -> list[Table]:
         for name in dict.fromkeys(every):
             if every.count(name) < 2:
                 continue
-            leaves_of = [dict(leaves(_value(source.summary, (section, name)) or {})) for source in sources]
-            keys = dict.fromkeys(key for values in leaves_of for key in values if key)
-            rows = [(label_of(key), _row(sources, (section, name, *key), 3)) for key in keys]
+            entries = [
+                entry for source in sources if (entry := (source.summary.get(section) or {}).get(name))
+            ]
+            rows = [
+                (metric.label, _row(sources, (section, name, *metric.keys), metric.decimals))
+                for metric in node_metrics(entries)
+            ]
             tables.append(Table(name, ["", *(source.label for source in sources)], rows))
     return tables
 
@@ -114,15 +141,11 @@ def _marked(
     """The cells of a row; what is not the first run's value is marked, if wished with its change."""
     cells = []
     for value in values:
-        text = _shown(value, decimals) if keys else _short(value)
-        differs = value != values[0]
-        by = _change(values[0], value) if change else ""
-        cells.append(Cell(text, pointer(*keys) if keys else "", by, differs=differs))
+        text = number(value, decimals) if keys else _short(value)
+        by = _change(values[0], value) if change else None
+        differs = value != values[0] and by != ""
+        cells.append(Cell(text, pointer(*keys) if keys else "", by or "", differs=differs))
     return cells
-
-
-def _shown(value: Any, decimals: int | None) -> str:
-    return number(value, decimals) if isinstance(value, float) else plain(value)
 
 
 def _short(value: Any) -> str:
@@ -131,11 +154,14 @@ def _short(value: Any) -> str:
     return number(value)
 
 
-def _change(first: Any, value: Any) -> str:
-    both = all(isinstance(v, int | float) and not isinstance(v, bool) for v in (first, value))
-    if not both or first == value:
-        return ""
-    return f"{100 * (value - first) / first:+,.1f} %" if first else f"{value - first:+,.6g}"
+def _change(first: Any, value: Any) -> str | None:
+    """By how much a number differs; empty where that rounds to nothing, None where it is no number."""
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (first, value)):
+        return None
+    if not first:
+        return f"{value - first:+,.6g}" if value != first else ""
+    percent = f"{100 * (value - first) / first:+,.1f}"
+    return "" if percent in ("+0.0", "-0.0") else f"{percent} %"
 
 
 def _exact(source: Source, bus: str, get: Callable[[Mapping[str, Any]], Any]) -> Any:

@@ -10,7 +10,6 @@ from bussim.report import charts, tables
 from bussim.report.parts import Chart, Charts
 from bussim.report.runs import Source
 from bussim.report.tables import NONE, Cell, Table, found, number, pointer
-from bussim.report.text import ms
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
 from bussim.results.text.latency import (
     caveats,
@@ -21,6 +20,7 @@ from bussim.results.text.latency import (
     shown_bounds,
     told_bounds,
 )
+from bussim.results.verdict.catalogue import in_ms
 from bussim.units import milliseconds
 
 _COUNTS = {
@@ -81,9 +81,9 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     what = f"nothing {'was read' if word else 'arrived'}"
     if times["max"] is not None:
         which = "mean" if times["p50"] is None else "median"
-        usual, longest = ms(times[{"mean": "mean", "median": "p50"}[which]]), ms(times["max"])
+        usual, longest = in_ms(times[{"mean": "mean", "median": "p50"}[which]]), in_ms(times["max"])
         what = f"{which} {usual}, maximum {longest}, {entry['max_at_s']:.2f} s after the start"
-        cases = [f"{ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
+        cases = [f"{in_ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
     yield f"{_heading(name, entry)}, {edge_in_words(entry)}: {what} ({counts_in_words(entry)})."
     if hint := lost_in_words(entry):
         yield f"{name}: {hint}."

@@ -12,16 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 from bussim.report import charts, compare, tables
 from bussim.report.latency import LatencyPart, latency_part, overlays
+from bussim.report.nodes import node_tables, response_charts
 from bussim.report.parts import Chart, Charts
 from bussim.report.runs import Source
 from bussim.report.scene import Scene
 from bussim.report.settings import mov_lines
 from bussim.report.tables import Table
-from bussim.report.text import alone, expected, health, median_or_mean, ports, seen
+from bussim.report.text import expected
 from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.timeline import fault_spans
 from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
+from bussim.results.verdict.judge import about as about_bus
+from bussim.results.verdict.judge import verdict_of
 from bussim.units import seconds
 from bussim.version import __version__
 from bussim.wording import about
@@ -66,6 +69,7 @@ class RunPart:
     buses: Sequence[tuple[str, Chart, Sequence[str]]]
     latency: LatencyPart | None
     said: Sequence[str]
+    charts: Sequence[Chart]
     tables: Sequence[Table]
     faults: Sequence[tuple[str, str, str]]
     warnings: Sequence[str]
@@ -85,6 +89,7 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
         comparison = {
             "tables": [
                 compare.head_table(sources),
+                compare.verdict_table(sources),
                 *(compare.link_table(sources, bus) for bus in buses),
                 *compare.latency_tables(sources),
                 *compare.entry_tables(sources),
@@ -131,10 +136,9 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
     )
     whole = [
         tables.plcs(source),
-        *tables.ports(summary),
-        tables.entries(summary, ["devices"], "Devices"),
-        tables.entries(summary, ["buses"], "Buses beside the N:N links"),
+        *node_tables(summary),
     ]
+    said = verdict_of(summary, source.record.links)
     links = [_link(source, bus, drawn) for bus in summary["links"]]
     buses = [
         (bus, _timeline(scene, drawn), scene.why)
@@ -148,8 +152,9 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
         links,
         buses,
         latency_part(source, drawn),
-        [*alone(summary), *ports(summary)],
-        [table for table in whole if table is not None and table.rows],
+        [item["text"] for item in said if item["values"].get("bus") not in summary["links"]],
+        response_charts(source, drawn),
+        [table for table in whole if table.rows],
         _faults(source),
         summary["warnings"],
         _commands(source, command),
@@ -160,7 +165,6 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
     link = source.summary["links"][bus]
     record = source.record.links[bus]
     distribution = source.valid_distribution(bus)
-    names = source.station_names(bus)
     some = [tables.link_figures(source, bus)]
     if link["scans"]:
         some.insert(0, tables.scan_times(source, bus))
@@ -175,15 +179,14 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         bus,
         _keys(source, bus),
         [
-            *seen(link),
-            *health(link, record.in_error, names, source.record.duration),
+            *about_bus(verdict_of(source.summary, source.record.links), bus),
             *expected(link, source.distributions.get(bus)),
             *([source.no_distribution] if source.no_distribution else []),
         ],
         _link_charts(source, bus, drawn) if link["scans"] else [],
         None if scene is None else _timeline(scene, drawn),
         [] if scene is None else scene.why,
-        source.no_trace,
+        source.no_trace if link["scans"] else "No link scan was completed: there is none to draw.",
         some,
         tables.settings(source, bus),
         [
@@ -199,9 +202,9 @@ def _keys(source: Source, bus: str) -> list[Key]:
     times = link["scan_time_ms"]
     if not link["scans"]:
         return []
-    name, value = median_or_mean(times)
+    name, key = ("median", "p50") if times["p50"] is not None else ("mean", "mean")
     keys = [
-        Key(f"{name} link scan", f"{value:,.1f} ms"),
+        Key(f"{name} link scan", f"{times[key]:,.1f} ms"),
         Key("longest in the run", f"{times['max']:,.1f} ms", f"at {times['max_at_s']:.2f} s"),
     ]
     distribution = source.valid_distribution(bus)
@@ -246,13 +249,17 @@ def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
     faults = fault_spans(source.record.notes, {bus, *record.plc_names})
     three = drawn.add(
         charts.over_run_chart(
-            record, faults, source.record.duration, f"Link scan time on bus {bus} over the run"
+            record,
+            faults,
+            source.record.duration,
+            f"Link scan time on bus {bus} over the run",
+            source.summary["links"][bus].get("master_lost", ()),
         ),
         f"Longest and shortest link scans over the {source.summary['duration_s']:g} s of the run, {where}; "
         f"{len(faults)} faults acted.",
         None,
-        "Bars below: when faults acted and when the master had a station in error."
-        if faults or record.in_error
+        "Bars below: when faults acted, the master had a station in error, and slaves had lost the master."
+        if faults or record.in_error or source.summary["links"][bus].get("master_lost")
         else "",
     )
     return [one, two, three]

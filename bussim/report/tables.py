@@ -10,9 +10,10 @@ from bussim.report.charts import Quantity
 from bussim.report.runs import ExactDistribution, Source
 from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
-from bussim.report.text import CODES
 from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width, statistics
 from bussim.results.meters.timeline import time_on
+from bussim.results.text.run import lost_by_station
+from bussim.results.verdict.catalogue import meaning
 from bussim.trace.records import AttemptRecord
 from bussim.units import milliseconds
 from bussim.wording import about
@@ -191,7 +192,7 @@ def settings(source: Source, bus: str) -> Table:
     """The special registers with which each station was set."""
     plc_names = source.record.links[bus].plc_names
     rows = []
-    for name, meaning in MEANINGS.items():
+    for name, what in MEANINGS.items():
         cells = []
         for plc in plc_names:
             registers = source.registers(plc)
@@ -199,7 +200,7 @@ def settings(source: Source, bus: str) -> Table:
             cells.append(
                 Cell(str(registers[name]), pointer("plcs", plc, "registers", name)) if here else Cell(NONE)
             )
-        rows.append((f"{name}: {meaning}", cells))
+        rows.append((f"{name}: {what}", cells))
     return Table(
         f"Settings of the stations on bus {bus}",
         ["register", *plc_names],
@@ -214,70 +215,12 @@ def plcs(source: Source) -> Table:
     for name, plc in source.summary["plcs"].items():
         cells = [found(source.summary, "plcs", name, "scan_ms", key, decimals=3) for key in ("mean", "max")]
         for register in ("D8201", "D8202", "D8063"):
-            here = register in plc["registers"]
-            cells.append(found(source.summary, "plcs", name, "registers", register) if here else Cell(NONE))
+            value = plc["registers"].get(register)
+            path = pointer("plcs", name, "registers", register)
+            cells.append(Cell(NONE) if value is None else Cell(str(value), path))  # a code is no quantity
         rows.append((name, cells))
     head = ["PLC", "scan mean (ms)", "scan max (ms)", "D8201 (link scan now)", "D8202 (longest)", "D8063"]
     return Table("The PLCs", head, rows)
-
-
-def entries(summary: Mapping[str, Any], at: Sequence[str], caption: str, apart: str = "") -> Table | None:
-    """A part of ``summary.json`` with an entry by name (ports, devices), whatever its keys are.
-
-    A column an entry, a row a key; the key ``apart`` of each is left out. None where the part is missing or
-    empty.
-    """
-    named: Any = summary
-    for step in at:
-        named = named.get(step) or {}
-    values_of = {
-        name: dict(leaves({key: value for key, value in entry.items() if key != apart}))
-        for name, entry in named.items()
-    }
-    keys = dict.fromkeys(key for values in values_of.values() for key in values)
-    rows = []
-    for key in keys:
-        cells = [
-            Cell(plain(values[key]), pointer(*at, name, *key)) if key in values else Cell("")
-            for name, values in values_of.items()
-        ]
-        rows.append((label_of(key), cells))
-    return Table(caption, ["", *values_of], rows) if rows else None
-
-
-def ports(summary: Mapping[str, Any]) -> list[Table]:
-    """The ports beside the links: a table of all, and one of each port's polls."""
-    tables = [entries(summary, ["ports"], "Modbus and free-protocol ports", "polls")]
-    tables += [
-        entries(summary, ["ports", port, "polls"], f"The polls of {port}")
-        for port in summary.get("ports") or {}
-    ]
-    return [table for table in tables if table is not None]
-
-
-def leaves(value: object, at: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Every value of nested data with the keys that lead to it; an empty object is a value."""
-    if isinstance(value, Mapping) and value:
-        for key, inner in value.items():
-            yield from leaves(inner, (*at, str(key)))
-    else:
-        yield at, value
-
-
-def plain(value: object) -> str:
-    """A value of any kind as a cell shows it."""
-    if isinstance(value, Mapping | list | tuple):
-        return ", ".join(map(str, value)) or "none"
-    return number(value, 3) if isinstance(value, float) else number(value)
-
-
-def label_of(key: Sequence[str]) -> str:
-    """``response_ms, p50`` as ``response median (ms)``."""
-    unit = next((part.rsplit("_", 1)[1] for part in key if part.endswith(("_ms", "_s"))), "")
-    unit = "" if key[-1] == "count" else unit
-    names = ("median" if part == "p50" else part.removesuffix("_ms").removesuffix("_s") for part in key)
-    words = " ".join(names).replace("_", " ")
-    return f"{words} ({unit})" if unit else words
 
 
 def histogram_data(histogram: Histogram, of: str, quantity: Quantity) -> Table:
@@ -323,10 +266,19 @@ def stations(source: Source, bus: str) -> Table:
     names, turnarounds = source.station_names(bus), source.turnarounds.get(bus, {})
     failed: Mapping[str, Mapping[str, int]] = link["failed_attempts"]
     codes = sorted({code for by_code in failed.values() for code in by_code})
-    head = ["station", *(f"failed {code}" for code in codes), "link scans in error", "in error (s)"]
+    head = [
+        "station",
+        *(f"failed {code}" for code in codes),
+        "station errors (link scans)",
+        "onsets",
+        "in error (s)",
+    ]
     if turnarounds:
         head[1:1] = ["replies", "turnaround median (ms)", "p99 (ms)", "max (ms)"]
     head += ["errors counted", "last code", "flag now"]
+    lost = lost_by_station(link)
+    if lost:
+        head += ["lost the master (s)", "D8203 there", "D8211 there", "M8183 there"]
     rows = []
     for key in link["station_errors"]:
         station = int(key)
@@ -334,8 +286,11 @@ def stations(source: Source, bus: str) -> Table:
         cells = [*_counts(source, bus, key, codes), *_registers(source, names.get(0, ""), station)]
         if turnarounds:
             cells[:0] = _turnarounds(turnarounds.get(station, Histogram()))
+        if lost:
+            name = names.get(station, "")
+            cells += [Cell(number(lost.get(name, 0.0), 3)), *_registers(source, name, 0)]
         rows.append((label, cells))
-    note = "; ".join(f"{code}: {CODES[code]}" for code in codes if code in CODES)
+    note = "; ".join(f"{code}: {meaning(code)}" for code in codes)
     if not turnarounds:
         note += f"{'. ' if note else ''}Replies and turnarounds need a trace (bussim run … --trace)"
     return Table(f"The slaves on bus {bus}, as the master saw them", head, rows, f"{note}." if note else "")
@@ -353,6 +308,9 @@ def _counts(source: Source, bus: str, station: str, codes: Sequence[str]) -> Ite
         path = pointer("links", bus, "failed_attempts", station, code) if code in failed else ""
         yield Cell(number(failed.get(code, 0)), path)
     yield Cell(number(link["station_errors"][station]), pointer("links", bus, "station_errors", station))
+    onsets = link.get("station_error_onsets")  # a folder of an earlier version has none
+    path = pointer("links", bus, "station_error_onsets", station)
+    yield Cell(NONE) if onsets is None else Cell(number(onsets[station]), path)
     yield Cell(number(time_on(record.in_error.get(int(station), []), source.record.duration), 3))
 
 

@@ -21,6 +21,8 @@ MOST_NOTES = 1000
 #: ENDs that are recorded one by one come into a trace in blocks of so many.
 _ENDS_IN_A_BLOCK = 256
 _ALWAYS_KEPT = frozenset({"fault", "fault_over"})
+#: The code of a slave to which a frame of the master came damaged (FX communication manual, chapter 4).
+MASTER_DAMAGED = 0x14
 
 
 class Rows(Protocol):
@@ -51,6 +53,7 @@ class Collector:
         self.notes: list[NoteRecord] = []
         self.left_out: Counter[str] = Counter()
         self._others = 0
+        self._refused: dict[str, int] = {}  # D8063 by PLC or port
         self._rows = rows
         self._bus_of = bus_of or {}
         self._links: defaultdict[str, LinkMeter] = defaultdict(LinkMeter)
@@ -97,6 +100,14 @@ class Collector:
             if isinstance(station, int):
                 link = self._links[self._bus_of.get(record.where, record.where)]
                 link.flag(record.where, station, record.tick, on=kind == "station_error")
+                if record.detail.get("code") == MASTER_DAMAGED:
+                    link.master_damaged.add(record.where)
+        elif kind in ("watchdog", "parameters"):
+            link = self._links[self._bus_of.get(record.where, record.where)]
+            (link.watchdog if kind == "watchdog" else link.parameters)(record.where, record.tick)
+        elif kind == "refused":
+            code = record.detail.get("D8063")
+            self._refused[record.where] = code if isinstance(code, int) else 0
         if kind in _ALWAYS_KEPT:
             self.notes.append(record)
         elif self._others < MOST_NOTES:
@@ -131,7 +142,10 @@ class Collector:
 
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """What was kept of every link, in the order of the totals."""
-        return {link.bus: self._links[link.bus].record(link, self._refresh) for link in totals.links}
+        return {
+            link.bus: self._links[link.bus].record(link, self._refresh, totals.duration)
+            for link in totals.links
+        }
 
     def ports(self, totals: RunTotals) -> dict[str, PortRecord]:
         """What was kept of every Modbus master and node of the free protocol."""
@@ -153,6 +167,13 @@ class Collector:
             self._hand_on_ends(plc)
         links, ports, latency = self.links(totals), self.ports(totals), self._latency.records()
         summary = summarise(
-            totals, links, ports, scenario=scenario, seed=seed, latency=latency, bounds=bounds or {}
+            totals,
+            links,
+            ports,
+            scenario=scenario,
+            seed=seed,
+            latency=latency,
+            bounds=bounds or {},
+            refused=self._refused,
         )
         return RunRecord(summary, totals.duration, links, tuple(self.notes), self.left_out, ports, latency)

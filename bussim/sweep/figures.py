@@ -26,6 +26,8 @@ LINK_FIGURES = (
     "failed_attempts_",
     "station_errors",
     "station_errors_",
+    "station_error_onsets",
+    "station_error_onsets_",
     "bus_load",
     "undetected_frames",
     "collisions",
@@ -36,7 +38,7 @@ _OF_SCAN_TIMES = ("mean", "min", "p50", "p95", "p99", "p999", "max")
 _OF_BUSES = ("bus_load", "frames", "collisions", "undetected_frames")
 #: Counts of events, which may be too rare to occur in any repeat.
 _EVENTS = re.compile(
-    r"(.*\.)?(failed_attempts|station_errors|undetected_frames|collisions|timeouts|crc_errors"
+    r"(.*\.)?(failed_attempts|station_errors|station_error_onsets|undetected_frames|collisions|timeouts|crc_errors"
     r"|mismatched_responses|failed_turns|damaged)(_[0-9A-F]+)?"
     r"|latency\..+\.(lost|unseen)(_share)?"
 )
@@ -50,7 +52,7 @@ _DELIVERED = ".delivered"
 #: What is counted of an entry, in the order of the columns; of words only the first two.
 _CHANGES = ("changes", "delivered", "lost", "unseen", "open")
 _OF_LATENCIES = ("ms", "parts_ms", "bound_ms")
-_NUMBERED = re.compile(r"(failed_attempts_|station_errors_)([0-9A-F]+)")
+_NUMBERED = re.compile(r"(failed_attempts_|station_errors_|station_error_onsets_)([0-9A-F]+)")
 
 
 def is_event_count(name: str) -> bool:
@@ -143,6 +145,11 @@ def _link(link: Mapping[str, Any], registers: Mapping[str, int]) -> dict[str, Nu
         **{f"failed_attempts_{code}": count for code, count in failed.items()},
         "station_errors": sum(link["station_errors"].values()),
         **{f"station_errors_{station}": count for station, count in link["station_errors"].items()},
+        "station_error_onsets": sum(link["station_error_onsets"].values()),
+        **{
+            f"station_error_onsets_{station}": count
+            for station, count in link["station_error_onsets"].items()
+        },
         "bus_load": link["bus_load"],
         "undetected_frames": link["undetected_frames"],
         "collisions": link["collisions"],

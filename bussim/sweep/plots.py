@@ -33,7 +33,7 @@ from bussim.version import __version__
 PANELS = {
     "scan_time_mean_ms": "mean link scan time (ms)",
     "scan_time_max_ms": "longest link scan of a run (ms)",
-    "station_errors": "station errors in a run",
+    "station_errors": "station errors (link scans) in a run",
     "refresh_gap_max_ms": "longest refresh gap of a run (ms)",
 }
 #: Those of a Modbus master.

@@ -235,6 +235,11 @@ class Sink(Protocol):
         """
 
 
+#: What a driver does that is on while another node's frame begins: it sends a frame, it was not released
+#: after one, or it sends what is no frame.
+IN_FRAME, AFTER_FRAME, WITHOUT_FRAME = OVERLAPS = ("frame", "after a frame", "no frame")
+
+
 @dataclass(frozen=True, slots=True)
 class LinkTotals:
     """Counts of one N:N link at the end of a run, as its (first) master saw them.
@@ -259,6 +264,9 @@ class LinkTotals:
     collisions: int
     undetected: int
     healthy_at: int | None  # first instant at which every slave had answered and no flag was on
+    #: Frames begun while another node's driver was on: by that node, and by what its driver did
+    #: (:data:`OVERLAPS`).
+    overlaps: dict[str, dict[str, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,6 +281,7 @@ class BusTotals:
     frames: int
     collisions: int
     undetected: int
+    overlaps: dict[str, dict[str, int]] = field(default_factory=dict)  # as of :class:`LinkTotals`
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +300,7 @@ class PortTotals:
     exceptions: dict[int, int] = field(default_factory=dict)  # slave: exception code → responses with it
     rejected: dict[str, int] = field(default_factory=dict)  # slave: reason → frames ignored
     timeout: int | None = None  # ticks, of a Modbus master
+    late: int = 0  # responses that ended after the master had given their request up
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,6 +318,7 @@ class DeviceTotals:
     rejected: dict[str, int]
     state: dict[str, int]  # of the model itself, such as the stepper's position
     timeout: int | None = None  # ticks, of a Modbus master
+    late: int = 0  # as of :class:`PortTotals`
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ def test_one_run_into_its_own_folder(runs: Path, capsys: pytest.CaptureFixture[s
     for part in (
         "Scenario three presses in a line, 25 s simulated, seed 7, bussim",
         "MOV K5 D8179",
-        "The median link scan takes 50.4 ms",
+        "link: the median link scan takes 50.4 ms",
         "no link scan can take longer than 643 ms",
         "While one station is dead, every link scan takes about 349 ms",
         "6 × 51.720 ms (attempts 1 to 6 at station 1 (press2): no reply, code 01)",

@@ -12,6 +12,7 @@ import bussim
 from bussim.report import compare, settings, tables
 from bussim.report.charts import MOST_BINS, MOST_POINTS, SCANS, histogram_chart, tail_chart
 from bussim.report.latency import in_words, latency_part, overlays, parts_data
+from bussim.report.nodes import node_tables
 from bussim.report.parts import Charts
 from bussim.report.runs import ExactDistribution, Source
 from bussim.report.tables import stations, turnarounds_of
@@ -83,8 +84,8 @@ def test_a_station_counts_the_time_of_its_flag(source: Source) -> None:
     assert span.end is not None
     assert first["in error (s)"].text == f"{(span.end - span.start) / 72e6:.3f}"
     assert first["station"] == "1 (press2)"
-    assert (first["failed 01"].text, first["link scans in error"].text) == ("90", "15")
-    assert (second["in error (s)"].text, second["link scans in error"].text) == ("0.000", "0")
+    assert (first["failed 01"].text, first["station errors (link scans)"].text) == ("90", "15")
+    assert (second["in error (s)"].text, second["station errors (link scans)"].text) == ("0.000", "0")
 
 
 def test_turnarounds_are_those_of_replies_and_rare_quantiles_are_not_shown(source: Source) -> None:
@@ -100,28 +101,60 @@ def test_turnarounds_are_those_of_replies_and_rare_quantiles_are_not_shown(sourc
     assert table.rows[1][1][0].text == "0"
 
 
-def test_any_section_of_things_becomes_a_table(source: Source) -> None:
-    ports = {
-        "press1.COM3": {
-            "protocol": "modbus-rtu-master",
-            "transactions": 300,
-            "response_ms": {"p50": 58.1, "max": 63.0, "count": 300},
-            "polls": {"read": {"ok": 299}},
-        },
-        "press2.COM3": {"protocol": "free", "exceptions": {}},
+def test_ports_and_devices_have_tables_of_named_figures() -> None:
+    times = {"p50": 58.1, "p99": None, "max": 63.0}
+    master = {
+        "bus": "drives",
+        "transactions": 300,
+        "ok": 299,
+        "other_errors": {"frame length": 1},
+        "response_ms": times,
+        "polls": {"vfd_status": {"transactions": 300, "ok": 299, "response_ms": times, "age_ms": None}},
     }
-    table, polls = tables.ports({"ports": ports})
-    assert table.head == ["", "press1.COM3", "press2.COM3"]
-    shown = {heading: [cell.text for cell in cells] for heading, cells in table.rows}
-    assert shown["response median (ms)"] == ["58.100", ""]
-    assert shown["response count"] == ["300", ""]
-    assert shown["transactions"] == ["300", ""]
-    assert (polls.caption, polls.head) == ("The polls of press1.COM3", ["", "read"])
-    assert polls.rows == [("ok", [tables.Cell("299", "/ports/press1.COM3/polls/read/ok")])]
-    assert shown["exceptions"] == ["", "none"]
-    paths = {cell.path for _, cells in table.rows for cell in cells}
-    assert "/ports/press1.COM3/response_ms/p50" in paths
-    assert tables.entries(source.summary, ["latency"], "Latency") is None
+    free = {"bus": "belt", "sent": 2, "bytes": {"sent": 10, "received": 0}}
+    drive = {"bus": "drives", "requests": 300, "state": {"running_step": 1}}
+    summary = {"ports": {"main.COM3": master, "main.COM4": free}, "devices": {"drive": drive}, "buses": {}}
+    found = {table.caption: table for table in node_tables(summary)}
+    assert list(found) == [
+        "Modbus masters",
+        "Modbus slaves",
+        "Free protocol",
+        "Devices at the end of the run",
+        "The polls of main.COM3",
+    ]
+    shown = {heading: [cell.text for cell in cells] for heading, cells in found["Modbus masters"].rows}
+    assert shown["requests"] == ["300"]
+    assert shown["frame length"] == ["1"]
+    assert shown["response time, p99 (ms)"] == ["–"]
+    assert "answered with own data" not in shown  # a folder of an earlier version does not have it
+    polls = found["The polls of main.COM3"]
+    assert polls.head == ["", "vfd_status"]
+    paths = {cell.path for _, cells in polls.rows for cell in cells}
+    assert "/ports/main.COM3/polls/vfd_status/response_ms/p50" in paths
+    (state,) = found["Devices at the end of the run"].rows
+    assert state == ("running_step", [tables.Cell("1", "/devices/drive/state/running_step")])
+
+
+def test_a_code_is_no_quantity(source: Source) -> None:
+    plcs = source.summary["plcs"]
+    press1 = {**plcs["press1"], "registers": {**plcs["press1"]["registers"], "D8063": 7309}}
+    table = tables.plcs(changed(source, plcs={**plcs, "press1": press1}))
+    assert table.rows[0][1][-1].text == "7309"
+
+
+def test_what_rounds_to_nothing_is_no_difference(source: Source) -> None:
+    link = source.summary["links"]["link"]
+    times = {**link["scan_time_ms"], "mean": link["scan_time_ms"]["mean"] - 1e-6}
+    other = changed(source, links={"link": {**link, "scan_time_ms": times}})
+    rows = dict(compare.link_table([source, other], "link").rows)
+    mean = rows["link scan, mean (ms)"][1]
+    assert (mean.differs, mean.title) == (False, "")
+
+
+def test_a_comparison_shows_the_verdict_of_each_run(source: Source) -> None:
+    table = compare.verdict_table([source, source])
+    assert [heading for heading, _ in table.rows] == ["press", "press"]
+    assert "station 1 (press2)" in table.rows[0][1][0].text.lower()
 
 
 def test_what_differs_between_runs_is_marked(source: Source) -> None:
@@ -170,15 +203,20 @@ def test_a_histogram_is_a_table_too(source: Source) -> None:
 
 def test_ports_of_two_runs_are_compared(source: Source) -> None:
     runs = [
-        changed(source, ports={"a.COM3": {"ok": ok, "response_ms": {"p50": 44.0}, "errors": {}}})
+        changed(
+            source,
+            ports={
+                "a.COM3": {"transactions": 10, "ok": ok, "response_ms": {"p50": 44.0}, "errors": {"09": 1}}
+            },
+        )
         for ok in (10, 9)
     ]
     (table,) = compare.entry_tables(runs)
     cells = dict(table.rows)
-    assert [(cell.text, cell.differs) for cell in cells["ok"]] == [("10", False), ("9", True)]
-    assert [cell.text for cell in cells["response median (ms)"]] == ["44.000", "44.000"]
-    assert [cell.text for cell in cells["errors"]] == ["none", "none"]
-    assert cells["ok"][1].path == "/ports/a.COM3/ok"
+    assert [(cell.text, cell.differs) for cell in cells["answered (ok)"]] == [("10", False), ("9", True)]
+    assert [cell.text for cell in cells["response time, median (ms)"]] == ["44.000", "44.000"]
+    assert [cell.text for cell in cells["port error 09 (yy of D8063 = 7xyy)"]] == ["1", "1"]
+    assert cells["answered (ok)"][1].path == "/ports/a.COM3/ok"
     assert compare.entry_tables([source, source]) == []
 
 

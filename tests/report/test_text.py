@@ -1,4 +1,4 @@
-"""The verdict in sentences."""
+"""What the exact law says beyond a run, in sentences."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import pytest
 
 import bussim
 from bussim.report.runs import ExactDistribution
-from bussim.report.text import cause_in_words, expected, health, ports, seen
-from bussim.results.meters.timeline import Span
-from bussim.units import TICKS_PER_SECOND
+from bussim.report.text import expected
 
 
 @pytest.fixture(scope="module")
@@ -28,37 +26,6 @@ FIGURES: dict[str, Any] = {
     "detect_ms": {"mean": 307.9, "max": 344.6},
     "ride_through_ms": {"silence": 207.8, "corruption": 67.4},
 }
-
-
-@pytest.mark.parametrize(
-    ("cause", "words"),
-    [
-        (
-            "station 1 (press2): 6 attempts, all 01; parameter frame",
-            (
-                "station 1 (press2) failed all its 6 attempts (no reply within the timeout) and the master sent "
-                "its parameters again"
-            ),
-        ),
-        (
-            "station 2 (trolley): 2 failed attempts before the answer, 01, 04",
-            "station 2 (trolley) replied only at attempt 3 (before: no reply within the timeout, then a damaged reply)",
-        ),
-        (
-            "station 7: 1 attempt, 02",
-            "station 7 failed its only attempt (a reply with another station's number)",
-        ),
-        ("station 1 (a) answered 42 ms after its poll", "station 1 (a) answered 42 ms after its poll"),
-    ],
-)
-def test_a_cause_becomes_a_part_of_a_sentence(cause: str, words: str) -> None:
-    assert cause_in_words(cause) == words
-
-
-def test_what_was_seen(link: dict[str, Any]) -> None:
-    median, longest = seen(link)
-    assert median == "The median link scan takes 50.4 ms; 1 in 100 takes longer than 349 ms."
-    assert longest.startswith("The longest took 349 ms, 21.04 s after the start, because station 1 (press2)")
 
 
 def test_what_is_to_be_expected(link: dict[str, Any]) -> None:
@@ -83,34 +50,6 @@ def test_where_no_law_holds_the_reason_is_told(link: dict[str, Any]) -> None:
     assert expected(link, None) == []
 
 
-def test_what_happened_to_the_stations(link: dict[str, Any]) -> None:
-    spans = {1: [Span(0, TICKS_PER_SECOND), Span(3 * TICKS_PER_SECOND, None)], 2: [Span(0, 72_000)]}
-    said = health({**link, "collisions": 2}, spans, {1: "press2"}, 10 * TICKS_PER_SECOND)
-    assert said == [
-        "Station 1 (press2) was in error 2 times, for 8.000 s in all, and still is at the end.",
-        "Station 2 was in error once, for 0.001 s in all.",
-        "2 frames began while another station was sending (collisions).",
-    ]
-    assert health(link, {}, {}, 1) == ["No station was in error."]
-
-
 def test_a_link_that_never_ran(link: dict[str, Any]) -> None:
     idle = {**link, "scans": 0}
-    assert seen(idle)[0].startswith("No link scan was completed")
     assert expected(idle, ExactDistribution(FIGURES)) == []
-
-
-def test_what_modbus_masters_got() -> None:
-    good = {"transactions": 100, "ok": 100, "timeouts": 0, "response_ms": {"p50": 44.375, "max": 51.2}}
-    bad = {
-        "transactions": 10,
-        "ok": 7,
-        "timeouts": 2,
-        "response_ms": {"p50": None, "mean": None, "max": None},
-    }
-    slave = {"requests": 5}
-    assert ports({"ports": {"a.COM3": good, "b.COM3": bad, "c.COM3": slave}}) == [
-        "a.COM3 sent 100 requests, all of them with success; the median response time is 44.4 ms, the longest 51.2 ms.",
-        "b.COM3 sent 10 requests, 7 of them with success (3 failed, 2 of them without a response in time).",
-    ]
-    assert ports({}) == []

@@ -20,7 +20,8 @@ def test_the_numbers_are_those_of_the_summary() -> None:
     start = text.index("press1.COM3: modbus-rtu-master on feeder, timeout 100 ms")
     age = port["polls"]["position"]["age_ms"]
     assert text[start + 1 : start + 7] == [
-        (f"transactions {port['transactions']:,}: {port['ok']:,} ok, {port['exceptions']['02']} exception 02, "
+        (f"transactions {port['transactions']:,}: {port['ok']:,} ok, {port['answered_with_own_data']:,} with own data, "
+        f"{port['exceptions']['02']} exception 02, "
         f"{port['timeouts']} no response in time, {port['crc_errors']} CRC or LRC, {others['framing']} framing; "
         f"{port['mismatched_responses']} responses taken that belonged to another request"),
         f"response median {response['p50']:.3f}, p99 {response['p99']:.3f}, max {response['max']:.3f} ms",

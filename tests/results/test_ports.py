@@ -160,8 +160,8 @@ def test_port_errors_are_decimal() -> None:
 
 def test_keys_by_protocol() -> None:
     masters = {
-        "protocol", "bus", "timeout_ms", "transactions", "ok", "exceptions", "timeouts", "crc_errors",
-        "other_errors", "mismatched_responses", "response_ms", "polls", "cycle_ms", "errors",
+        "protocol", "bus", "timeout_ms", "transactions", "ok", "answered_with_own_data", "exceptions", "timeouts",
+        "crc_errors", "other_errors", "mismatched_responses", "late_responses", "response_ms", "polls", "cycle_ms", "errors",
     }  # fmt: skip
     slaves = {"protocol", "bus", "station", "requests", "answered", "exceptions", "rejected", "errors"}
     free = {"protocol", "bus", "sent", "received", "timeouts", "damaged", "bytes", "errors"}

@@ -35,6 +35,7 @@ def test_the_keys_are_those_of_the_contract(summary: dict[str, Any]) -> None:
         "ports",
         "devices",
         "warnings",
+        "verdict",
     ]
     assert list(summary["links"]["link"]) == [
         "stations",
@@ -48,6 +49,8 @@ def test_the_keys_are_those_of_the_contract(summary: dict[str, Any]) -> None:
         "polls",
         "failed_attempts",
         "station_errors",
+        "station_error_onsets",
+        "master_lost",
         "refresh_gap_ms",
         "undetected_frames",
         "collisions",

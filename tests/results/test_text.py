@@ -36,7 +36,7 @@ def test_the_numbers_are_those_of_the_summary() -> None:
     assert f"at {times['max_at_s']:.3f} s: station 1 (press2): 6 attempts, all 01" in text
     assert f"link scans       {link['scans']:,}, bus load 80.0%" in text
     failed, errors = link["failed_attempts"]["1"]["01"], link["station_errors"]["1"]
-    assert lines_of(record)["1 (press2)"] == f"1 (press2) {failed} {errors} –"
+    assert lines_of(record)["1 (press2)"] == f"1 (press2) {failed} {errors} 1 –"
     assert "press1 50/349, press2 50/349, press3 50/349" in text
     assert "warning: a warning" in text
 
@@ -53,8 +53,8 @@ def test_the_flag_is_the_masters_at_the_end() -> None:
         TICKS_PER_SECOND, (link,), (PlcTotals("press1", {"M8184": 1, "M8185": 0}, 0, None, None),)
     )
     lines = lines_of(record_of(totals, Collector()))
-    assert lines["1 (press2)"] == "1 (press2) 3 ON"
-    assert lines["2 (press3)"] == "2 (press3) 0 off"
+    assert lines["1 (press2)"] == "1 (press2) 3 0 ON"
+    assert lines["2 (press3)"] == "2 (press3) 0 0 off"
     assert lines["no complete"] == "no complete link scan"
     assert lines["refresh gap"].startswith("refresh gap 1000.000 ms, still open at the end (press1->press2,")
 
@@ -66,4 +66,12 @@ def test_a_link_without_a_master() -> None:
         "[bold]odd[/bold]: 1 s simulated, seed 7",
         "",
         "link: 3 stations, no working master: no link scans",
+        "",
+        "verdict",
+        "  link has no working master (station number 0), so there was no link scan.",
     ]
+
+
+def test_codes_are_said_in_words() -> None:
+    text = shown(Fake().run())
+    assert "  codes            01: no reply within the timeout" in text

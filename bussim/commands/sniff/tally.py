@@ -109,6 +109,7 @@ def to_json(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> 
             "settings_heard": decoder.settings is not None,
             "scans": decoder.scans,
             "station_errors": {str(k): number for k, number in totals.station_errors.items()},
+            "station_error_onsets": {str(k): decoder.station_error_onsets[k] for k in totals.station_errors},
             "scan_time_ms": statistics(tally.scan_times),
         }
     return found

@@ -61,6 +61,7 @@ class LinkDecoder:
         self.most_attempts = 0
         self.failed: dict[int, Counter[int]] = {}
         self.station_errors: Counter[int] = Counter()
+        self.station_error_onsets: Counter[int] = Counter()
         self._stations: set[int] = set()
         self._answered: set[int] = set()
         self._flagged: set[int] = set()
@@ -173,6 +174,7 @@ class LinkDecoder:
         self.station_errors[station] += 1
         if station not in self._flagged:
             self._flagged.add(station)
+            self.station_error_onsets[station] += 1
             code = self._scan_failed[-1][1] if self._scan_failed else self._code
             text = f"station {station}: code {code:02X}, {codes.MEANINGS[code]}"
             self._note(now, "station_error", text, station=station, code=code)

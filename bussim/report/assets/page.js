@@ -385,7 +385,8 @@
   class OverRun extends Chart {
     setUp() {
       this.whole = [0, this.data.end];
-      this.rows = [["faults", this.data.faults, "--fault"], ["in error", this.data.errors, "--error"]]
+      this.rows = [["faults", this.data.faults, "--fault"], ["in error", this.data.errors, "--error"],
+        ["master lost", this.data.lost, "--lost"]]
         .filter(([, spans]) => spans.length);
     }
     content() {
@@ -438,7 +439,8 @@
     legend() {
       const entries = [[css("--simulated"), "longest and shortest of neighbouring link scans"]];
       for (const [name, , colour] of this.rows)
-        entries.push([css(colour), name === "faults" ? "a fault acts" : "the master has a station in error"]);
+        entries.push([css(colour), { faults: "a fault acts", "in error": "the master has a station in error",
+          "master lost": "the master makes no link scan, or slaves do not receive it" }[name]]);
       return entries;
     }
     describe(u, left) {

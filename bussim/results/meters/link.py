@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from bussim.results.meters.histogram import Histogram
-from bussim.results.meters.plain_data import FLAT, from_plain, named, to_plain
+from bussim.results.meters.plain_data import FLAT, UNKEPT, from_plain, named, to_plain
 from bussim.results.meters.refresh import Refresh, RefreshMeter
 from bussim.results.meters.timeline import Cell, Span, Spans, Timeline
 from bussim.trace.records import LinkTotals, ScanRecord
@@ -48,6 +48,20 @@ class Pairs(dict[tuple[str, str], Refresh]):
         return cls(((pair["source"], pair["receiver"]), from_plain(Refresh, pair)) for pair in data)
 
 
+class MasterLost(NamedTuple):
+    """A time without the master's frames, in ticks; ``end`` is None where it lasts beyond the run's end.
+
+    It begins where the first link scan that was not completed began, or when the first M8183 came on.
+    ``stations`` are the slaves whose watchdog on the master expired, by name; ``scans_missed`` are the link
+    scans of median length that fit into the part of it without any.
+    """
+
+    start: int
+    end: int | None
+    stations: tuple[str, ...]
+    scans_missed: int
+
+
 @dataclass(frozen=True, slots=True)
 class LinkRecord:
     """One N:N link's statistics.
@@ -56,6 +70,11 @@ class LinkRecord:
     ``refresh`` is by (source, receiver) names. ``in_error`` has when each station's error flag
     was on at the master. ``failed_per_scan`` has, by error code (two hexadecimal digits), how many scans had
     how many failed attempts with that code (only scans that had one).
+
+    The summary alone keeps ``onsets`` (how often each station's errors began, at the master),
+    ``master_lost``, and what its verdict rests on: the slaves that took the master's parameters after a
+    station error (``restarted``), and those to which frames of the master came damaged
+    (``master_damaged``), by name.
     """
 
     plc_names: tuple[str, ...] = field(metadata=named("seats"))
@@ -65,6 +84,10 @@ class LinkRecord:
     timeline: list[Cell] = field(default_factory=list)
     in_error: dict[int, list[Span]] = field(default_factory=dict)
     failed_per_scan: dict[str, dict[int, int]] = field(default_factory=dict)
+    onsets: dict[int, int] = field(default_factory=dict, compare=False, metadata=UNKEPT)
+    master_lost: list[MasterLost] = field(default_factory=list, compare=False, metadata=UNKEPT)
+    restarted: frozenset[str] = field(default_factory=frozenset, compare=False, metadata=UNKEPT)
+    master_damaged: frozenset[str] = field(default_factory=frozenset, compare=False, metadata=UNKEPT)
 
 
 @dataclass(slots=True)
@@ -79,6 +102,12 @@ class LinkMeter:
     flagged: bool = False  # whether one of them may be on
     failed: Counter[int] = field(default_factory=Counter)  # code → failed attempts in the scan under way
     failed_per_scan: dict[int, Counter[int]] = field(default_factory=dict)
+    onsets: dict[str, Counter[int]] = field(default_factory=dict)  # by reporter and station
+    scans_end: int | None = None
+    gaps: Spans = field(default_factory=Spans)  # times between link scans
+    lost: dict[str, Spans] = field(default_factory=dict)  # by slave: its watchdog on the master had expired
+    restarted: set[str] = field(default_factory=set)
+    master_damaged: set[str] = field(default_factory=set)
 
     def scan(self, record: ScanRecord) -> None:
         """Count a link scan that has ended."""
@@ -86,6 +115,10 @@ class LinkMeter:
         if self.healthy_at is not None and record.start >= self.healthy_at:
             self.after_startup.add(record)
         self.timeline.add(record.start, record.duration)
+        if self.scans_end is not None and record.start > self.scans_end:
+            self.gaps.on(0, self.scans_end)
+            self.gaps.off(0, record.start)
+        self.scans_end = record.start + record.duration
         for code, number in self.failed.items():
             self.failed_per_scan.setdefault(code, Counter())[number] += 1
         self.failed.clear()
@@ -109,15 +142,30 @@ class LinkMeter:
         spans = self.in_error.setdefault(reporter, Spans())
         if on:
             self.flagged = True
+            self.onsets.setdefault(reporter, Counter())[station] += 1
             spans.on(station, tick)
         else:
             spans.off(station, tick)
+            if not station and reporter in self.lost:
+                self.lost[reporter].off(0, tick)
 
-    def record(self, totals: LinkTotals, refresh: RefreshMeter) -> LinkRecord:
-        """What was counted; ``refresh`` has the refresh gaps of all buses."""
+    def watchdog(self, slave: str, tick: int) -> None:
+        """A slave's watchdog on the master's frames expired."""
+        self.lost.setdefault(slave, Spans()).on(0, tick)
+
+    def parameters(self, slave: str, tick: int) -> None:
+        """A slave took the master's parameters; after a station error it has restarted."""
+        if slave in self.lost:
+            self.lost[slave].off(0, tick)
+        if self.onsets:
+            self.restarted.add(slave)
+
+    def record(self, totals: LinkTotals, refresh: RefreshMeter, duration: int) -> LinkRecord:
+        """What was counted in a run of ``duration`` ticks; ``refresh`` has the refresh gaps of all buses."""
         names = totals.plc_names
         # Slaves report what they overhear; the link's flags are those of its master.
-        in_error = self.in_error.get(totals.master or totals.bus) or Spans()
+        reporter = totals.master or totals.bus
+        in_error = self.in_error.get(reporter) or Spans()
         return LinkRecord(
             plc_names=names,
             scan_times=self.scan_times,
@@ -133,4 +181,30 @@ class LinkMeter:
             failed_per_scan={
                 f"{code:02X}": dict(each) for code, each in sorted(self.failed_per_scan.items())
             },
+            onsets=dict(self.onsets.get(reporter, {})),
+            master_lost=self._master_lost(duration),
+            restarted=frozenset(self.restarted),
+            master_damaged=frozenset(self.master_damaged),
         )
+
+    def _master_lost(self, duration: int) -> list[MasterLost]:
+        """Times between link scans and expired watchdogs; what overlaps is one."""
+        gaps = [span for spans in self.gaps.all().values() for span in spans]
+        lost = [(span, name) for name, spans in self.lost.items() for span in spans.all().get(0, [])]
+        if self.scans_end is not None and any(span.end is None for span, _ in lost):
+            gaps.append(Span(self.scans_end, None))
+        times = self.scan_times.histogram
+        usual = times.quantile(500) or times.mean
+        found: list[MasterLost] = []
+        without = 0
+        for span, name in sorted([*((gap, "") for gap in gaps), *lost], key=lambda each: each[0].start):
+            last = found.pop() if found and (found[-1].end is None or span.start <= found[-1].end) else None
+            if last is None:
+                last, without = MasterLost(span.start, span.start, (), 0), 0
+            if not name:
+                without += (duration if span.end is None else span.end) - span.start
+            end = None if None in (last.end, span.end) else max(last.end or 0, span.end or 0)
+            stations = (*last.stations, name) if name and name not in last.stations else last.stations
+            found.append(MasterLost(last.start, end, stations, int(without // usual) if usual else 0))
+        order = {name: place for place, name in enumerate(self.lost)}
+        return [each._replace(stations=tuple(sorted(each.stations, key=order.__getitem__))) for each in found]

@@ -1,15 +1,15 @@
 """What the meters keep as plain data of ``histograms.json``, and back, by its dataclasses' annotations.
 
-A field's key is its name. The metadata of a field may say otherwise: :func:`named`, :data:`FLAT` and
-:data:`LATER`. Named tuples and sequences are arrays; counts (whole numbers by name) are in the order of
-their names. What has methods ``to_json`` and ``from_json`` is asked.
+A field's key is its name. The metadata of a field may say otherwise: :func:`named`, :data:`FLAT`,
+:data:`LATER` and :data:`UNKEPT`. Named tuples and sequences are arrays; counts (whole numbers by name) are
+in the order of their names. What has methods ``to_json`` and ``from_json`` is asked.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from functools import lru_cache
 from types import MappingProxyType, UnionType
 from typing import Any, Final, get_args, get_origin, get_type_hints
@@ -20,6 +20,8 @@ _hints = lru_cache(get_type_hints)
 FLAT: Final[Mapping[str, Any]] = MappingProxyType({"flat": True})
 #: Metadata of a field that runs of earlier versions lack; it needs a default.
 LATER: Final[Mapping[str, Any]] = MappingProxyType({"later": True})
+#: Metadata of a field that plain data does not keep: the summary has what follows from it.
+UNKEPT: Final[Mapping[str, Any]] = MappingProxyType({"unkept": True})
 
 
 def named(key: str) -> Mapping[str, Any]:
@@ -33,7 +35,7 @@ def to_plain(value: Any) -> Any:
         return value.to_json()
     if is_dataclass(value):
         data: dict[str, Any] = {}
-        for field in fields(value):
+        for field in _kept(value):
             plain = to_plain(getattr(value, field.name))
             data |= plain if "flat" in field.metadata else {field.metadata.get("key", field.name): plain}
         return data
@@ -64,9 +66,13 @@ def from_plain(kind: Any, data: Any) -> Any:
     return kind.from_json(data) if hasattr(kind, "from_json") else kind(data)
 
 
+def _kept(kind: Any) -> list[Field[Any]]:
+    return [field for field in fields(kind) if "unkept" not in field.metadata]
+
+
 def _values(kind: Any, data: Any) -> dict[str, Any]:
     values = {}
-    for field in fields(kind):
+    for field in _kept(kind):
         key = field.metadata.get("key", field.name)
         if key in data or "later" not in field.metadata:
             own = data if "flat" in field.metadata else data[key]

@@ -9,6 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from bussim.results.meters.histogram import Histogram
+from bussim.results.meters.plain_data import UNKEPT
 from bussim.trace.records import CycleRecord, FreeRecord, PollRecord, RunTotals, TransactionRecord
 
 #: The yy of D8063 = 7xyy that have a count of their own (PW10 board manual, section 8).
@@ -42,6 +43,9 @@ class Poll:
 
     transactions: int = 0
     ok: int = 0
+    own: int = field(
+        default=0, compare=False, metadata=UNKEPT
+    )  # ok with the request's own response; in the summary alone
     reads: bool = False
     turns: int = 0
     failed_turns: int = 0
@@ -58,6 +62,7 @@ class Poll:
         took = response_time(record)
         if took is not None:
             self.responses.add(took)
+            self.own += record.outcome == "ok"
         if record.function in _READS:
             self.reads = True
             if record.outcome == "ok" and record.served is not None:

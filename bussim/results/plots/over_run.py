@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -15,6 +16,7 @@ from bussim.results.plots.scan_times import link_of
 from bussim.results.plots.style import (
     FAULT,
     IN_ERROR,
+    LOST,
     SIMULATED,
     Picture,
     finish_picture,
@@ -23,8 +25,8 @@ from bussim.results.plots.style import (
     style,
 )
 from bussim.results.run_record import RunRecord
-from bussim.results.text.run import caption_of
-from bussim.units import milliseconds, seconds
+from bussim.results.text.run import caption_of, lost_in_words
+from bussim.units import TICKS_PER_SECOND, milliseconds, seconds
 
 #: Most lines of faults; the others share one.
 _MOST_FAULTS = 10
@@ -40,13 +42,14 @@ class _Lane:
 
 
 def scan_times_over_run(run: RunRecord, bus: str) -> Picture:
-    """A bus's link scan times over the run, and below them when faults acted and stations were in error.
+    """A bus's link scan times over the run; below them faults, stations in error, times without the master.
 
     Where the run has more scans than the picture columns, the longest and the shortest of
     neighbouring scans are drawn. Raises UsageError if there is no such bus or it made no scan.
     """
     link = link_of(run, bus)
-    lanes = [*_fault_lanes(run, link, bus), *_error_lanes(link)]
+    lost = run.summary["links"][bus].get("master_lost", ())
+    lanes = [*_fault_lanes(run, link, bus), *_error_lanes(link), *_lost_lanes(lost)]
     end = seconds(run.duration)
     with style():
         height = 0.25 * len(lanes) + 0.35 if lanes else 0.0
@@ -92,7 +95,11 @@ def _draw_scans(axes: Axes, link: LinkRecord) -> list[Line2D]:
 
 
 def _explain(lanes: Iterable[_Lane]) -> list[Patch]:
-    texts = {FAULT: "a fault acts", IN_ERROR: "the master has a station in error"}
+    texts = {
+        FAULT: "a fault acts",
+        IN_ERROR: "the master has a station in error",
+        LOST: "no master: no link scan, or not received",
+    }
     return [
         Patch(color=colour, alpha=0.6, linewidth=0, label=texts[colour])
         for colour in dict.fromkeys(lane.colour for lane in lanes)
@@ -137,6 +144,18 @@ def _fault_lanes(run: RunRecord, link: LinkRecord, bus: str) -> list[_Lane]:
         merged = [span for text in rest for span in lanes.pop(text)]
         lanes[f"{len(rest)} other faults"] = merged
     return [_Lane(text, spans, FAULT) for text, spans in lanes.items()]
+
+
+def _lost_lanes(lost: Iterable[Mapping[str, Any]]) -> list[_Lane]:
+    """Times without the master, those of the same slaves on one line."""
+    lanes: dict[str, list[Span]] = {}
+    for each in lost:
+        span = Span(
+            round(each["from_s"] * TICKS_PER_SECOND),
+            round((each["from_s"] + each["for_s"]) * TICKS_PER_SECOND),
+        )
+        lanes.setdefault(lost_in_words(each["stations"]), []).append(span)
+    return [_Lane(text, spans, LOST) for text, spans in lanes.items()]
 
 
 def _error_lanes(link: LinkRecord) -> list[_Lane]:

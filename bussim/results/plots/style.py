@@ -31,6 +31,7 @@ SIMULATED = _BLUE  # what a run counted
 DISTRIBUTION = _GREEN  # what the exact distribution says
 FAULT = _ORANGE  # a fault acts
 IN_ERROR = _VERMILLION  # a failed attempt, a damaged character, a station in error
+LOST = _BLACK  # the master makes no link scan, or slaves do not receive it
 #: Of runs on one axis, in order; the colours of faults and errors come last.
 RUNS = (SIMULATED, _GREEN, _PURPLE, _SKY, _BLACK, _ORANGE, _VERMILLION)
 #: Frames by their kind in the trace: polls and requests are purple, replies, responses and data sky blue.

@@ -40,7 +40,7 @@ def port_summary(totals: PortTotals, record: PortRecord | None, duration: int) -
     found: dict[str, Any] = {"protocol": totals.protocol, "bus": totals.bus}
     record = record or PortRecord(totals.bus, totals.timeout)
     if protocol.endswith("-master") or record.polls:
-        found |= _master(record, duration)
+        found |= _master(record, duration, totals.late)
     if protocol.endswith("-slave") or totals.requests:
         found |= {
             "station": totals.station,
@@ -71,24 +71,26 @@ def device_summary(totals: DeviceTotals, record: PortRecord | None, duration: in
     }
     record = record or PortRecord(totals.bus, totals.timeout)
     if totals.model == "hmi" or record.polls:
-        found |= _master(record, duration)
+        found |= _master(record, duration, totals.late)
     if totals.model == "free" or record.free != FreeCounts():
         found |= _free(record.free)
     return found
 
 
-def _master(record: PortRecord, duration: int) -> dict[str, Any]:
+def _master(record: PortRecord, duration: int, late: int) -> dict[str, Any]:
     """Counts of attempts: each is ok, an exception, a timeout, a CRC error or one of the others."""
     polls = record.polls
     return {
         "timeout_ms": None if record.timeout is None else whole(milliseconds(record.timeout)),
         "transactions": sum(poll.transactions for poll in polls.values()),
         "ok": sum(poll.ok for poll in polls.values()),
+        "answered_with_own_data": sum(poll.own for poll in polls.values()),
         "exceptions": dict(sorted(record.exceptions.items())),
         "timeouts": record.timeouts,
         "crc_errors": record.crc_errors,
         "other_errors": dict(sorted(record.others.items())),
         "mismatched_responses": record.mismatched,
+        "late_responses": late,
         "response_ms": statistics(record.responses),
         "polls": {name: _poll(poll, duration) for name, poll in polls.items()},
         "cycle_ms": {**statistics(record.cycles), "count": record.cycles.count},

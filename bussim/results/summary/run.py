@@ -7,13 +7,14 @@ from typing import Any
 
 from bussim.results.meters.histogram import quantiles
 from bussim.results.meters.latency_record import LatencyRecord
-from bussim.results.meters.link import LinkRecord, ScanTimes
+from bussim.results.meters.link import LinkRecord, MasterLost, ScanTimes
 from bussim.results.meters.ports import PortRecord
 from bussim.results.meters.refresh import Refresh
 from bussim.results.numbers import by_code, ms, s, share, whole
 from bussim.results.summary import SCHEMA
 from bussim.results.summary.latency import LatencyBounds, latency_summary
 from bussim.results.summary.ports import bus_summary, device_summary, port_summary, unlisted_ports
+from bussim.results.verdict.judge import Evidence, verdict
 from bussim.trace.records import LinkTotals, PlcTotals, RunTotals
 from bussim.units import milliseconds
 from bussim.version import __version__
@@ -28,15 +29,17 @@ def summarise(
     seed: int,
     latency: Mapping[str, LatencyRecord] | None = None,
     bounds: Mapping[str, LatencyBounds] | None = None,
+    refused: Mapping[str, int] | None = None,
 ) -> dict[str, Any]:
     """The content of ``summary.json``.
 
     ``links`` has a record for every link of the totals, ``ports`` for every node beside the links
     that was a master or had the free protocol (of a recording the totals know none of them);
-    ``scenario`` is the scenario's name. ``bounds`` are what each ``latency`` may be at worst.
+    ``scenario`` is the scenario's name. ``bounds`` are what each ``latency`` may be at worst;
+    ``refused`` has D8063 of each PLC and port that has refused its parameters.
     """
     duration = totals.duration
-    return {
+    summary = {
         "schema": SCHEMA,
         "bussim": __version__,
         "scenario": scenario,
@@ -55,6 +58,10 @@ def summarise(
         **_latencies(latency or {}, bounds or {}),
         "warnings": list(totals.warnings),
     }
+    overlaps = {bus.bus: bus.overlaps for bus in totals.links}
+    overlaps |= {bus.bus: bus.overlaps for bus in totals.buses}
+    summary["verdict"] = verdict(summary, Evidence(links, refused or {}, overlaps))
+    return summary
 
 
 def _latencies(latency: Mapping[str, LatencyRecord], bounds: Mapping[str, LatencyBounds]) -> dict[str, Any]:
@@ -88,6 +95,10 @@ def _link(totals: LinkTotals, record: LinkRecord, duration: int) -> dict[str, An
             str(station): totals.station_errors.get(station, 0)
             for station in range(1, (totals.slaves or 0) + 1)
         },
+        "station_error_onsets": {
+            str(station): record.onsets.get(station, 0) for station in range(1, (totals.slaves or 0) + 1)
+        },
+        "master_lost": [_lost(lost, duration) for lost in record.master_lost],
         "refresh_gap_ms": {
             f"{source}->{receiver}": _gaps(pair, duration)
             for (source, receiver), pair in record.refresh.items()
@@ -95,6 +106,16 @@ def _link(totals: LinkTotals, record: LinkRecord, duration: int) -> dict[str, An
         "undetected_frames": totals.undetected,
         "collisions": totals.collisions,
         "healthy_at_s": s(totals.healthy_at),
+    }
+
+
+def _lost(lost: MasterLost, duration: int) -> dict[str, Any]:
+    """A time without the master."""
+    return {
+        "from_s": s(lost.start),
+        "for_s": s((duration if lost.end is None else lost.end) - lost.start),
+        "stations": list(lost.stations),
+        "scans_missed": lost.scans_missed,
     }
 
 

@@ -94,7 +94,11 @@ def _master(port: Mapping[str, Any]) -> Iterator[str]:
         *_unless_none(port["crc_errors"], "CRC or LRC"),
         *(f"{number:,} {words}" for words, number in port["other_errors"].items()),
     ]
-    counts = [f"{port['transactions']:,}: {port['ok']:,} ok", *failures]
+    own = port.get("answered_with_own_data")  # a folder of an earlier version does not have it
+    accepted = [f"{port['ok']:,} ok"]
+    if own not in (None, port["ok"]):
+        accepted.append(f"{own:,} with own data")
+    counts = [f"{port['transactions']:,}: {', '.join(accepted)}", *failures]
     mismatched = port["mismatched_responses"]
     wrong = (
         f"; {counted(mismatched, 'response')} taken that belonged to another request" if mismatched else ""

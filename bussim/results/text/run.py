@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bussim.results.numbers import counted
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
 from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
+from bussim.results.verdict.catalogue import meaning
+from bussim.results.verdict.judge import verdict_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,6 +18,10 @@ if TYPE_CHECKING:
 
 
 _ON_OFF = {0: "off", 1: "ON"}
+#: Sentences of a verdict whose figures stand above it on a console.
+_SHOWN_AS_FIGURES = frozenset(
+    {"median", "median_p99", "mean", "longest", "longest_because", "messages", "no_bus"}
+)
 
 
 def show_result(console: Console, record: RunRecord, station_names: Mapping[str, Mapping[int, str]]) -> None:
@@ -27,6 +33,12 @@ def show_result(console: Console, record: RunRecord, station_names: Mapping[str,
         _show_link(console, record, bus, link, station_names.get(bus, {}))
     for line in (*alone_lines(summary), *port_lines(summary), *latency_lines(summary)):
         _print(console, line)
+    said = [item for item in verdict_of(summary, record.links) if item["key"] not in _SHOWN_AS_FIGURES]
+    if said:
+        console.print()
+        _print(console, "verdict")
+        for item in said:
+            _print(console, f"  {item['text']}")
     if summary["warnings"]:
         console.print()
         for warning in summary["warnings"]:
@@ -48,6 +60,9 @@ def _show_link(
     _show_times(console, link)
     if link["station_errors"]:
         console.print(_stations(record, link, names))
+        codes = sorted({code for by_code in link["failed_attempts"].values() for code in by_code})
+        if codes:
+            _print(console, f"  codes            {'; '.join(f'{code}: {meaning(code)}' for code in codes)}")
     _show_registers(console, record, bus)
     _show_refresh(console, link["refresh_gap_ms"])
 
@@ -86,16 +101,41 @@ def _stations(record: RunRecord, link: dict[str, Any], names: Mapping[int, str])
     table.add_column("  station")
     for code in codes:
         table.add_column(f"failed {code}", justify="right", no_wrap=True)
+    onsets = link.get("station_error_onsets")  # a folder of an earlier version has none
+    lost = lost_by_station(link)
     table.add_column("station errors", justify="right", no_wrap=True)
+    if onsets:
+        table.add_column("onsets", justify="right", no_wrap=True)
+    if lost:
+        table.add_column("master lost", justify="right", no_wrap=True)
     table.add_column("flag", no_wrap=True)
     flags = _registers(record, names.get(0, ""))
     for station, errors in link["station_errors"].items():
         name = names.get(int(station))
         cells = [f"  {station} ({name})" if name else f"  {station}"]
         cells += [f"{failed.get(station, {}).get(code, 0):,}" for code in codes]
-        cells += [f"{errors:,}", _ON_OFF.get(flags.get(f"M{8183 + int(station)}", -1), "–")]
+        cells.append(f"{errors:,}")
+        if onsets:
+            cells.append(f"{onsets[station]:,}")
+        if lost:
+            cells.append(f"{lost.get(name or '', 0.0):.3f} s")
+        cells += [_ON_OFF.get(flags.get(f"M{8183 + int(station)}", -1), "–")]
         table.add_row(*map(Text, cells))
     return table
+
+
+def lost_by_station(link: Mapping[str, Any]) -> dict[str, float]:
+    """For how long each slave had lost the master, in s, by name; a folder of an earlier version has none."""
+    found: dict[str, float] = {}
+    for lost in link.get("master_lost", ()):
+        for name in lost["stations"]:
+            found[name] = found.get(name, 0.0) + lost["for_s"]
+    return found
+
+
+def lost_in_words(stations: Sequence[str]) -> str:
+    """Which slaves a time without the master concerns."""
+    return f"master lost by {', '.join(stations)}" if stations else "the master made no link scan"
 
 
 def _show_registers(console: Console, record: RunRecord, bus: str) -> None:

@@ -14,6 +14,8 @@ from bussim.trace.records import Sink
 
 #: Replies that are remembered: more than can lie between a reply and the END that takes it over.
 _REPLIES = 512
+#: Requests that were given up and may still be answered.
+_GIVEN_UP = 64
 
 
 class SerialBus(Line):
@@ -27,6 +29,9 @@ class SerialBus(Line):
         # Delivered whole; of several frames at once only one is sound: a few of the latest are enough.
         self._delivered: deque[Transmission] = deque(maxlen=8)
         self._replies: deque[Reply] = deque(maxlen=_REPLIES)
+        self._given_up: dict[int, str] = {}  # by the request's first edge: its master
+        #: Responses that ended after their request had been given up, by master.
+        self.late: dict[str, int] = {}
 
     def connect(self, nodes: Sequence[SerialStation]) -> None:
         """Put the nodes on the cable, in cable order."""
@@ -97,6 +102,19 @@ class SerialBus(Line):
     def replied(self, reply: Reply) -> None:
         """Record a slave's reply that begins now."""
         self._replies.append(reply)
+        master = self._given_up.pop(reply.asked, None)
+        if master is not None:
+            self.late[master] = self.late.get(master, 0) + 1
+
+    def gave_up(self, master: str, asked: int, end: int) -> None:
+        """A master's timeout was over at ``end``, before a response to its request of ``asked``."""
+        begun = next((reply for reply in self._replies if reply.asked == asked), None)
+        if begun is None:
+            self._given_up[asked] = master
+            if len(self._given_up) > _GIVEN_UP:
+                del self._given_up[next(iter(self._given_up))]
+        elif begun.end > end:
+            self.late[master] = self.late.get(master, 0) + 1
 
     def reply_at(self, tick: int) -> Reply | None:
         """The reply that was on the wire at a tick; None if none was, or several."""

@@ -31,6 +31,9 @@ class ReplyRecords(Protocol):
     def reply_at(self, tick: int) -> Reply | None:
         """The reply that was on the wire at a tick."""
 
+    def gave_up(self, master: str, asked: int, end: int) -> None:
+        """A master's timeout was over before a response to its request."""
+
 
 class SerialStation(LineNode, Protocol):
     """A PLC's port or a device on a serial bus."""

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from bussim.engines.free.events import Received, Sent
-from bussim.engines.modbus.codes import MEANINGS
+from bussim.engines.modbus.codes import MEANINGS, PortError
 from bussim.engines.modbus.events import (
     CycleEnded,
     FrameRejected,
@@ -110,6 +110,8 @@ class SerialReporter(Notes):
                 chars=(node.request_chars if event.sent is not None else 0) + (reply.chars if reply else 0),
             )
         )
+        if event.error is PortError.TIMEOUT and event.sent is not None:
+            node.bus.gave_up(node.name, event.sent, event.end)
         if mismatched and outcome in ("ok", "exception"):
             text = f"took an answer to an earlier request for that to station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)

@@ -13,7 +13,7 @@ from bussim.line.characters import LineTiming
 from bussim.sim.wire.cable import Cable
 from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
 from bussim.sim.wire.disturber import Disturber
-from bussim.trace.records import FrameRecord, Sink
+from bussim.trace.records import AFTER_FRAME, IN_FRAME, WITHOUT_FRAME, FrameRecord, Sink
 
 
 class Line(Cable):
@@ -39,6 +39,8 @@ class Line(Cable):
         self.busy = 0
         self.frames = 0
         self.collisions = 0
+        #: Those during which each node's driver was on, by name and by what it did then.
+        self.overlaps: dict[str, dict[str, int]] = {}
         self.undetected_frames = 0
 
     # -- what a protocol's line knows of its frames --------------------------------------------------
@@ -158,8 +160,17 @@ class Line(Cable):
     def _overlap(self, tx: Transmission, now: int, *, counted: bool) -> None:
         """Begin a transmission while other drivers are on."""
         sender = tx.sender
-        if any(port is not sender and port.driving and self.connected(port, sender) for port in self.ports):
+        driving = [
+            port
+            for port in self.ports
+            if port is not sender and port.driving and self.connected(port, sender)
+        ]
+        if driving:
             self.collisions += counted
+            for port in driving if counted else ():
+                what = AFTER_FRAME if port.tail else WITHOUT_FRAME if port.jabbering else IN_FRAME
+                found = self.overlaps.setdefault(port.name, {})
+                found[what] = found.get(what, 0) + 1
             tx.collided = True
             for other in self._on_wire:
                 if self.connected(other.sender, sender):

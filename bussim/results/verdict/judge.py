@@ -1,0 +1,74 @@
+"""What was wrong in a run and what was well, from what stations and buses showed; never from its faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bussim.results.meters.link import LinkRecord
+from bussim.results.verdict.catalogue import is_fault, render
+from bussim.results.verdict.link import link_findings
+from bussim.results.verdict.ports import bus_findings, has_failed, node_findings
+
+Overlaps = Mapping[str, Mapping[str, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a verdict rests on beside ``summary.json``; a folder of an earlier version has less of it.
+
+    ``links`` are by bus. ``refused`` has D8063 of each PLC or port that has refused its parameters, 0 where
+    a slave has refused the master's mode. ``overlaps`` are by bus as of
+    :class:`bussim.trace.records.LinkTotals`.
+    """
+
+    links: Mapping[str, LinkRecord] = field(default_factory=dict)
+    refused: Mapping[str, int] = field(default_factory=dict)
+    overlaps: Mapping[str, Overlaps] = field(default_factory=dict)
+
+
+def verdict(summary: Mapping[str, Any], evidence: Evidence) -> list[dict[str, Any]]:
+    """The ``verdict`` of a summary: sentences as keys with values, each with its text in English."""
+    return [
+        {"key": key, "values": values, "text": render(key, values)}
+        for key, values in _findings(summary, evidence)
+    ]
+
+
+def verdict_of(summary: Mapping[str, Any], links: Mapping[str, LinkRecord]) -> list[dict[str, Any]]:
+    """The verdict of a run, made again for a folder of a version that kept none."""
+    found: list[dict[str, Any]] | None = summary.get("verdict")
+    return verdict(summary, Evidence(links)) if found is None else found
+
+
+def faults(items: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those of a verdict that say that something was wrong."""
+    return [item for item in items if is_fault(item["key"])]
+
+
+def about(items: list[dict[str, Any]], bus: str) -> list[str]:
+    """The texts of a verdict about one bus."""
+    return [item["text"] for item in items if item["values"].get("bus") == bus]
+
+
+def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[tuple[str, dict[str, Any]]]:
+    links, buses = summary["links"], summary["buses"]
+    if not links and not buses and summary["plcs"]:
+        yield "no_bus", {}
+    for bus, link in links.items():
+        record = evidence.links.get(bus)
+        if record is not None:
+            overlaps = evidence.overlaps.get(bus, {})
+            yield from link_findings(bus, link, record, summary, evidence.refused, overlaps)
+    nodes = {**(summary.get("ports") or {}), **(summary.get("devices") or {})}
+    for bus, found in buses.items():
+        on_bus = {name: node for name, node in nodes.items() if node["bus"] == bus}
+        yield from bus_findings(bus, found, on_bus, evidence.overlaps.get(bus, {}))
+    failed: dict[str, bool] = {}  # by bus with a Modbus master
+    for node in nodes.values():
+        if node.get("transactions"):
+            failed[node["bus"]] = failed.get(node["bus"], False) or has_failed(node)
+    for name, node in nodes.items():
+        made_good = not failed.get(node["bus"], True)
+        yield from node_findings(name, node, evidence.refused.get(name), made_good=made_good)

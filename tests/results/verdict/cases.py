@@ -1,0 +1,341 @@
+"""Random scenarios with fixed seeds in which one thing is wrong, or nothing."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+Data = dict[str, Any]
+
+
+class Case(NamedTuple):
+    """A scenario with one thing wrong.
+
+    ``key`` is the sentence that must name the cause, ``values`` what it must say of it; ``others`` are
+    sentences about what follows from it.
+    """
+
+    scenario: Data
+    key: str
+    values: Data
+    others: frozenset[str] = frozenset()
+
+
+#: What is said of every station error and every request without a response, whatever its cause is.
+SYMPTOMS = frozenset({"station_error", "station_still_in_error", "no_response"})
+
+
+def link(draw: random.Random, **changes: Any) -> Data:
+    """A healthy N:N link of three to five PLCs."""
+    slaves = draw.randint(2, 4)
+    settings = {
+        "slaves": slaves,
+        "mode": draw.randint(0, 3),
+        "retries": draw.randint(1, 4),
+        "timeout": f"{draw.choice((50, 60, 80))} ms",
+    }
+    plcs = [
+        {
+            "name": f"plc{number}",
+            "scan": f"{draw.randint(4, 20)} ms",
+            "nn": {"bus": "link", "port": "COM4", "station": number},
+        }
+        for number in range(slaves + 1)
+    ]
+    plcs[0]["nn"] |= settings
+    seed = draw.randint(1, 10_000)
+    base = {
+        "schema": 1,
+        "name": "a line",
+        "duration": "20 s",
+        "seed": seed,
+        "buses": [{"name": "link", "nn": True}],
+    }
+    return {**base, "plcs": plcs, **changes}
+
+
+def modbus(draw: random.Random, delay: int = 5, **port: Any) -> Data:
+    """A healthy Modbus bus: a PLC polls two registers of a drive."""
+    settings = {
+        "bus": "drives",
+        "protocol": "modbus-rtu-master",
+        "timeout": "100 ms",
+        "interval": "5 ms",
+        **port,
+    }
+    polls = [
+        {"name": name, "port": "COM3", "station": 1, "function": 3, "address": address, "count": 2, "to": to}
+        for name, address, to in (("vfd_status", 0, "D400"), ("vfd_speed", 8, "D410"))
+    ]
+    drive = {
+        "name": "drive",
+        "model": "map",
+        "bus": "drives",
+        "station": 1,
+        "delay": f"{delay} ms",
+        "registers": [{"address": 0, "count": 16, "value": 7}],
+    }
+    return {
+        "schema": 1,
+        "name": "a drive",
+        "duration": "10 s",
+        "seed": draw.randint(1, 10_000),
+        "buses": [{"name": "drives", "baud": draw.choice((9600, 19200, 38400)), "format": "8N1"}],
+        "plcs": [
+            {
+                "name": "press",
+                "scan": f"{draw.randint(2, 15)} ms",
+                "ports": {"COM3": settings},
+                "polls": polls,
+            }
+        ],
+        "devices": [drive],
+    }
+
+
+def _a_time(draw: random.Random, what: str, of: Any, **when: Any) -> list[Data]:
+    """A fault that acts for a few seconds in the middle of a run."""
+    return [{"at": f"{draw.randint(4, 8)} s", "for": f"{draw.randint(3, 6)} s", what: of, **when}]
+
+
+def _slave(draw: random.Random, line: Data) -> str:
+    return f"plc{draw.randint(1, len(line['plcs']) - 1)}"
+
+
+def _of(name: str) -> str:
+    return f"station {name[3:]} ({name})"
+
+
+def dead_master(draw: random.Random) -> Case:
+    line = link(draw)
+    line["faults"] = _a_time(draw, "power_off", "plc0")
+    return Case(line, "master_lost", {"master": "plc0", "stations": _names(line)})
+
+
+def dead_master_to_the_end(draw: random.Random) -> Case:
+    line = link(draw)
+    line["faults"] = [{"at": "8 s", "power_off": "plc0"}]
+    return Case(line, "master_still_lost", {"master": "plc0", "stations": _names(line)})
+
+
+def master_in_stop(draw: random.Random) -> Case:
+    line = link(draw)
+    line["faults"] = _a_time(draw, "stop", "plc0")
+    return Case(line, "master_lost", {"master": "plc0", "stations": _names(line)})
+
+
+def master_dead_from_the_start(draw: random.Random) -> Case:
+    return Case(link(draw, faults=[{"at": "0 s", "power_off": "plc0"}]), "no_scan", {"master": "plc0"})
+
+
+def dead_slave(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = _a_time(draw, "power_off", name)
+    return Case(line, "cause_stopped", {"station": _of(name)})
+
+
+def dead_slave_to_the_end(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = [{"at": "9 s", "power_off": name}]
+    return Case(line, "cause_still_stopped", {"station": _of(name)})
+
+
+def slave_in_stop(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = _a_time(draw, "stop", name)
+    return Case(line, "cause_stopped", {"station": _of(name)})
+
+
+def slave_without_replies(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = _a_time(draw, "drop_reply", name)
+    return Case(line, "cause_no_reply", {"station": _of(name)})
+
+
+def slow_slave(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["plcs"][0]["nn"]["retries"] = 0
+    line["faults"] = _a_time(draw, "slow", {"station": name, "extra": "85 ms"})
+    return Case(line, "cause_late", {"station": _of(name)}, frozenset({"collisions_with"}))
+
+
+def two_masters(draw: random.Random) -> Case:
+    line = link(draw)
+    line["plcs"].append({"name": "other", "scan": "7 ms", "nn": {**line["plcs"][0]["nn"]}})
+    others = frozenset({"master_not_received", "undetected"})
+    return Case(line, "two_masters", {"masters": ["plc0", "other"]}, others)
+
+
+def same_number(draw: random.Random) -> Case:
+    line = link(draw)
+    line["plcs"].append(
+        {"name": "other", "scan": "7 ms", "nn": {"bus": "link", "port": "COM4", "station": 1}}
+    )
+    return Case(line, "same_number", {"plcs": ["plc1", "other"], "station": 1})
+
+
+def number_not_polled(draw: random.Random) -> Case:
+    line = link(draw)
+    line["plcs"].append({"name": "last", "scan": "7 ms", "nn": {"bus": "link", "port": "COM4", "station": 6}})
+    return Case(line, "not_polled", {"plc": "last", "station": 6})
+
+
+def bad_parameter_of_the_master(draw: random.Random) -> Case:
+    line = link(draw)
+    _by_registers(line["plcs"][0], D8176=0, D8177=draw.choice((0, 9)))
+    return Case(line, "settings_refused", {"plc": "plc0", "code": 7448}, frozenset({"no_master"}))
+
+
+def bad_parameter_of_a_slave(draw: random.Random) -> Case:
+    line = link(draw)
+    _by_registers(line["plcs"][1], D8176=9)
+    return Case(line, "settings_refused", {"plc": "plc1", "code": 7448}, frozenset({"cause_missing"}))
+
+
+def wrong_format(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = _a_time(draw, "wrong_format", {"station": name, "format": "7O1"})
+    return Case(line, "cause_format", {"station": _of(name)}, frozenset({"master_not_received"}))
+
+
+def cable_cut(draw: random.Random) -> Case:
+    line = link(draw)
+    last = line["plcs"][-1]["name"]
+    line["faults"] = _a_time(draw, "cable_cut", {"bus": "link", "after": line["plcs"][-2]["name"]})
+    return Case(line, "cause_cut", {"station": _of(last)}, frozenset({"master_not_received"}))
+
+
+def late_release(draw: random.Random) -> Case:
+    line = link(draw)
+    name = f"plc{draw.randint(1, len(line['plcs']) - 2)}"  # after the last one's frame the bus is idle for longer
+    line["faults"] = _a_time(draw, "late_release", {"station": name, "by": "2 ms"})
+    others = frozenset({"master_not_received", "undetected"})
+    return Case(line, "late_release", {"node": name}, others)
+
+
+def jabber(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = _a_time(draw, "jabber", name)
+    others = frozenset({"master_not_received", "undetected"})
+    return Case(line, "no_frame", {"node": name}, others)
+
+
+def damaged_replies(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["noise"] = [
+        {"bus": "link", "station": name, "direction": "tx", "ber": 0.01, "at": "5 s", "for": "8 s"}
+    ]
+    return Case(line, "cause_damaged", {"station": _of(name)}, frozenset({"undetected"}))
+
+
+def mistaken_answers(draw: random.Random) -> Case:
+    bus = modbus(draw, delay=60, timeout="40 ms")
+    bus["buses"][0]["baud"] = 38400
+    return Case(bus, "mistaken", {"node": "press.COM3"}, frozenset({"no_own_data", "late"}))
+
+
+def late_answers(draw: random.Random) -> Case:
+    bus = modbus(draw, delay=draw.randint(90, 120), timeout="60 ms", interval="200 ms")
+    return Case(bus, "late", {"node": "press.COM3", "timeout_ms": 60}, frozenset({"no_own_data"}))
+
+
+def two_modbus_masters(draw: random.Random) -> Case:
+    bus = modbus(draw)
+    other = {**bus["plcs"][0], "name": "packer", "scan": "3 ms"}
+    bus["plcs"].append(other)
+    others = frozenset(
+        {
+            "mistaken",
+            "damaged_responses",
+            "requests_ignored",
+            "no_response",
+            "late",
+            "undetected",
+            "no_own_data",
+        }
+    )
+    return Case(bus, "two_masters", {"masters": ["press.COM3", "packer.COM3"]}, others)
+
+
+def dead_device(draw: random.Random) -> Case:
+    bus = modbus(draw)
+    bus["faults"] = [{"at": "3 s", "for": "3 s", "power_off": "drive"}]
+    return Case(
+        bus,
+        "no_response",
+        {"node": "press.COM3", "polls": ["vfd_status", "vfd_speed"]},
+        frozenset({"damaged_responses"}),
+    )
+
+
+def wrong_format_of_a_device(draw: random.Random) -> Case:
+    bus = modbus(draw)
+    bus["faults"] = [{"at": "3 s", "for": "3 s", "wrong_format": {"station": "drive", "format": "8E1"}}]
+    return Case(bus, "requests_ignored", {"node": "drive"}, frozenset({"damaged_responses"}))
+
+
+def wrong_address(draw: random.Random) -> Case:
+    bus = modbus(draw)
+    bus["plcs"][0]["polls"][1]["address"] = 0x1000
+    return Case(bus, "exceptions", {"node": "press.COM3"})
+
+
+def _by_registers(plc: Data, **registers: int) -> None:
+    """Set a PLC's link by raw registers, which may be bad."""
+    del plc["nn"]
+    plc["registers"] = {"M8179": 1, **registers}
+    plc["ports"] = {"COM4": {"bus": "link"}}
+
+
+def _names(line: Data) -> list[str]:
+    return [plc["name"] for plc in line["plcs"][1:]]
+
+
+ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
+    dead_master,
+    dead_master_to_the_end,
+    master_in_stop,
+    master_dead_from_the_start,
+    dead_slave,
+    dead_slave_to_the_end,
+    slave_in_stop,
+    slave_without_replies,
+    slow_slave,
+    two_masters,
+    same_number,
+    number_not_polled,
+    bad_parameter_of_the_master,
+    bad_parameter_of_a_slave,
+    wrong_format,
+    cable_cut,
+    late_release,
+    jabber,
+    damaged_replies,
+    mistaken_answers,
+    late_answers,
+    two_modbus_masters,
+    dead_device,
+    wrong_format_of_a_device,
+    wrong_address,
+)
+
+
+def healthy(seed: int) -> Data:
+    """A scenario in which nothing is wrong: a link, on some of them with a little noise, or a Modbus bus."""
+    draw = random.Random(seed)
+    if seed % 3 == 2:
+        return modbus(draw, delay=draw.randint(1, 40))
+    line = link(draw)
+    line["plcs"][0]["nn"]["retries"] = 4
+    if seed % 3:
+        line["noise"] = [{"bus": "link", "ber": 1e-5}]
+    return line

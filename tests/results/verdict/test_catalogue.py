@@ -1,0 +1,113 @@
+"""The catalogue of sentences: one table, whose columns are languages."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from string import Formatter
+from typing import Any
+
+import pytest
+
+from bussim.results.verdict import catalogue
+from bussim.results.verdict.catalogue import (
+    LANGUAGES,
+    SENTENCES,
+    cause_in_words,
+    in_ms,
+    is_fault,
+    meaning,
+    render,
+)
+
+#: Words that a reader of codes, names and figures is not to meet.
+WORDS = re.compile(r"\b(typical|somebody|nobody|tries|try)\b")
+
+
+def placeholders(text: str) -> dict[str, str]:
+    return {name: spec or "" for _, name, spec, _ in Formatter().parse(text) if name}
+
+
+def test_every_language_is_a_column() -> None:
+    assert set(LANGUAGES) == set(catalogue.Sentence._fields) - {"fault"}
+
+
+@pytest.mark.parametrize("key", SENTENCES)
+def test_placeholders_agree_in_all_languages(key: str) -> None:
+    texts = [getattr(SENTENCES[key], lang) for lang in LANGUAGES]
+    assert all(placeholders(text) == placeholders(texts[0]) for text in texts)
+    assert not WORDS.search(texts[0])
+
+
+#: A value for each format of a sentence.
+_VALUES: Mapping[str, Any] = {
+    "": "x_1",
+    "n": 1234,
+    "ms": 50.41,
+    "list": ["a_b", "c"],
+    "counts": {"frame length": 2},
+    "codes": {"01": 2, "04": 1},
+    "meanings": "01, 04",
+    "cause": "station 1 (a): 6 attempts, all 01; parameter frame",
+    "d": 7348,
+    "g": 20,
+    ".2f": 1.0,
+    ".3f": 1.0,
+}
+
+
+@pytest.mark.parametrize("key", SENTENCES)
+def test_every_sentence_can_be_said(key: str) -> None:
+    values = {name: _VALUES[spec] for name, spec in placeholders(SENTENCES[key].en).items()}
+    text = render(key, values)
+    assert text
+    assert "{" not in text
+    if is_fault(key):
+        assert text[0].isupper() or text.startswith(("x_1", "a_b"))
+        assert text.endswith(".")
+
+
+def test_codes_stay_codes_and_names_keep_their_underscores() -> None:
+    text = render("settings_refused", {"plc": "main_plc", "code": 7348})
+    assert text.startswith("main_plc refuses its N:N settings: M8063 is on, D8063 = 7348 (bad parameters)")
+    assert "vfd_status" in render(
+        "no_response", {"node": "a.COM3", "requests": 1200, "polls": ["vfd_status"]}
+    )
+
+
+def test_codes_are_said_in_words() -> None:
+    assert meaning("01") == "no reply within the timeout"
+    assert meaning("04") == "a damaged reply"
+    assert meaning("7F") == "code 7F"
+
+
+def test_milliseconds_have_three_digits() -> None:
+    assert [in_ms(value) for value in (50.412, 348.67, 5279.2)] == ["50.4 ms", "349 ms", "5.28 s"]
+
+
+@pytest.mark.parametrize(
+    ("cause", "words"),
+    [
+        (
+            "station 1 (press2): 6 attempts, all 01; parameter frame",
+            (
+                "station 1 (press2) failed all its 6 attempts (no reply within the timeout) and the master sent "
+                "its parameters again"
+            ),
+        ),
+        (
+            "station 2 (trolley): 2 failed attempts before the answer, 01, 04",
+            (
+                "station 2 (trolley) replied only at attempt 3 (before: no reply within the timeout, then a "
+                "damaged reply)"
+            ),
+        ),
+        (
+            "station 7: 1 attempt, 02",
+            "station 7 failed its only attempt (a reply with another station's number)",
+        ),
+        ("station 1 (a) answered 42 ms after its poll", "station 1 (a) answered 42 ms after its poll"),
+    ],
+)
+def test_a_cause_becomes_a_part_of_a_sentence(cause: str, words: str) -> None:
+    assert cause_in_words(cause) == words

@@ -1,0 +1,194 @@
+"""Verdicts name what was wrong, wherever they are read, and nothing where nothing was."""
+
+from __future__ import annotations
+
+import html
+import io
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rich.console import Console
+
+import bussim
+from bussim.report.page import report_page
+from bussim.report.runs import Source
+from bussim.results.result import Result
+from bussim.results.text.run import show_result
+from bussim.results.verdict.judge import faults, verdict_of
+
+from .cases import ONE_THING_WRONG, SYMPTOMS, Case, Data, healthy
+
+
+def run(scenario: Data, folder: Path) -> Result:
+    path = folder / "scenario.yaml"
+    path.write_text(yaml.safe_dump(scenario, sort_keys=False), encoding="utf-8")
+    return bussim.run(path, rows=False)
+
+
+def console(result: Result) -> str:
+    output = io.StringIO()
+    show_result(Console(file=output, width=80), result.record, {})
+    return output.getvalue()
+
+
+def page(result: Result) -> str:
+    return html.unescape(report_page([Source("run", "run", result.record, "schema: 1\n")]))
+
+
+def items(result: Result) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = result.summary["verdict"]
+    return found
+
+
+@pytest.mark.parametrize("make", ONE_THING_WRONG, ids=lambda make: str(make.__name__))
+def test_the_one_thing_that_is_wrong_is_named(make: Callable[[random.Random], Case], tmp_path: Path) -> None:
+    case = make(random.Random(ONE_THING_WRONG.index(make)))
+    result = run(case.scenario, tmp_path)
+    wrong = faults(items(result))
+    named = [
+        item for item in wrong if item["key"] == case.key and case.values.items() <= item["values"].items()
+    ]
+    assert len(named) == 1, [item["text"] for item in wrong]
+    assert {item["key"] for item in wrong} - SYMPTOMS - case.others == {case.key} - SYMPTOMS
+    text = named[0]["text"]
+    assert f"  {text}\n" in console(result)
+    assert f"<li>{text}</li>" in page(result)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_where_nothing_is_wrong_nothing_is_named(seed: int, tmp_path: Path) -> None:
+    result = run(healthy(seed), tmp_path)
+    assert faults(items(result)) == []
+    assert any(item["key"] in ("no_station_in_error", "own_data_times") for item in items(result))
+
+
+def test_a_verdict_rests_on_no_fault_of_the_scenario(tmp_path: Path) -> None:
+    """Without the notes of the faults it is the same."""
+    case = ONE_THING_WRONG[0](random.Random(0))
+    record = run(case.scenario, tmp_path).record
+    assert any(note.kind == "fault" for note in record.notes)
+    assert "fault" not in str(record.summary["verdict"])
+    older = {key: value for key, value in record.summary.items() if key != "verdict"}
+    again = verdict_of(older, record.links)
+    assert [item["key"] for item in again] == [item["key"] for item in record.summary["verdict"]]
+
+
+# -- a master that stops -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def dead_master(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    plcs = [
+        {"name": "main", "scan": "10 ms", "nn": {"bus": "link", "port": "COM4", "station": 0, "slaves": 4}}
+    ]
+    plcs[0]["nn"] |= {"mode": 2, "retries": 3, "timeout": "50 ms"}  # type: ignore[operator]
+    plcs += [
+        {"name": f"slave_{n}", "scan": f"{3 + 3 * n} ms", "nn": {"bus": "link", "port": "COM4", "station": n}}
+        for n in range(1, 5)
+    ]
+    scenario = {
+        "schema": 1,
+        "name": "dead master",
+        "duration": "60 s",
+        "buses": [{"name": "link", "nn": True}],
+        "plcs": plcs,
+        "faults": [{"at": "20 s", "for": "10 s", "power_off": "main"}],
+    }
+    return run(scenario, tmp_path_factory.mktemp("dead"))
+
+
+def test_a_master_that_stops_is_lost_by_all_slaves(dead_master: Result) -> None:
+    link = dead_master.summary["links"]["link"]
+    (lost,) = link["master_lost"]
+    assert lost["stations"] == ["slave_1", "slave_2", "slave_3", "slave_4"]
+    scan = link["scan_time_ms"]["p50"] / 1000
+    # It begins with the link scan that was not completed, and ends with the first one after.
+    assert 20 - scan <= lost["from_s"] <= 20
+    assert 30 <= lost["from_s"] + lost["for_s"] <= 30 + 2 * scan
+    assert lost["scans_missed"] == int(lost["for_s"] / scan)
+    for name in lost["stations"]:
+        registers = dead_master.summary["plcs"][name]["registers"]
+        assert (registers["D8203"], registers["D8211"], registers["M8183"]) == (1, 0x11, 0)
+
+
+def test_a_lost_master_is_in_the_station_tables_and_pictures(dead_master: Result, tmp_path: Path) -> None:
+    text = console(dead_master)
+    assert "master lost" in text
+    shown = page(dead_master)
+    assert "lost the master (s)" in shown
+    assert "master lost by slave_1, slave_2, slave_3, slave_4" in shown
+    picture = dead_master.plot_scan_times_over_run(tmp_path / "run.svg")
+    labels = [label.get_text() for axes in picture.axes for label in axes.get_yticklabels()]
+    assert any(label.startswith("master lost by slave_1") for label in labels)
+
+
+def test_a_master_that_is_back_before_any_watchdog_has_paused(tmp_path: Path) -> None:
+    case = ONE_THING_WRONG[0](random.Random(0))
+    case.scenario["faults"] = [{"at": "5 s", "for": "30 ms", "stop": "plc0"}]
+    result = run(case.scenario, tmp_path)
+    (lost,) = result.summary["links"]["link"]["master_lost"]
+    assert lost["stations"] == []
+    assert [item["key"] for item in faults(items(result))] == ["master_paused"]
+
+
+# -- answers of other requests -------------------------------------------------------------------------
+
+
+def test_answers_to_other_requests_are_none_of_its_own() -> None:
+    result = bussim.run("timeout_too_short", rows=False)
+    port = result.summary["ports"]["press.COM3"]
+    assert (port["transactions"], port["ok"], port["mismatched_responses"]) == (1356, 678, 678)
+    assert (port["answered_with_own_data"], port["late_responses"]) == (0, 678)
+    assert "press.COM3: of 1,356 requests none was answered with its own data." in console(result)
+    assert "with success" not in page(result)
+
+
+@pytest.mark.parametrize("name", ["nn_with_modbus", "hmi_on_com2"])
+def test_answered_late_and_mistaken_are_never_more_than_the_requests(name: str) -> None:
+    summary = bussim.run(name, rows=False).summary
+    for node in (*summary["ports"].values(), *summary["devices"].values()):
+        if "transactions" in node:
+            mistaken = node["mismatched_responses"]
+            assert node["answered_with_own_data"] == node["ok"] - mistaken
+            assert node["late_responses"] <= node["timeouts"]
+
+
+# -- station errors and onsets ------------------------------------------------------------------------
+
+
+def test_scans_in_error_and_onsets_are_two_figures(tmp_path: Path) -> None:
+    nn = {"bus": "link", "port": "COM4", "station": 0, "slaves": 1, "retries": 0, "timeout": "50 ms"}
+    scenario = {
+        "schema": 1,
+        "name": "one outage",
+        "duration": "60 s",
+        "buses": [{"name": "link", "nn": True}],
+        "plcs": [
+            {"name": "main", "nn": nn},
+            {"name": "a", "nn": {"bus": "link", "port": "COM4", "station": 1}},
+        ],
+        "faults": [{"at": "10 s", "for": "10 s", "power_off": "a"}],
+    }
+    result = run(scenario, tmp_path)
+    link = result.summary["links"]["link"]
+    assert (link["station_errors"], link["station_error_onsets"]) == ({"1": 153}, {"1": 1})
+    (said,) = [item for item in items(result) if item["key"] == "station_error"]
+    assert (said["values"]["errors"], said["values"]["onsets"]) == (153, 1)
+    assert "station errors   onsets" in console(result)
+    shown = page(result)
+    assert "station errors (link scans)" in shown
+    assert 'data-path="/links/link/station_error_onsets/1" data-run="1">1' in " ".join(shown.split())
+
+
+def test_onsets_are_as_many_as_flags_that_went_on() -> None:
+    for name in ("press_line", "bursts", "cable_cut"):
+        record = bussim.run(name, rows=False).record
+        for bus, link in record.links.items():
+            onsets = record.summary["links"][bus]["station_error_onsets"]
+            assert {int(k): n for k, n in onsets.items() if n} == {
+                k: len(v) for k, v in link.in_error.items() if v
+            }
