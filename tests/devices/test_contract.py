@@ -33,7 +33,7 @@ from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.memory import Memory
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import put
-from tests.devices.steppers import next_change, set_input
+from tests.devices.stepper.steppers import next_change, set_input
 
 S = TICKS_PER_SECOND
 

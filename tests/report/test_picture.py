@@ -13,7 +13,7 @@ from bussim.report.picture import BOX_STYLES, style_of, timeline_picture
 from bussim.report.scene import WAIT, scene_of
 from bussim.results.plots.style import FRAMES, IN_ERROR, PALETTE
 from tests.report.samples import NAMES, eight_folder, longest
-from tests.results.test_plots import assert_legible, has, png_texts
+from tests.results.plots.test_scan_times import assert_legible, has, png_texts
 
 ABOUT = "eight on a noisy line, seed 8, 10 s, bussim 0.1.0"
 

@@ -8,8 +8,7 @@ import pytest
 from bussim.results.collector import MOST_NOTES, Collector
 from bussim.trace.records import LinkTotals, NoteRecord, RunTotals, ScanRecord
 from bussim.units import TICKS_PER_SECOND
-
-from .fakes import SEATS, Fake, record_of
+from tests.results.fakes import SEATS, Fake, record_of
 
 LINK = LinkTotals(
     bus="link",

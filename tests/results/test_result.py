@@ -10,8 +10,7 @@ from bussim.results.result import Result
 from bussim.results.store.in_memory import MemoryRows
 from bussim.results.store.load import FolderRows
 from bussim.units import TICKS_PER_SECOND
-
-from .fakes import Fake, quiet
+from tests.results.fakes import Fake, quiet
 
 
 def result_of(fake: Fake, *, rows: bool = True, name: str = "three presses") -> Result:

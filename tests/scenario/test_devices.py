@@ -32,8 +32,7 @@ from bussim.plc.ports.spec import PollSpec
 from bussim.scenario import model
 from bussim.scenario.loader import load, loads
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-
-from .port_samples import DRIVE, more, spoilt
+from tests.scenario.port_samples import DRIVE, more, spoilt
 
 MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 LINE = LineTiming(9600, CharFormat(8, "N", 1))

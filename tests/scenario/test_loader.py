@@ -18,8 +18,7 @@ from bussim.scenario import model
 from bussim.scenario.loader import from_data, loads
 from bussim.scenario.schema.profiles import ProfileIn
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-
-from .samples import BASE, added, changed
+from tests.scenario.samples import BASE, added, changed
 
 MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 

@@ -11,8 +11,7 @@ from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.scenario.loader import loads
 from bussim.scenario.model import Plc
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-
-from .port_samples import FREE_POLL, FREE_PORT, MASTER, POLL, PORTS, SLAVE, spoilt
+from tests.scenario.port_samples import FREE_POLL, FREE_PORT, MASTER, POLL, PORTS, SLAVE, spoilt
 
 MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 

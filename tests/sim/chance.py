@@ -11,8 +11,7 @@ from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
 from bussim.plc.sources import Counter, Source, Toggle
 from bussim.scenario import model
-
-from .build import MS, SECOND, TURNAROUND, link, plc
+from tests.sim.build import MS, SECOND, TURNAROUND, link, plc
 
 TIMINGS = (
     LineTiming(19200, CharFormat(7, "E", 1)),

@@ -14,9 +14,8 @@ from bussim.plc.profiles import Reply, Turnaround
 from bussim.plc.sources import Constant, Counter
 from bussim.scenario import model
 from bussim.trace.records import FrameRecord
-
-from . import chance
-from .build import (
+from tests.sim import chance
+from tests.sim.build import (
     CHAR,
     GAP,
     JITTER,

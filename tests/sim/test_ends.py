@@ -13,8 +13,7 @@ from bussim.scenario import model
 from bussim.scenario.loader import load
 from bussim.sim.runner import simulate
 from bussim.units import TICKS_PER_MS as MS
-
-from .build import Recorder, link, run
+from tests.sim.build import Recorder, link, run
 
 
 def test_all_of_them_in_order_with_stops() -> None:

@@ -11,8 +11,7 @@ from bussim.scenario.loader import load
 from bussim.scenario.model import Scenario
 from bussim.sim.runner import simulate
 from bussim.units import TICKS_PER_MS as MS
-
-from .build import Recorder
+from tests.sim.build import Recorder
 
 #: From an input to the other's output: two scans, a link scan, a data frame, two scans (and a bit).
 LONGEST = 100 * MS

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from bussim.sweep.run import run_sweep
-
-from .samples import REPEAT, VARY, contents, noisy
+from tests.sweep.samples import REPEAT, VARY, contents, noisy
 
 
 @pytest.fixture(scope="session")

@@ -16,9 +16,8 @@ from bussim.errors import RunError, UsageError
 from bussim.sweep import executors, plots
 from bussim.sweep.folder import JOURNAL
 from bussim.sweep.run import run_sweep
-
-from .samples import REPEAT, RETRIES, VARY, contents, noisy
-from .test_run import arguments, killed_after
+from tests.sweep.samples import REPEAT, RETRIES, VARY, contents, noisy
+from tests.sweep.test_run import arguments, killed_after
 
 distributed = pytest.importorskip("distributed")
 

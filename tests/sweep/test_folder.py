@@ -16,8 +16,7 @@ from bussim.sweep import plots, run
 from bussim.sweep.folder import JOURNAL, MARKER, SweepFolder
 from bussim.sweep.result import SweepResult
 from bussim.sweep.run import run_sweep
-
-from .samples import RETRIES, HereExecutor, contents, noisy
+from tests.sweep.samples import RETRIES, HereExecutor, contents, noisy
 
 FILES = {"sweep.json", "scenario.yaml", "runs.csv", "runs.parquet", "points.csv", "sweep_link.png"}
 

@@ -10,8 +10,7 @@ from bussim.sweep.figures import figures_of
 from bussim.sweep.identity import differences
 from bussim.sweep.jobs import Job, masters_of, run_job
 from bussim.sweep.plan import Plan
-
-from .samples import BER, RETRIES, TIMEOUT, noisy
+from tests.sweep.samples import BER, RETRIES, TIMEOUT, noisy
 
 
 @pytest.fixture

@@ -12,9 +12,8 @@ from bussim.results.plots.style import DISTRIBUTION, Picture
 from bussim.sweep.plan import Plan
 from bussim.sweep.plots import AGE_PANELS, LATENCY_PANELS, MASTER_PANELS, PANELS, draw, heat_maps, lines
 from bussim.sweep.tables import Table, points_table, runs_table
-from tests.results.test_plots import assert_legible, has
-
-from .samples import BER, RETRIES, TIMEOUT, noisy
+from tests.results.plots.test_scan_times import assert_legible, has
+from tests.sweep.samples import BER, RETRIES, TIMEOUT, noisy
 
 
 def results(plan: Plan, *, rare: bool = False) -> Table:

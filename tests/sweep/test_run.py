@@ -18,8 +18,7 @@ from bussim.sweep import executors, jobs, plots, run
 from bussim.sweep.executors import WorkerLost
 from bussim.sweep.folder import JOURNAL
 from bussim.sweep.run import run_sweep
-
-from .samples import BER, REPEAT, RETRIES, VARY, HereExecutor, contents, invented, noisy
+from tests.sweep.samples import BER, REPEAT, RETRIES, VARY, HereExecutor, contents, invented, noisy
 
 ROOT = Path(__file__).parents[2]
 

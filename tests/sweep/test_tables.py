@@ -18,8 +18,7 @@ from bussim.sweep.tables import (
     write_csv,
     write_parquet,
 )
-
-from .samples import RETRIES, TIMEOUT, noisy
+from tests.sweep.samples import RETRIES, TIMEOUT, noisy
 
 #: Scan counts and error counts of four runs: two points, two repeats.
 ENTRIES = [

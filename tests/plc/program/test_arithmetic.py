@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from .rigs import Rig, always
+from tests.plc.program.rigs import Rig, always
 
 LEAST, MOST = -32768, 32767
 LEAST_32, MOST_32 = -(1 << 31), (1 << 31) - 1

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bussim.units import TICKS_PER_MS
-
-from .rigs import Rig
+from tests.plc.program.rigs import Rig
 
 
 def test_out_follows_and_set_stays() -> None:

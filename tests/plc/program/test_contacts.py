@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from .rigs import Rig, always
+from tests.plc.program.rigs import Rig, always
 
 
 def table(text: str, *inputs: str) -> list[int]:

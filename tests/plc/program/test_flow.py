@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bussim.plc.program.instruction_times import InstructionTimes
-
-from .rigs import Rig
+from tests.plc.program.rigs import Rig
 
 
 def test_cj_leaves_out_what_lies_before_its_label() -> None:

@@ -14,8 +14,7 @@ from bussim.errors import ProgramError
 from bussim.plc.program.compiled.code import ARRAYS, _Writer
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
-
-from .random_programs import Writer
+from tests.plc.program.random_programs import Writer
 
 #: The forms of Python that blocks consist of: no import, no attribute but two methods', no text, no loop.
 NODES = (

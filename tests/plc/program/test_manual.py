@@ -10,8 +10,7 @@ from bussim.plc.memory import BlockPlace, Memory, block_place, parse_device
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.units import TICKS_PER_MS
-
-from .test_run import Heard
+from tests.plc.program.test_run import Heard
 
 PROGRAMS = Path(__file__).parents[3] / "scenarios" / "programs"
 

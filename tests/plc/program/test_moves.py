@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from .rigs import Rig, always
+from tests.plc.program.rigs import Rig, always
 
 
 def test_mov_copies_16_bits_while_its_condition_is_on() -> None:

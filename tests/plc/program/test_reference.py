@@ -12,10 +12,9 @@ from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import FORMS
 from bussim.units import TICKS_PER_MS
+from tests.plc.program.random_programs import Writer
+from tests.plc.program.reference import Reference
 from tests.selection import quick
-
-from .random_programs import Writer
-from .reference import Reference
 
 PROGRAMS, SCANS = 200, 15
 #: What the reference does not keep: the steps of errors, the watchdog's time.

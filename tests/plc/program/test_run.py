@@ -13,8 +13,7 @@ from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import FORMS, SPECS, Role
 from bussim.units import TICKS_PER_MS
-
-from .rigs import Rig
+from tests.plc.program.rigs import Rig
 
 
 def test_every_output_of_the_catalog_can_be_carried_out() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from .rigs import Rig, always, problems
+from tests.plc.program.rigs import Rig, always, problems
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,8 @@ from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import FORMS, Role
 from bussim.plc.program.text.operands import parse_operand
 from bussim.plc.program.text.source import MAX_CHARACTERS
-
-from .rigs import problems
-from .test_run import Heard
+from tests.plc.program.rigs import problems
+from tests.plc.program.test_run import Heard
 
 
 def test_what_a_line_may_look_like() -> None:

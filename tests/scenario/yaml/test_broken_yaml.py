@@ -1,0 +1,138 @@
+"""Documents that are not a mapping of the right sections, or no YAML: each mistake with its place and its message."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.scenario.samples import BASE, added, changed, mistakes
+
+CASES: dict[str, tuple[str, list[str]]] = {
+    "no plcs": (
+        BASE.split("plcs:")[0] + "plcs: []\n",
+        ["x.yaml:6:7: plcs has 0 entries, allowed 1..64"],
+    ),
+    "plcs missing": (
+        BASE.split("plcs:")[0],
+        ["x.yaml:1:1: plcs is missing"],
+    ),
+    "buses text": (
+        changed("buses:\n  - {name: link, nn: true}", "buses: link"),
+        ["x.yaml:4:8: buses is 'link', expected a list"],
+    ),
+    "root list": (
+        "- 1\n- 2\n",
+        [
+            "x.yaml:1:1: a scenario is a mapping with keys such as schema: 1, name: …, duration: 60 s; this is a list"
+        ],
+    ),
+    "root text": (
+        "hello\n",
+        [
+            "x.yaml:1:1: a scenario is a mapping with keys such as schema: 1, name: …, duration: 60 s; this is 'hello'"
+        ],
+    ),
+    "tag2": (
+        added("seed: !env X\n"),
+        [
+            "x.yaml:12:7: seed is 'X', expected a whole number 0..9223372036854775807",
+            "x.yaml:12:7: the tag !env is not allowed; write plain text and numbers",
+        ],
+    ),
+    "dup key": (
+        changed("scan: 8 ms", "scan: 8 ms\n    scan: 9 ms"),
+        ["x.yaml:9:5: scan is given twice, first in line 8"],
+    ),
+    "dup key nested": (
+        changed("station: 2", "station: 2, station: 3"),
+        ["x.yaml:11:72: nn.station is given twice, first in line 11"],
+    ),
+    "syntax": (
+        changed("{name: link, nn: true}", "{name: link, nn: true"),
+        ["x.yaml:6:5: is not YAML: while parsing a flow mapping, expected ',' or '}', but got ':'"],
+    ),
+    "listing": (
+        changed(
+            "    scan: 8 ms",
+            "    scan: 8 ms\n    program: |\n         0 LD X0\n      10 OUT Y0\n      12 END",
+        ),
+        [
+            (
+                "x.yaml:11:7: is not YAML: while parsing a block mapping, expected <block end>, "
+                "but found '<scalar>'; "
+                "the text of program at line 9 begins deeper than it goes on: indent its lines evenly, write "
+                "`program: |2`, or keep it in a file"
+            )
+        ],
+    ),
+    "after an even listing": (
+        changed("    scan: 8 ms", "    program: |\n      LD X0\n\n        OUT Y0\n      END\n   scan: 8 ms"),
+        [
+            (
+                "x.yaml:13:4: is not YAML: while parsing a block collection, "
+                "expected <block end>, but found '<block mapping start>'"
+            )
+        ],
+    ),
+    "tab": (
+        changed("    scan: 8 ms", "\tscan: 8 ms"),
+        ["x.yaml:8:1: is not YAML: a tab where YAML wants spaces"],
+    ),
+    "two docs": (
+        added("---\nname: x\n"),
+        ["x.yaml:12:1: a second document begins here; a scenario is one document"],
+    ),
+    "alias": (
+        added("seed: *nothing\n"),
+        ["x.yaml:12:7: the alias *nothing has no anchor &nothing before it"],
+    ),
+    "recursive": (
+        "a: &a [*a]\n",
+        ["x.yaml:1:8: the alias *a stands inside its own anchor"],
+    ),
+    "deep": (
+        "[" * 100000,
+        ["x.yaml:1:31: nested deeper than 30 levels"],
+    ),
+    "deep block": (
+        "".join(" " * i + "a:\n" for i in range(40)),
+        ["x.yaml:31:31: nested deeper than 30 levels"],
+    ),
+    "nul": (
+        "name: \0\n",
+        ["x.yaml:1:7: the character U+0000 does not belong in text; is it a binary file?"],
+    ),
+    "empty": (
+        "",
+        ["x.yaml: is empty; a scenario begins with schema: 1"],
+    ),
+    "comment": (
+        "# nothing\n",
+        ["x.yaml: is empty; a scenario begins with schema: 1"],
+    ),
+    "null": (
+        "~\n",
+        ["x.yaml: is empty; a scenario begins with schema: 1"],
+    ),
+    "complex key": (
+        added("? [a, b]\n: 1\n"),
+        ["x.yaml:12:3: a key must be text, not a list or mapping"],
+    ),
+    "int key": (
+        added("1: 2\n"),
+        [
+            "x.yaml:12:1: 1 is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency"
+        ],
+    ),
+    "big number": (
+        added("seed: " + "9" * 200 + "\n"),
+        [
+            "x.yaml:12:7: a number of more than 100 digits",
+            "x.yaml:12:7: seed is '9999999999999999999999999999999999999999999999999999999999…, expected a whole number 0..9223372036854775807",
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "expected"), CASES.values(), ids=CASES.keys())
+def test_the_message_says_what_where_and_what_is_allowed(text: str, expected: list[str]) -> None:
+    assert mistakes(text) == expected

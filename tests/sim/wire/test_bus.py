@@ -1,0 +1,553 @@
+"""The line: one driver at a time, what happens when there are two, and frames that end early."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bussim.line.characters import NN_LINE, CharFormat, LineTiming
+from bussim.line.wave import Wave, low_intervals
+from bussim.plc.sources import Constant
+from bussim.scenario import model
+from tests.sim.build import (
+    CHAR,
+    GAP,
+    MS,
+    OVERHEAD,
+    PARAMETERS,
+    POLL,
+    SECOND,
+    TURNAROUND,
+    Done,
+    bus_of,
+    fault,
+    link,
+    plain_scan,
+    registers_now,
+    run,
+    started,
+    timeout,
+)
+
+TX, RX = model.Direction.TX, model.Direction.RX
+BIT = 1875
+
+
+# -- the level -------------------------------------------------------------------------------------
+
+FORMATS = st.sampled_from(
+    [NN_LINE, LineTiming(19200, CharFormat(8, "N", 2)), LineTiming(38400, CharFormat(7, "O", 1))]
+)
+DRIVERS = st.lists(
+    st.tuples(
+        st.binary(min_size=1, max_size=4), FORMATS, st.integers(0, 40_000), st.sets(st.integers(0, 43))
+    ),
+    min_size=1,
+    max_size=3,
+)
+
+
+def levels(chars: bytes, timing: LineTiming, start: int, inverted: set[int], span: int) -> list[int]:
+    """A transmitter's level at every 125th tick, bit by bit from the format's definition."""
+    fmt = timing.format
+    bits: list[int] = []
+    for value in chars:
+        ones = [value >> n & 1 for n in range(fmt.data_bits)]
+        parity = {"N": [], "E": [sum(ones) % 2], "O": [1 - sum(ones) % 2]}[fmt.parity]
+        bits += [0, *ones, *parity, *[1] * fmt.stop_bits]
+    bits = [bit ^ (number in inverted) for number, bit in enumerate(bits)]
+    width = int(timing.bit)
+    return [
+        bits[(tick - start) // width] if 0 <= tick - start < width * len(bits) else 1
+        for tick in range(0, span, 125)
+    ]
+
+
+@given(DRIVERS)
+def test_where_two_drive_a_zero_wins(drivers: list[tuple[bytes, LineTiming, int, set[int]]]) -> None:
+    span = 220_000
+    wave = Wave(low_intervals(chars, timing, start, flips) for chars, timing, start, flips in drivers)
+    each = [levels(chars, timing, start, flips, span) for chars, timing, start, flips in drivers]
+    assert [wave.level(tick) for tick in range(0, span, 125)] == [min(now) for now in zip(*each, strict=True)]
+
+
+# -- one driver at a time --------------------------------------------------------------------------
+
+
+def test_on_a_healthy_line_no_two_drivers_are_on_at_once() -> None:
+    frames = sorted(run(link(5, 1, seconds=2)).record.frames, key=lambda frame: frame.start)
+    for before, after in pairwise(frames):
+        gap = after.start - before.end
+        assert gap >= (GAP if after.sender == "p0" else TURNAROUND)
+    assert not any(frame.collided for frame in frames)
+
+
+def overlapping(done: Done) -> int:
+    """Frames of the trace that began while another was on the line."""
+    frames = done.record.frames
+    return sum(
+        any(
+            other is not frame
+            and other.end > frame.start
+            and (other.start, frames.index(other)) < (frame.start, frames.index(frame))
+            for other in frames
+        )
+        for frame in frames
+    )
+
+
+@pytest.mark.parametrize("extra", [1, 40, 51, 52, 60, 77])
+def test_collisions_are_frames_begun_while_another_driver_is_on(extra: int) -> None:
+    done = run(link(3, 1, retries=1, seconds=1, faults=[model.Slow("p1", extra * MS)]))
+    assert abs(done.link.collisions - overlapping(done)) <= 1  # one may be on the line at the end
+    collided = [frame for frame in done.record.frames if frame.collided]
+    assert (len(collided) > 0) is (done.link.collisions > 0)
+    for frame in collided:
+        assert any(f is not frame and f.start < frame.end and frame.start < f.end for f in done.record.frames)
+
+
+def takers(done: Done, source: int) -> dict[int, set[int]]:
+    """Who took the blocks of a position, by the tick."""
+    found: dict[int, set[int]] = {}
+    for _, position, tick, heard in done.record.refreshes:
+        if position == source:
+            everybody = set(range(len(done.link.plc_names))) - {position}
+            found.setdefault(tick, set()).update(everybody if heard is None else heard)
+    return found
+
+
+def test_a_sender_receives_nothing() -> None:
+    # p2 answers after its time, in the middle of the master's next data frame.
+    start = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP
+    late = model.Slow("p2", start + 8 * CHAR - TURNAROUND)
+    done = run(link(3, 0, retries=0, seconds=0.15, faults=[late]))
+    answer, drowned = done.of("p2")[0], done.of("p0")[1]
+    assert drowned.start < answer.start < drowned.end < answer.end
+    # p1 hears the two of them at once; p2 hears neither itself nor the end of what it had begun to hear.
+    assert done.about("p1", 0)[:2] == (1, 0x14)
+    assert done.about("p2", 0) == (0, 0, 0)
+    assert takers(done, 0).keys() & {drowned.end} == set()
+    # Nor the poll that began while it was sending.
+    poll = next(frame for frame in done.of("p0", "poll") if frame.start > drowned.end)
+    assert poll.start < answer.end
+    assert poll.collided
+
+
+# -- frames that end early -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [model.Stop, model.PowerOff])
+@pytest.mark.parametrize("inside", [1, 7 * CHAR + 938, 7 * CHAR + 939, -1])
+def test_stop_and_power_off_cut_a_frame_at_that_tick(kind: type[model.Stop], inside: int) -> None:
+    frame = run(link(3, 1, seconds=1)).of("p1")[10]
+    tick = frame.start + inside if inside > 0 else frame.end + inside
+    cut = model.Fault("cut", kind("p1"), model.Window(tick))
+    simulation, record = started(link(3, 1, retries=0, seconds=1, faults=[cut]))
+    simulation.run(tick)
+    assert bus_of(simulation).drivers == 1
+    simulation.run(tick + 1)
+    assert bus_of(simulation).drivers == 0
+    simulation.run(SECOND)
+    (found,) = [f for f in record.frames if f.cut]
+    assert (found.sender, found.start, found.end) == ("p1", frame.start, tick)
+    assert not [f for f in record.frames if f.sender == "p1" and f.start > tick]
+    attempt = next(a for a in record.attempts if a.start > frame.start - 3 * MS and a.station == 1)
+    if inside == -1:
+        # One tick before the end: the last stop bit's centre had passed.
+        assert (attempt.code, attempt.end) == (0, frame.end)
+    elif inside == 1:
+        # Not even a start bit: a spike that no receiver takes for a character.
+        assert (attempt.code, attempt.end) == (1, frame.start - TURNAROUND + timeout(5))
+    else:
+        # Seven characters, and where the start bit lasts over its centre (tick 938) an eighth, which
+        # ends as a character all the same; then quiet.
+        chars = 7 if inside == 7 * CHAR + 938 else 8
+        assert (attempt.code, attempt.end) == (4, frame.start + chars * CHAR + 2 * CHAR)
+
+
+def test_a_master_cut_in_its_data_frame_is_damage_then_silence() -> None:
+    frame = run(link(3, 1, seconds=1)).of("p0")[5]
+    tick = frame.start + 9 * CHAR
+    cut = model.Fault("cut", model.Stop("p0"), model.Window(tick))
+    simulation, _ = started(link(3, 1, seconds=1, faults=[cut]))
+    simulation.run(tick + 2 * CHAR)
+    assert registers_now(simulation, "p1")["D8211"] == 0
+    simulation.run(tick + 2 * CHAR + 1)
+    for slave in ("p1", "p2"):
+        found = registers_now(simulation, slave)
+        assert (found["D8203"], found["D8211"], found["M8183"]) == (1, 0x14, 1)
+    simulation.run(SECOND)
+    for slave in ("p1", "p2"):
+        found = registers_now(simulation, slave)
+        assert (found["D8203"], found["D8211"], found["M8183"]) == (2, 0x11, 1)
+
+
+def test_a_station_that_begins_to_listen_in_the_middle_of_a_frame() -> None:
+    # p2 listens and is never polled: the others' frames are where they are.
+    others = {0: {"registers": {"D8177": 1}}}
+    frame = run(link(3, 2, seconds=1, others=others)).of("p0")[15]
+    middle = frame.start + 20 * CHAR + 700
+    away = model.Fault("away", model.Stop("p2"), model.Window(middle - 300 * MS, 300 * MS))
+    # A dropped reply raises the flag that brings the parameters.
+    drop = model.Fault("drop", model.DropReply("p1", 1), model.Window(frame.end))
+    done = run(link(3, 2, retries=0, seconds=2, others=others, faults=[away, drop]))
+    assert frame.start in {f.start for f in done.of("p0")}
+    # It had no parameters, so it judged nothing of the half that it heard; nor did it take anything.
+    found = done.registers("p2")
+    assert (found["D8203"], found["M8183"], found["D8174"]) == (0, 0, 1)
+    hello = next(f for f in done.of("p0", "parameters") if f.start > middle)
+    assert not [
+        t for t, plc_names in takers(done, 0).items() if middle - 300 * MS < t < hello.end and 2 in plc_names
+    ]
+    assert [t for t, plc_names in takers(done, 0).items() if t > hello.end and 2 in plc_names]
+
+
+# -- late release ----------------------------------------------------------------------------------
+
+
+def test_a_tail_shorter_than_the_masters_gap_does_no_harm() -> None:
+    done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", GAP - 1)]))
+    assert (done.link.collisions, done.record.failures) == (0, [])
+    # The driver is on, though: it counts as load.
+    plain = run(link(3, 1, seconds=1))
+    replies = len(done.of("p1"))
+    assert done.link.busy - plain.link.busy in (replies * (GAP - 1), (replies - 1) * (GAP - 1))
+
+
+def test_a_tail_keeps_its_station_from_receiving_and_collides_with_the_next_frame() -> None:
+    # The master's poll of p2 begins during p1's tail.
+    done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", GAP + 2 * CHAR)]))
+    assert abs(done.link.collisions - len(done.of("p1"))) <= 1
+    polls = [frame for frame in done.of("p0", "poll") if frame.station == 2]
+    assert all(frame.collided for frame in polls)
+    # An idle driver spoils nothing: p2 is polled and answers, and p1 takes its block all the same.
+    assert done.record.failures == []
+    assert done.about("p1", 2) == (0, 0, 0)
+    assert set(map(frozenset, takers(done, 2).values())) == {frozenset({0, 1})}
+    # The rest of the poll is rubbish to it: damage, and no poll was pending.
+    count, code, _ = done.about("p1", 0)
+    assert code == 0x14
+    assert abs(count - len(polls)) <= 1
+
+
+def test_a_tail_over_the_whole_poll_and_the_answers_begin() -> None:
+    by = GAP + POLL + TURNAROUND + 3 * CHAR + 900
+    done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)]))
+    assert done.record.failures == []
+    assert set(map(frozenset, takers(done, 2).values())) == {frozenset({0})}
+    # It heard the answer from its fourth character on: damage with no poll pending is the master's.
+    count, code, _ = done.about("p1", 0)
+    assert code == 0x14
+    assert abs(count - len(done.of("p1"))) <= 1
+
+
+@pytest.mark.parametrize(("by", "code"), [(TURNAROUND - 1, None), (TURNAROUND + 3 * CHAR - 100, 4)])
+def test_a_masters_tail_hides_the_beginning_of_the_answers(by: int, code: int | None) -> None:
+    done = run(link(2, 1, retries=0, seconds=1, faults=[model.LateRelease("p0", by)]))
+    assert {found for _, found in done.codes} == ({code} if code else set())
+    for attempt in done.record.attempts:
+        if code:
+            # Characters from the fourth on, no header: the attempt runs to its deadline.
+            assert attempt.end == attempt.start + POLL + timeout(5)
+
+
+# -- jabber ----------------------------------------------------------------------------------------
+
+
+def test_a_jabbering_station_drowns_the_link_until_it_is_well() -> None:
+    done = run(link(3, 1, seconds=3, faults=[fault(model.Jabber("p1"), 1.0, 1.0)]))
+    during = [frame for frame in done.record.frames if SECOND < frame.start < 2 * SECOND]
+    jabber = [frame for frame in during if frame.kind == "jabber"]
+    assert {frame.sender for frame in jabber} == {"p1"}
+    assert not [frame for frame in during if frame.sender == "p1" and frame.kind != "jabber"]
+    # Back to back, from the fault's begin to its end.
+    spans = sorted((frame.start, frame.end) for frame in done.record.frames if frame.kind == "jabber")
+    assert spans[0][0] == SECOND
+    assert spans[-1][1] == 2 * SECOND
+    assert all(before[1] == after[0] for before, after in pairwise(spans))
+    assert done.link.busy > SECOND
+    polls = [frame for frame in during if frame.kind == "poll"]
+    assert all(frame.collided for frame in polls)
+    assert done.link.collisions >= len(polls)
+    in_time = [a for a in done.record.attempts if SECOND + 60 * MS < a.start < 2 * SECOND - 60 * MS]
+    assert len(in_time) > 10
+    assert {attempt.code for attempt in in_time} == {4}
+    # A slave sees the damage once, as long as no valid frame of the master lies between.
+    assert done.about("p2", 0)[0] >= 1
+    # Well again, everybody is.
+    tail = [scan for scan in done.record.scans if scan.start > 2.5 * SECOND]
+    assert {scan.duration for scan in tail} == {plain_scan(3, 1)}
+
+
+def test_two_jabber_faults_of_one_station_last_as_long_as_both() -> None:
+    faults = [fault(model.Jabber("p1"), 0.5, 0.5), fault(model.JabberSender("p1"), 0.7, 0.8)]
+    done = run(link(2, 0, seconds=2, faults=faults))
+    spans = sorted((frame.start, frame.end) for frame in done.record.frames if frame.kind == "jabber")
+    assert spans[0][0] == SECOND // 2
+    assert spans[-1][1] == SECOND * 3 // 2
+    assert all(before[1] == after[0] for before, after in pairwise(spans))
+
+
+def test_a_jabbering_station_without_power_is_silent() -> None:
+    faults = [fault(model.Jabber("p1"), 0.5, 1.0), fault(model.PowerOff("p1"), 0.8, 0.3)]
+    done = run(link(2, 0, seconds=2, faults=faults))
+    spans = [(f.start, f.end) for f in done.record.frames if f.kind == "jabber"]
+    eight, eleven = SECOND * 8 // 10, SECOND * 11 // 10
+    assert not [span for span in spans if span[1] > eight and span[0] < eleven]
+    assert {max(end for _, end in spans), min(start for start, _ in spans)} == {SECOND * 3 // 2, SECOND // 2}
+
+
+def test_jabber_goes_on_in_stop() -> None:
+    faults = [fault(model.Jabber("p1"), 0.5, 1.0), fault(model.Stop("p1"), 0.8, 0.3)]
+    done = run(link(2, 0, seconds=2, faults=faults))
+    jabber = sum(f.end - f.start for f in done.record.frames if f.kind == "jabber")
+    assert jabber == SECOND
+
+
+# -- formats and clocks ----------------------------------------------------------------------------
+
+SLOW_LINE = LineTiming(19200, CharFormat(8, "N", 1))
+
+
+@pytest.mark.parametrize(
+    "timing",
+    [
+        SLOW_LINE,
+        LineTiming(38400, CharFormat(7, "O", 1)),
+        LineTiming(38400, CharFormat(8, "E", 1)),
+        LineTiming(57600, CharFormat(7, "E", 1)),
+    ],
+)
+def test_a_slave_with_a_wrong_format_is_as_good_as_absent(timing: LineTiming) -> None:
+    wrong = fault(model.WrongFormat("p1", timing), 0.5, 1.0)
+    done = run(link(3, 1, retries=0, seconds=2.5, faults=[wrong]))
+    during = [a for a in done.record.attempts if 0.6 * SECOND < a.start < 1.4 * SECOND]
+    assert {(a.station, a.code) for a in during} == {(1, 1), (2, 0)}
+    assert not [f for f in done.of("p1") if 0.6 * SECOND < f.start < 1.5 * SECOND]
+    after = [a for a in done.record.attempts if a.start > 2 * SECOND]
+    assert {(a.station, a.code) for a in after} == {(1, 0), (2, 0)}
+    assert done.about("p0", 1)[2] == 0
+
+
+def test_stations_with_the_same_wrong_format_understand_each_other() -> None:
+    # 19200 8N1 at the master and p1: ten bits a character as well, each twice as long.
+    faults = [model.WrongFormat("p0", SLOW_LINE), model.WrongFormat("p1", SLOW_LINE)]
+    done = run(link(3, 1, retries=0, seconds=2, faults=faults))
+    answers = {(a.station, a.code) for a in done.record.attempts}
+    assert answers == {(1, 0), (2, 1)}
+    for frame in done.record.frames:
+        assert frame.end - frame.start == 2 * CHAR * len(frame.chars)
+    assert done.about("p0", 1) == (0, 0, 0)
+    assert done.registers("p2")["M8191"] == 0
+
+
+@pytest.mark.parametrize("station", ["p0", "p1"])
+@pytest.mark.parametrize("ppm", [200, -200, 2000, 30_000, -30_000])
+def test_a_clock_a_little_off_is_harmless(station: str, ppm: int) -> None:
+    done = run(link(3, 2, retries=0, seconds=1, faults=[model.ClockPpm(station, Fraction(ppm))]))
+    assert done.record.failures == []
+    assert all(done.about(f"p{n}", other) == (0, 0, 0) for n in range(3) for other in range(8))
+    # Rounded half up, once, from the first edge.
+    for frame in done.record.frames:
+        bits = Fraction(BIT * 10 * len(frame.chars))
+        if frame.sender == station:
+            bits /= 1 + Fraction(ppm, 1_000_000)
+        assert frame.end - frame.start == (2 * bits + 1) // 2
+    assert done.link.undetected == 0
+
+
+@pytest.mark.parametrize("ppm", [60_000, -60_000])
+def test_a_clock_far_off_is_deadly(ppm: int) -> None:
+    # Nine and a half bits from the start edge to the stop bit's centre: 5.3 % make half a bit.
+    done = run(link(3, 2, retries=0, seconds=1, faults=[model.ClockPpm("p1", Fraction(ppm))]))
+    assert set(done.codes) == {(1, 1)}
+    assert done.of("p1") == []
+    assert done.about("p0", 1)[2] == 1
+    assert done.about("p0", 2) == (0, 0, 0)
+
+
+def test_clock_errors_add_up() -> None:
+    faults = [model.ClockPpm("p1", Fraction(30_000)), model.ClockPpm("p1", Fraction(30_000))]
+    assert set(run(link(2, 0, retries=0, seconds=0.5, faults=faults)).codes) == {(1, 1)}
+    faults = [model.ClockPpm("p1", Fraction(60_000)), model.ClockPpm("p1", Fraction(-60_000))]
+    assert run(link(2, 0, retries=0, seconds=0.5, faults=faults)).record.failures == []
+
+
+# -- single frames ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("index", [0, 1, 5, 19, None])
+@pytest.mark.parametrize("action", ["lose", "insert"])
+def test_a_character_too_few_or_too_many_from_a_sender(action: str, index: int | None) -> None:
+    kind: model.FaultKind = model.LoseChar("p1", TX, 2, index)
+    if action == "insert":
+        kind = model.InsertChar("p1", TX, 2, index, 0x41)
+    done = run(link(3, 1, retries=2, seconds=1, faults=[fault(kind, 0.5)]))
+    whole = len(done.of("p1")[0].chars)
+    odd = [frame for frame in done.of("p1") if len(frame.chars) != whole]
+    change = -1 if action == "lose" else 1
+    assert [len(frame.chars) - whole for frame in odd] == [change, change]
+    assert all(frame.end - frame.start == len(frame.chars) * CHAR for frame in odd)
+    if index is not None:
+        left, right = odd[0].chars[:index], odd[0].chars[index + (change > 0) :]
+        assert odd[0].chars.startswith(left)
+        assert len(left) + len(right) == whole - (action == "lose")
+        if action == "insert":
+            assert odd[0].chars[index] == 0x41
+    # Never an answer, but where the character too many stands before the header.
+    failed = [(a.station, a.code) for a in done.record.attempts if a.code]
+    assert failed == [(1, 4) for frame in odd if frame.chars[0] != 0x41]
+    assert done.about("p0", 1) == (0, 0, 0)
+    assert done.link.undetected == 0
+
+
+@pytest.mark.parametrize("index", [2, 5, 19, 29])
+@pytest.mark.parametrize("action", ["lose", "insert"])
+@pytest.mark.parametrize("receiver", ["p0", "p2"])
+def test_a_character_too_few_or_too_many_in_one_receiver(action: str, index: int, receiver: str) -> None:
+    probe = run(link(3, 1, seconds=0.6))
+    answer = next(frame for frame in probe.of("p1") if frame.start > SECOND // 2)
+    # The next frame that the receiver hears is that answer.
+    window = model.Window(answer.start - 1000)
+    kind: model.FaultKind = model.LoseChar(receiver, RX, 1, index)
+    if action == "insert":
+        kind = model.InsertChar(receiver, RX, 1, index, 0x41)
+    done = run(link(3, 1, retries=2, seconds=1, faults=[model.Fault("rx", kind, window)]))
+    assert all(frame.damaged_bits == () and frame.damaged_at == {} for frame in done.record.frames)
+    (heard,) = [r[3] for r in done.record.refreshes if r[2] == answer.end]
+    if receiver == "p0":
+        assert done.codes == {(1, 4): 1}
+        assert heard == (2,)
+        # p2 heard an answer, and then the poll again: no reason to complain.
+        assert done.about("p2", 1) == (0, 0, 0)
+    else:
+        assert done.codes == {}
+        assert heard == (0,)
+        assert done.about("p2", 1) == (1, 0x04, 0)
+
+
+def test_a_character_before_the_header_is_no_corruption() -> None:
+    # A second STX in front: the frame begins anew with the right one.
+    done = run(link(3, 1, seconds=1, faults=[fault(model.InsertChar("p1", TX, 3, 0, 2), 0.5)]))
+    odd = [frame for frame in done.of("p1") if frame.chars[:2] == b"\x02\x02"]
+    assert len(odd) == 3
+    assert done.record.failures == []
+    assert done.link.undetected == 0
+    for frame in odd:
+        assert {r[3] for r in done.record.refreshes if r[2] == frame.end} == {(0,), (2,)}
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, None])
+def test_a_fault_of_single_frames_acts_as_often_as_it_says(count: int | None) -> None:
+    kinds: list[model.FaultKind] = [
+        model.FlipBits("p1", TX, (12,), count, "data"),
+        model.LoseChar("p1", TX, count),
+        model.InsertChar("p1", TX, count, 4, 0x41),
+        model.DropReply("p1", count),
+    ]
+    for kind in kinds:
+        done = run(link(2, 0, retries=5, seconds=2, faults=[fault(kind, 0.5, 0.9)]))
+        code = 1 if isinstance(kind, model.DropReply) else 4
+        if count is not None:
+            assert done.codes == {(1, code): count}
+        else:
+            inside = [a for a in done.record.attempts if SECOND // 2 <= a.start < SECOND * 135 // 100]
+            assert {a.code for a in inside} == {code}
+        assert {a.code for a in done.record.attempts if a.start > 1.5 * SECOND} == {0}
+
+
+def test_flips_touch_only_the_kind_of_frame_they_name() -> None:
+    for kind in ("data", "poll", "parameters"):
+        flip = fault(model.FlipBits("p0", TX, (12,), None, kind))
+        done = run(link(3, 0, retries=0, seconds=0.5, faults=[flip]))
+        hit = {frame.kind for frame in done.record.frames if frame.damaged_bits}
+        assert hit == {kind}
+    flip = fault(model.FlipBits("p0", TX, (12,), None))
+    done = run(link(3, 0, retries=0, seconds=0.5, faults=[flip]))
+    assert all(frame.damaged_bits == (12,) for frame in done.record.frames if frame.sender == "p0")
+
+
+def test_bits_beyond_the_frame_are_nobodys() -> None:
+    done = run(link(2, 0, seconds=0.5, faults=[model.FlipBits("p0", TX, (50, 219, 220, 5000), None, "poll")]))
+    assert done.record.failures == []
+    assert {frame.damaged_bits for frame in done.record.frames} == {()}
+
+
+def test_the_same_bit_inverted_on_the_wire_and_in_the_receiver_is_right_again() -> None:
+    faults = [
+        model.FlipBits("p1", TX, (12, 40), None, "data"),
+        model.FlipBits("p2", RX, (12, 40), None, "data"),
+    ]
+    others = {0: {"registers": {"D8177": 1}}}
+    done = run(link(3, 0, retries=0, seconds=0.5, others=others, faults=faults))
+    answers = done.of("p1")
+    assert answers
+    assert {a.code for a in done.record.attempts} == {4}
+    assert all(frame.damaged_bits == (12, 40) for frame in answers)
+    heard = {tick: plc_names for _, source, tick, plc_names in done.record.refreshes if source == 1}
+    assert heard == {frame.end: (2,) for frame in answers}
+    assert done.link.undetected == 0
+
+
+# -- what nobody notices ---------------------------------------------------------------------------
+
+
+def unnoticed() -> model.Scenario:
+    """One frame of p1 is damaged so that neither parity nor sum tells."""
+    # D32 = 0x0003 is sent as 0 0 0 3. The two low bits of the last two digits: 0 → 3 and 3 → 0.
+    # Two bits a character keep its parity, and the sum stays what it was.
+    first_digit = 3 + 8  # header, station, counter, and 32 points in 8 characters
+    third, fourth = 10 * (first_digit + 2), 10 * (first_digit + 3)
+    bits = (third + 1, third + 2, fourth + 1, fourth + 2)
+    others = {1: {"sources": {"D32": Constant(3)}, "phase": 0}}
+    flip = fault(model.FlipBits("p1", TX, bits, 1, "data"), 0.5)
+    return link(3, 1, seconds=1, others=others, faults=[flip])
+
+
+def test_a_pattern_that_parity_and_sum_both_miss_is_counted_once() -> None:
+    done = run(unnoticed())
+    (hit,) = [frame for frame in done.record.frames if frame.damaged_bits]
+    assert hit.chars[11:15] == b"0003"
+    assert done.link.undetected == 1  # one frame, whoever believed it
+    assert [(note.tick, note.where) for note in done.notes("undetected")] == [
+        (hit.end, "p0"),
+        (hit.end, "p2"),
+    ]
+    assert done.record.failures == []
+    assert all(done.about(f"p{n}", other) == (0, 0, 0) for n in range(3) for other in range(8))
+    # A refresh by what nobody sent is none.
+    assert hit.end not in takers(done, 1)
+    assert len(takers(done, 1)) == len(done.of("p1")) - 1
+
+
+def test_a_pattern_that_parity_and_sum_both_miss_reaches_the_memory_until_the_next_refresh() -> None:
+    hit = next(frame for frame in run(unnoticed()).record.frames if frame.damaged_bits)
+    simulation, _ = started(unnoticed())
+    for tick, value in (
+        (hit.end - 1, 3),
+        (hit.end + 10 * MS, 0x0030),  # an END has passed
+        (hit.end + plain_scan(3, 1) + 10 * MS, 3),
+    ):
+        simulation.run(tick)
+        for name in ("p0", "p2"):
+            plc = simulation.plcs[name]
+            plc.sync(tick)
+            assert plc.read("D32") == value
+    assert simulation.plcs["p1"].read("D32") == 3
+
+
+def test_a_poll_of_another_station_is_undetected_too() -> None:
+    # The two low bits of station and counter: 1 becomes 2 and 2 becomes 1. Where the sum stays and
+    # the other digit is one, everybody believes it.
+    flip = model.FlipBits("p0", TX, (11, 12, 21, 22), None, "poll")
+    done = run(link(3, 0, retries=0, seconds=1.5, faults=[flip]))
+    believed = 0
+    for frame in done.of("p0", "poll"):
+        sent = frame.chars[1:3]
+        read = bytes(char ^ 3 for char in sent)
+        believed += sum(sent) == sum(read) and set(read) <= set(b"0123456789ABCDEF")
+    assert done.link.undetected == believed > 0
