@@ -28,7 +28,7 @@ FILES = {
     "scan_time_link.png",
     "scan_time_link.svg",
 }
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]  # where the fakes are
 
 
 def write(

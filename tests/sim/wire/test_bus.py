@@ -284,7 +284,7 @@ def test_a_jabbering_station_drowns_the_link_until_it_is_well() -> None:
 
 
 def test_two_jabber_faults_of_one_station_last_as_long_as_both() -> None:
-    faults = [fault(model.Jabber("p1"), 0.5, 0.5), fault(model.JabberSender("p1"), 0.7, 0.8)]
+    faults = [fault(model.Jabber("p1"), 0.5, 0.5), fault(model.Jabber("p1"), 0.7, 0.8)]
     done = run(link(2, 0, seconds=2, faults=faults))
     spans = sorted((frame.start, frame.end) for frame in done.record.frames if frame.kind == "jabber")
     assert spans[0][0] == SECOND // 2
