@@ -21,7 +21,8 @@ def run_seed(
     the other points of the grid, so that a finer or longer sweep repeats the runs of a coarser one.
     Seeds of different points and repeats are independent, as far as a cryptographic hash is.
 
-    With ``common_random_numbers`` the point is left out: every point has the same seeds. Then the difference between two points has a smaller variance than with independent seeds, since
+    With ``common_random_numbers`` the point is left out: every point has the same seeds. Then the
+    difference between two points has a smaller variance than with independent seeds, since
     both meet the same noise; the points' own confidence intervals are valid one by one, but their
     errors are no longer independent of each other.
     """
