@@ -133,7 +133,8 @@ def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | N
     keys = []
     for values in ("one_dead", "detect_mean", "errors"):
         worst = np.max(np.stack([getattr(view.grid, values)[list(rows)] for view, rows in views]), axis=0)
-        keys.append(worst[retries, columns])
+        # Times that differ by rounding only are equal: with probe more attempts cost a dead station nothing.
+        keys.append((worst if values == "errors" else np.round(worst))[retries, columns])
     for place in np.lexsort((columns, retries, *reversed(keys))).tolist():
         chosen = int(retries[place]), int(columns[place])
         if all(view.heartbeat_met(rows[chosen[0]], chosen[1]) for view, rows in views):
