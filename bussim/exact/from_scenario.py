@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from typing import assert_never
 
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars
 from bussim.exact.link import MASTER, TIMEOUT_UNIT, LineNoise, LinkModel, NoiseSource, Station, frame_ticks
@@ -26,7 +27,7 @@ from bussim.plc.link_registers import (
     bad_parameters,
     setting_values,
 )
-from bussim.plc.profiles import Reply, Turnaround, attempts_per_poll
+from bussim.plc.profiles import Turnaround, attempts_per_poll
 from bussim.scenario.model import (
     BitErrors,
     BoardError,
@@ -36,9 +37,13 @@ from bussim.scenario.model import (
     Direction,
     DropReply,
     Fault,
+    FaultKind,
+    FlipBits,
     Impulse,
+    InsertChar,
     Jabber,
     LateRelease,
+    LoseChar,
     Noise,
     Plc,
     PowerOff,
@@ -181,7 +186,7 @@ class _LinkReader:
         if counted is not None:
             self._passing(what, Window(fault.window.at, 0))
         elif not self._passing(what, fault.window):
-            self._lasting(member, fault, what)
+            self._lasting(member, kind, what)
 
     def _cut(self, kind: CableCut) -> None:
         names = [plc.name for plc in self.scenario.plcs]
@@ -194,29 +199,35 @@ class _LinkReader:
             if (names.index(member.plc.name) <= place) != near:
                 member.silent = member.deaf = True
 
-    def _lasting(self, member: _Member, fault: Fault, what: str) -> None:
-        kind = fault.kind
+    def _lasting(self, member: _Member, kind: FaultKind, what: str) -> None:
         master = member.number == MASTER
-        if isinstance(kind, PowerOff | Stop):
-            member.silent = member.deaf = True
-            if master:
-                self.obstacles.append(f"{what} keeps the master off: no station is polled")
-        elif isinstance(kind, DropReply):
-            member.silent = member.silent or not master
-        elif isinstance(kind, Slow):
-            member.extra += 0 if master else kind.extra
-        elif isinstance(kind, ClockPpm) and abs(kind.ppm) <= MAX_PPM:
-            member.ppm += kind.ppm
-        elif isinstance(kind, LateRelease) and kind.by < self._quiet_after(member):
-            pass  # the driver is off before any other station's frame
-        else:
-            reason = {
-                Jabber: "a jabbering station collides with every frame",
-                WrongFormat: "what a station with a wrong format hears depends on the data",
-                ClockPpm: "the clock error moves samples out of their bits",
-                LateRelease: "the tail collides with the next frame",
-            }.get(type(kind), "what it damages depends on the data")
-            self.obstacles.append(f"{what}: {reason}")
+        match kind:
+            case PowerOff() | Stop():
+                member.silent = member.deaf = True
+                if master:
+                    self.obstacles.append(f"{what} keeps the master off: no station is polled")
+            case DropReply():
+                member.silent = member.silent or not master
+            case Slow(_, extra):
+                member.extra += 0 if master else extra
+            case ClockPpm(_, ppm) if abs(ppm) <= MAX_PPM:
+                member.ppm += ppm
+            case ClockPpm():
+                self.obstacles.append(f"{what}: the clock error moves samples out of their bits")
+            case LateRelease(_, by):
+                if by >= self._quiet_after(member):  # else the driver is off before any other frame
+                    self.obstacles.append(f"{what}: the tail collides with the next frame")
+            case Jabber():
+                self.obstacles.append(f"{what}: a jabbering station collides with every frame")
+            case WrongFormat():
+                reason = "what a station with a wrong format hears depends on the data"
+                self.obstacles.append(f"{what}: {reason}")
+            case LoseChar() | InsertChar() | FlipBits():
+                self.obstacles.append(f"{what}: what it damages depends on the data")
+            case BoardError() | CableCut():
+                raise ValueError(f"{what} is not of a station's frames")
+            case _:
+                assert_never(kind)
 
     def _quiet_after(self, member: _Member) -> int:
         """The shortest time from the end of a member's frame to the next frame on the line."""
@@ -314,7 +325,7 @@ class _LinkReader:
         if member is None:
             return Station(number, "", Turnaround(0, 0), 0, alive=False, hears=False)
         plc = member.plc
-        at_end = plc.profile.reply is Reply.END
+        at_end = plc.profile.reply.at_end
         stays_out = mode not in plc.profile.modes  # refuses the master's parameters
         if plc.power_on > master.plc.power_on and number <= master.settings[D_SLAVES]:
             self._passing(f"the late power-on of {plc.name}", Window(master.plc.power_on, plc.power_on))
@@ -334,7 +345,7 @@ class _LinkReader:
         found = []
         by_number = {member.number: member for member in working}
         for station in model.alive:
-            if by_number[station.number].plc.profile.reply is not Reply.END:
+            if not by_number[station.number].plc.profile.reply.at_end:
                 continue
             if self.bound_end:
                 self.notes.append(

@@ -217,7 +217,7 @@ class LinkModel:
 
     def attempts_at(self, *, flagged: bool) -> int:
         """Attempts at a station whose flag is on or off when its exchange begins."""
-        return 1 if flagged and self.absent is AbsentStation.PROBE else self.attempts
+        return 1 if flagged and self.absent.probes else self.attempts
 
     # -- variants ----------------------------------------------------------------------------------
 

@@ -26,7 +26,6 @@ from bussim.exact.link import MASTER, LinkModel, Station
 from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import spread_of
 from bussim.exact.solve import Solved
-from bussim.plc.profiles import AbsentStation
 
 #: Components lighter than this are dropped. A chain ends when so little of it is left, or after so many
 #: scans.
@@ -189,7 +188,7 @@ class _Chain:
     def _by_attempts(self, components: StateMixture, station: Station) -> list[tuple[StateMixture, int]]:
         """Components by the number of attempts that the station's flag allows (the flag then taken off)."""
         model = self.model
-        if model.absent is AbsentStation.FULL:
+        if not model.absent.probes:
             return [(components, model.attempts)]
         off, on = components.parted(self.chain.mark(station))
         return [(off, model.attempts)] + ([(on, 1)] if on.shift.size else [])

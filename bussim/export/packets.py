@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
+from bussim.errors import UsageError
 from bussim.export.pcapng import SYMBOL_ERROR, PcapngWriter
 from bussim.export.received import Received, receive, remarks
 from bussim.export.selection import BusSurvey, Job, Selection, Survey, Written, in_order
@@ -37,7 +38,9 @@ def write_pcapng(path: Path, job: Job) -> Written:
         for number, bus in enumerate(survey.buses.values(), 1):
             for protocol in bus.protocols or _spoken(selection, bus.name):
                 wrapped = encapsulation == "udp" and protocol == "modbus-rtu"
-                link_type = ETHERNET if wrapped else LINK_TYPES.get(protocol, LINK_TYPES["free"])
+                if protocol not in LINK_TYPES:
+                    raise UsageError(f"frames of the protocol {protocol!r} have no link type in pcapng")
+                link_type = ETHERNET if wrapped else LINK_TYPES[protocol]
                 name = bus.name if len(bus.protocols) < 2 else f"{bus.name} ({protocol})"
                 interfaces[bus.name, protocol] = writer.interface(
                     link_type, name, _description(bus, protocol), bus.timing.baud
@@ -69,7 +72,7 @@ def _spoken(selection: Selection, name: str) -> list[str]:
 
 def _description(bus: BusSurvey, protocol: str) -> str:
     nodes = ", ".join(bus.nodes)
-    return f"{_NAMES.get(protocol, protocol)}, {bus.timing.baud} {bus.timing.format}: {nodes}"
+    return f"{_NAMES[protocol]}, {bus.timing.baud} {bus.timing.format}: {nodes}"
 
 
 def _data(received: Received) -> bytes:

@@ -6,13 +6,14 @@ import threading
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import assert_never
 
 from bussim.engines.contract import Transmit
 from bussim.engines.modbus.adu import Adu, Mode, encode_adu
 from bussim.engines.modbus.codes import ExceptionCode
-from bussim.engines.modbus.events import FrameRejected, RequestServed
+from bussim.engines.modbus.events import FrameRejected, RequestServed, SlaveEvent, StationRefused
 from bussim.engines.modbus.pdu import EXCEPTION_BIT, encode_exception
-from bussim.live.runner import Handling
+from bussim.live.modbus import ModbusHandling
 
 #: Requests that are remembered.
 REMEMBERED = 10_000
@@ -38,7 +39,7 @@ class Injected:
     code: int = ExceptionCode.DEVICE_FAILURE
 
 
-class FaultyReplies(Handling):
+class FaultyReplies(ModbusHandling):
     """Sends replies as they are, but for the faults that wait: each befalls one reply, in order.
 
     It remembers what was asked, and what was ignored.
@@ -47,6 +48,7 @@ class FaultyReplies(Handling):
     """
 
     def __init__(self, mode: Mode) -> None:
+        super().__init__()
         self._mode = mode
         self._waiting: deque[Injected] = deque()
         self._lock = threading.Lock()
@@ -56,8 +58,6 @@ class FaultyReplies(Handling):
         self.happened: dict[ReplyFault, int] = {}
         #: Requests that were carried out or refused, the first :data:`REMEMBERED` of them.
         self.requests: list[RequestServed] = []
-        #: Frames that were ignored, by reason.
-        self.rejected: dict[str, int] = {}
 
     def inject(self, fault: Injected, count: int = 1) -> None:
         """Let the next ``count`` replies that have no fault yet have this one."""
@@ -74,13 +74,18 @@ class FaultyReplies(Handling):
         """Faults that have not happened yet."""
         return len(self._waiting)
 
-    def event(self, event: object, now: int) -> None:
+    def event(self, event: SlaveEvent, now: int) -> None:
         """See the base class."""
-        if isinstance(event, RequestServed):
-            if len(self.requests) < REMEMBERED:
-                self.requests.append(event)
-        elif isinstance(event, FrameRejected):
-            self.rejected[event.reason] = self.rejected.get(event.reason, 0) + 1
+        match event:
+            case RequestServed():
+                if len(self.requests) < REMEMBERED:
+                    self.requests.append(event)
+            case FrameRejected():
+                self.count(event)
+            case StationRefused():
+                pass  # its caller chose the station
+            case _:
+                assert_never(event)
 
     def when(self, transmit: Transmit, now: int) -> int | None:
         """See the base class."""
@@ -98,17 +103,24 @@ class FaultyReplies(Handling):
     def chars(self, frame: Adu) -> bytes:
         """See the base class. One reply is due at a time, so it is the one planned last."""
         fault = self._now.pop(self._last, None)
-        if fault is None or fault.kind is ReplyFault.DELAY:
+        if fault is None:
             return frame.chars
-        if fault.kind is ReplyFault.CORRUPT:
-            return _corrupted(self._mode, frame)
-        if fault.kind is ReplyFault.WRONG_STATION:
-            return encode_adu(self._mode, frame.station % 247 + 1, frame.pdu).chars
-        if fault.kind is ReplyFault.TRUNCATE:
-            return frame.chars[: max(1, len(frame.chars) // 2)]
-        return encode_adu(
-            self._mode, frame.station, encode_exception(frame.pdu[0] & ~EXCEPTION_BIT, fault.code)
-        ).chars
+        match fault.kind:
+            case ReplyFault.DROP:
+                return b""
+            case ReplyFault.DELAY:
+                return frame.chars
+            case ReplyFault.CORRUPT:
+                return _corrupted(self._mode, frame)
+            case ReplyFault.WRONG_STATION:
+                return encode_adu(self._mode, frame.station % 247 + 1, frame.pdu).chars
+            case ReplyFault.TRUNCATE:
+                return frame.chars[: max(1, len(frame.chars) // 2)]
+            case ReplyFault.EXCEPTION:
+                function = frame.pdu[0] & ~EXCEPTION_BIT
+                return encode_adu(self._mode, frame.station, encode_exception(function, fault.code)).chars
+            case kind:
+                assert_never(kind)
 
 
 def _corrupted(mode: Mode, frame: Adu) -> bytes:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
 from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.events import FrameRejected
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.gaps import STANDARD_GAPS
 from bussim.engines.modbus.master import MasterConfig
@@ -20,6 +22,18 @@ from bussim.live.wire import Wire
 
 #: What the standard asks for: RTU 8E1, ASCII 7E1.
 STANDARD_FORMATS = {Mode.RTU: CharFormat(8, "E", 1), Mode.ASCII: CharFormat(7, "E", 1)}
+
+
+class ModbusHandling(Handling):
+    """What happens to the transmissions and events of a Modbus engine."""
+
+    def __init__(self) -> None:
+        #: Frames that were ignored, by reason.
+        self.rejected: Counter[str] = Counter()
+
+    def count(self, event: FrameRejected) -> None:
+        """Count a frame that was ignored."""
+        self.rejected[event.reason] += 1
 
 
 def live_framing(mode: Mode, wire: Wire) -> tuple[Framing, int]:

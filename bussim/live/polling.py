@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
-from bussim.engines.modbus.events import FrameRejected, PollEnded, TransactionEnded
+from bussim.engines.modbus.events import (
+    CycleEnded,
+    ForeignFrame,
+    FrameRejected,
+    MasterEvent,
+    PollEnded,
+    PollEvent,
+    TransactionEnded,
+)
 from bussim.engines.modbus.polls import Poll
-from bussim.live.runner import Handling
+from bussim.live.modbus import ModbusHandling
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +47,7 @@ class Turn:
         return last.answer_end - last.asked
 
 
-class PollTurns(Handling):
+class PollTurns(ModbusHandling):
     """Puts the attempts of a polling master into turns; ``on_turn`` is called with each.
 
     With ``rounds`` :attr:`done` becomes true when every poll has had so many turns.
@@ -47,13 +56,12 @@ class PollTurns(Handling):
     def __init__(
         self, polls: Sequence[Poll], on_turn: Callable[[Turn], None], rounds: int | None = None
     ) -> None:
+        super().__init__()
         self._polls = polls
         self._on_turn = on_turn
         self._rounds = rounds
         self._attempts: list[TransactionEnded] = []
         self._turns = [0] * len(polls)
-        #: Frames on the wire that were no answers, by reason.
-        self.rejected: dict[str, int] = {}
 
     @property
     def done(self) -> bool:
@@ -69,14 +77,19 @@ class PollTurns(Handling):
             for poll, turns in zip(self._polls, self._turns, strict=True)
         )
 
-    def event(self, event: object, now: int) -> None:
+    def event(self, event: MasterEvent | PollEvent, now: int) -> None:
         """See the base class."""
-        if isinstance(event, TransactionEnded):
-            self._attempts.append(event)
-        elif isinstance(event, FrameRejected):
-            self.rejected[event.reason] = self.rejected.get(event.reason, 0) + 1
-        elif isinstance(event, PollEnded):
-            attempts, self._attempts = tuple(self._attempts), []
-            if attempts:
-                self._turns[event.index] += 1
-                self._on_turn(Turn(event.index, self._polls[event.index], attempts, event))
+        match event:
+            case TransactionEnded():
+                self._attempts.append(event)
+            case FrameRejected():
+                self.count(event)
+            case PollEnded(index=index):
+                attempts, self._attempts = tuple(self._attempts), []
+                if attempts:
+                    self._turns[index] += 1
+                    self._on_turn(Turn(index, self._polls[index], attempts, event))
+            case ForeignFrame() | CycleEnded():
+                pass  # the attempt goes on; cycles are the turns of all polls
+            case _:
+                assert_never(event)

@@ -18,6 +18,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
+from typing import assert_never
 
 Value = int | float | str
 
@@ -39,13 +40,19 @@ class Form(StrEnum):
 
 def to_values(words: Sequence[int], form: Form, *, big: bool = False) -> list[Value]:
     """The values that registers hold. What does not fill a value is left out."""
-    if form is Form.UINT:
-        return list(words)
-    if form is Form.HEX:
-        return [f"{word:04X}" for word in words]
-    if form is Form.INT:
-        return [word - 0x10000 if word & 0x8000 else word for word in words]
-    code = ">i" if form is Form.INT32 else ">f"
+    match form:
+        case Form.UINT:
+            return list(words)
+        case Form.HEX:
+            return [f"{word:04X}" for word in words]
+        case Form.INT:
+            return [word - 0x10000 if word & 0x8000 else word for word in words]
+        case Form.INT32:
+            code = ">i"
+        case Form.FLOAT:
+            code = ">f"
+        case _:
+            assert_never(form)
     pairs = zip(words[::2], words[1::2], strict=False)
     raw = (struct.pack(">HH", *(pair if big else pair[::-1])) for pair in pairs)
     return [struct.unpack(code, four)[0] for four in raw]

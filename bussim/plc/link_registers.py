@@ -22,10 +22,7 @@ from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.profiles import (
     MAX_RETRIES,
     MAX_SLAVES,
-    AbsentStation,
-    ErrorCount,
     Profile,
-    Reply,
     attempts_per_poll,
 )
 from bussim.units import TICKS_PER_MS
@@ -127,14 +124,14 @@ def master_config(profile: Profile, values: Mapping[int, int]) -> MasterConfig:
         timeout=settings.timeout * TIMEOUT_UNIT,
         gap=profile.master_gap,
         overhead=profile.scan_overhead,
-        probe=profile.absent_station is AbsentStation.PROBE,
-        count_on_edge=profile.error_count is ErrorCount.ON_EDGE,
+        probe=profile.absent_station.probes,
+        count_on_edge=profile.error_count.on_edge,
     )
 
 
 def worst_turnaround(profile: Profile, longest_scan: int) -> int:
     """Longest time from a poll's end to the reply's first edge, END included where replies wait for it."""
-    waiting = longest_scan if profile.reply is Reply.END else 0
+    waiting = longest_scan if profile.reply.at_end else 0
     return profile.turnaround.longest + waiting
 
 
@@ -186,7 +183,7 @@ class LinkRegisters:
                     timeout_unit=TIMEOUT_UNIT,
                     worst_turnaround=worst_turnaround(profile, longest_scan),
                     character=NN_LINE.characters(1),
-                    count_on_edge=profile.error_count is ErrorCount.ON_EDGE,
+                    count_on_edge=profile.error_count.on_edge,
                 )
             )
             self._mirror(None)

@@ -33,6 +33,17 @@ class AbsentStation(StrEnum):
     FULL = "full"  # every scan spends all attempts on it
     PROBE = "probe"  # one attempt a scan
 
+    @property
+    def probes(self) -> bool:
+        """Whether one attempt is made at it, not all."""
+        match self:
+            case AbsentStation.FULL:
+                return False
+            case AbsentStation.PROBE:
+                return True
+            case _:
+                assert_never(self)
+
 
 class ErrorCount(StrEnum):
     """When D8204+ counts a station that stays silent (assumed)."""
@@ -40,12 +51,34 @@ class ErrorCount(StrEnum):
     PER_SCAN = "per_scan"
     ON_EDGE = "on_edge"
 
+    @property
+    def on_edge(self) -> bool:
+        """Whether it counts when its flag goes on only, not in each link scan."""
+        match self:
+            case ErrorCount.PER_SCAN:
+                return False
+            case ErrorCount.ON_EDGE:
+                return True
+            case _:
+                assert_never(self)
+
 
 class Reply(StrEnum):
     """When a slave's reply starts (assumed)."""
 
     INTERRUPT = "interrupt"  # the board answers on its own, after its turnaround
     END = "end"  # at the first END at or after the poll's end plus the turnaround
+
+    @property
+    def at_end(self) -> bool:
+        """Whether it waits for an END."""
+        match self:
+            case Reply.INTERRUPT:
+                return False
+            case Reply.END:
+                return True
+            case _:
+                assert_never(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ import json
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
-from typing import TextIO, TypeVar, cast
+from typing import TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
 from bussim.trace.codec import Line, from_line, header_line, header_of, to_line, type_of
@@ -135,6 +135,8 @@ def interval(record: Record) -> tuple[int, int]:
             return record.tick, record.tick
         case EndsRecord():
             return (record.ticks[0], record.ticks[-1]) if record.ticks else (0, 0)
+        case _:
+            assert_never(record)
 
 
 def read_trace(path: str | os.PathLike[str]) -> Trace:
@@ -234,12 +236,14 @@ def _is_whole(text: str) -> bool:
 
 
 def _concerns(record: Record, bus: TraceBus) -> bool:
-    if isinstance(record, EndsRecord | DeviceValueRecord | InputRecord):
-        return record.plc in bus.plcs
-    if isinstance(record, NoteRecord):
-        places = {record.where, record.detail.get("bus"), record.detail.get("node")}
-        return not places.isdisjoint({bus.name, *bus.nodes, *bus.plcs})
-    return record.bus == bus.name
+    match record:
+        case EndsRecord() | DeviceValueRecord() | InputRecord():
+            return record.plc in bus.plcs
+        case NoteRecord():
+            places = {record.where, record.detail.get("bus"), record.detail.get("node")}
+            return not places.isdisjoint({bus.name, *bus.nodes, *bus.plcs})
+        case _:  # of one bus: mypy refuses a record without
+            return record.bus == bus.name
 
 
 def _clipped(record: Record, start: int | None, stop: int | None) -> Record | None:

@@ -286,6 +286,8 @@ class Master:
             return self._polls[self._station - 1][self._counter]
         if self.state is MasterState.PARAMETERS:
             return encode_parameters(self._counter, self.config.settings)
+        if self.state is not MasterState.DATA:
+            raise RuntimeError(f"no frame is due while {self.state}")
         self._scan_begins(now)
         image = self.image
         if image is not self._encoded_image:
@@ -336,10 +338,12 @@ class Master:
         self._move(MasterInput.SENT)
         if state is MasterState.PARAMETERS:
             self.wants_image = True
-        else:
+        elif state is MasterState.DATA:
             self.wants_image = False
             self._station = 1
             self._attempt = 1
+        else:
+            raise RuntimeError(f"no frame is sent while {state}")
         self.due = now + self.config.gap
         return (TRANSMIT | EVENTS) if self._events else TRANSMIT
 

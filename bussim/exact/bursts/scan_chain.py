@@ -21,7 +21,6 @@ from bussim.exact.link import LinkModel, Station
 from bussim.exact.scan.memoryless import Fails
 from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import TurnaroundSums, spread_of
-from bussim.plc.profiles import AbsentStation
 
 #: Components lighter than this are dropped; with bursts there are many.
 FLOOR = 1e-18
@@ -54,7 +53,7 @@ class ScanChain:
         self._exchanges: dict[tuple[int, int], Exchange] = {}
         self._terms: dict[tuple[int, int], StateTerms] = {}
         # Places of the flags that a scan's start depends on.
-        remembered = model.alive if model.absent is AbsentStation.PROBE else ()
+        remembered = model.alive if model.absent.probes else ()
         self._bits = {station.number: bit for bit, station in enumerate(remembered)}
         self.configurations = 1 << len(self._bits)
 

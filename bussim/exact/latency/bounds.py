@@ -39,7 +39,6 @@ from bussim.exact.link import MASTER, LinkModel
 from bussim.exact.scan.outages import clean_scan
 from bussim.exact.text import in_ms
 from bussim.plc.link_registers import D_STATION, setting_values
-from bussim.plc.profiles import AbsentStation
 from bussim.scenario.model import Edge, Plc, Scenario
 from bussim.scenario.signals.paths import SignalPath, signal_paths
 
@@ -192,7 +191,7 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
     )
     if model is None:
         return bound
-    if model.dead and model.absent is AbsentStation.PROBE:
+    if model.dead and model.absent.probes:
         absent = ", ".join(str(station.number) for station in model.dead)
         note = (
             "holds from the first link scan in which the error flags of the stations that never answer "
@@ -213,7 +212,7 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
         others=tuple(answered.values()),
         parameters=0 if model.dead else model.parameters_cost,
         attempts=model.attempts,
-        probe=model.absent is AbsentStation.PROBE,
+        probe=model.absent.probes,
         notes=notes,
     )
 

@@ -106,7 +106,7 @@ def _probabilities(
 def fails_of(probabilities: AttemptProbabilities, attempts: int, absent: AbsentStation) -> Fails:
     """The stationary chances of a station whose attempts end so."""
     all_fail = probabilities.failed**attempts
-    if absent is AbsentStation.FULL:
+    if not absent.probes:
         return Fails.of(all_fail, all_fail * _answered_once(probabilities, attempts))
     # On → on with p, off → on with p^A.
     flagged = all_fail / (probabilities.answered + all_fail)

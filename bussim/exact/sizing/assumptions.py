@@ -124,15 +124,15 @@ def assumptions(model: LinkModel, goals: Goals, recommended: Choice) -> tuple[As
 
 
 def _alternatives(model: LinkModel) -> list[tuple[str, str, LinkModel]]:
-    reading = Attempts.RETRIES if model.reading is Attempts.RETRIES_PLUS_1 else Attempts.RETRIES_PLUS_1
-    absent = AbsentStation.PROBE if model.absent is AbsentStation.FULL else AbsentStation.FULL
     found = [
-        (
-            f"D8179 is read as {model.reading} (assumed)",
-            f"read as {reading}",
-            replace(model, reading=reading),
-        ),
-        (f"absent_station: {model.absent} (assumed)", f"with {absent}", replace(model, absent=absent)),
+        (f"D8179 is read as {model.reading} (assumed)", f"read as {other}", replace(model, reading=other))
+        for other in Attempts
+        if other is not model.reading
+    ]
+    found += [
+        (f"absent_station: {model.absent} (assumed)", f"with {absent}", replace(model, absent=absent))
+        for absent in AbsentStation
+        if absent is not model.absent
     ]
     if not any("replies at END" in note for note in model.notes):
         at_end = tuple(replace(station, extra=station.extra + station.scan) for station in model.stations)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from bussim.exact.bursts.exchange import attempts_at, line_of, poll_path, reply_path
 from bussim.exact.link import MASTER, LinkModel, Station
 from bussim.exact.scan.turnaround_sums import Floats, TurnaroundSums
-from bussim.plc.profiles import AbsentStation
 
 Stack = NDArray[np.float64]  # (timeout, state, state)
 
@@ -158,7 +157,7 @@ class BurstStacks:
 
         Its flag is followed together with the line's state.
         """
-        probed = model.absent is AbsentStation.PROBE
+        probed = model.absent.probes
         flagged = self.exchange(model, model.stations[place], 1) if probed else ends[place]
         states = self.line.states
         chain = np.empty((self.tau.size, 2 * states, 2 * states))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
 from bussim.engines.modbus.adu import Adu, decode_ascii, decode_rtu
 from bussim.engines.nn.frames import Frame
 from bussim.engines.nn.frames import decode as decode_nn
@@ -40,7 +42,13 @@ def heard_of(record: FrameRecord) -> Heard | None:
 
 
 def _decoded(protocol: Protocol, chars: bytes) -> Frame | Adu | None:
-    if protocol is Protocol.NN:
-        return decode_nn(chars)
-    found = decode_rtu(chars) if protocol is Protocol.RTU else decode_ascii(chars)
+    match protocol:
+        case Protocol.NN:
+            return decode_nn(chars)
+        case Protocol.RTU:
+            found = decode_rtu(chars)
+        case Protocol.ASCII:
+            found = decode_ascii(chars)
+        case _:
+            assert_never(protocol)
     return found if isinstance(found, Adu) else None

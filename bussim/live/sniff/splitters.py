@@ -8,6 +8,7 @@ what is unfinished.
 from __future__ import annotations
 
 from typing import Protocol as Typed
+from typing import assert_never
 
 from bussim.engines.modbus import adu as modbus
 from bussim.engines.modbus.adu import Adu, Damage, decode_rtu
@@ -36,11 +37,15 @@ class Splitter(Typed):
 
 def splitter(protocol: Protocol, timing: LineTiming, tolerance: int) -> Splitter:
     """The splitter of a protocol. ``tolerance`` ticks are added to every silence."""
-    if protocol is Protocol.NN:
-        return NnSplitter(timing.characters(QUIET_CHARS) + tolerance)
-    if protocol is Protocol.ASCII:
-        return AsciiSplitter(TICKS_PER_SECOND + tolerance)
-    return RtuSplitter(round_half_up(silences(timing, STANDARD_GAPS).end) + tolerance)
+    match protocol:
+        case Protocol.NN:
+            return NnSplitter(timing.characters(QUIET_CHARS) + tolerance)
+        case Protocol.ASCII:
+            return AsciiSplitter(TICKS_PER_SECOND + tolerance)
+        case Protocol.RTU:
+            return RtuSplitter(round_half_up(silences(timing, STANDARD_GAPS).end) + tolerance)
+        case _:
+            assert_never(protocol)
 
 
 def _damage(protocol: Protocol, chars: list[Timed], reason: str, *, whole: bool = True) -> Heard:

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Hashable, Sequence
+from typing import assert_never
 
 from bussim.engines.free.engine import MAX_BYTES, FreePort
-from bussim.engines.free.events import CharacterDamaged, Ended, Received, Sent
+from bussim.engines.free.events import CharacterDamaged, Ended, FreeEvent, Received, Sent
 from bussim.engines.free.packing import pack, unpack
 from bussim.engines.modbus.codes import PortError
 from bussim.plc.ports.cpavl import COMPLETE, RECEIVED, RECEIVING, SEND_REQUEST, TIMED_OUT, TO_SEND, WAITING
@@ -21,7 +22,7 @@ from bussim.plc.ports.device_layout import fetch_words, store_words, words_fit
 from bussim.plc.ports.events import FreeReceived, FreeSent
 from bussim.plc.ports.free_list import FreeList
 from bussim.plc.ports.rs2 import Drive, FreeCall, Rs2, free_call
-from bussim.plc.ports.side import EngineItem, Side
+from bussim.plc.ports.side import Side
 from bussim.plc.ports.spec import FreeSpec
 from bussim.plc.ports.status import PortStatus
 
@@ -82,16 +83,19 @@ class FreeSide(Side):
         """The name of the instruction that the engine runs, "" of a program's."""
         return self._driven.name if isinstance(self._driven, FreeSpec) else ""
 
-    def event(self, item: EngineItem, now: int) -> None:
+    def event(self, item: FreeEvent, now: int) -> None:
         """See the base class."""
-        if isinstance(item, Sent):
-            self._reported.append(item)
-        elif isinstance(item, Received):
-            self._reported.append((item, self._damaged, self._damage))
-            self._damaged, self._damage = 0, None
-        elif isinstance(item, CharacterDamaged):
-            self._damaged += 1
-            self._damage = item.error
+        match item:
+            case Sent():
+                self._reported.append(item)
+            case Received():
+                self._reported.append((item, self._damaged, self._damage))
+                self._damaged, self._damage = 0, None
+            case CharacterDamaged(error=error):
+                self._damaged += 1
+                self._damage = error
+            case _:
+                assert_never(item)
 
     def release(self, now: int) -> None:
         """See the base class. What has been sent is reported; what no END has taken over is lost."""

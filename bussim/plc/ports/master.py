@@ -14,9 +14,17 @@ a write's data those of the END at which it leaves.
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from typing import assert_never
 
 from bussim.engines.modbus.codes import PortError
-from bussim.engines.modbus.events import CycleEnded, PollEnded, TransactionEnded
+from bussim.engines.modbus.events import (
+    CycleEnded,
+    ForeignFrame,
+    FrameRejected,
+    MasterEvent,
+    PollEnded,
+    TransactionEnded,
+)
 from bussim.engines.modbus.master import Master, refusal
 from bussim.engines.modbus.pdu import READS, WRITES, Limits, Request
 from bussim.engines.modbus.polls import PollList
@@ -25,7 +33,7 @@ from bussim.plc.ports.device_layout import fetch, fits, store
 from bussim.plc.ports.events import TransactionTaken, TurnEnded
 from bussim.plc.ports.requests import make_request
 from bussim.plc.ports.rs2 import Call, Drive, Rs2, modbus_call
-from bussim.plc.ports.side import EngineItem, Side
+from bussim.plc.ports.side import Side
 from bussim.plc.ports.spec import PollSpec
 from bussim.plc.ports.status import PortStatus
 
@@ -58,10 +66,15 @@ class MasterSide(Side):
             return max(self._earliest, self.engine.ready_at)
         return self._list.next_due() if self._owner is None else None
 
-    def event(self, item: EngineItem, now: int) -> None:
+    def event(self, item: MasterEvent, now: int) -> None:
         """See the base class."""
-        if isinstance(item, TransactionEnded):
-            self._ended = item
+        match item:
+            case TransactionEnded():
+                self._ended = item
+            case ForeignFrame() | FrameRejected():
+                pass  # the transaction goes on
+            case _:
+                assert_never(item)
 
     def release(self, now: int) -> None:
         """See the base class."""
@@ -182,10 +195,13 @@ class MasterSide(Side):
         events.append(TransactionTaken(end, name, polls.attempt, ended))
         again, over = polls.ended(end, ended.error)
         for item in over:
-            if isinstance(item, PollEnded):
-                events.append(TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late))
-            elif isinstance(item, CycleEnded):
-                events.append(item)
+            match item:
+                case PollEnded(tick, _, start, attempts, error, late):
+                    events.append(TurnEnded(name, start, tick, attempts, error, late))
+                case CycleEnded():
+                    events.append(item)
+                case _:
+                    assert_never(item)
         self._owner = None
         return again
 

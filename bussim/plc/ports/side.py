@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from typing import Any
 
 from bussim.plc.ports.rs2 import Drive, Rs2
 
-#: An event of an engine; its type depends on the protocol.
-EngineItem = object
+#: An event of an engine; its type depends on the protocol, so that each side names all of its own.
+EngineItem = Any
 
 
 class Side:

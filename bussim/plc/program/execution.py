@@ -40,6 +40,7 @@ from bussim.plc.program.machine import (
     Ports,
 )
 from bussim.plc.program.program import LINK_SETTINGS, Program
+from bussim.plc.program.text.catalog import Flow
 from bussim.plc.program.text.flow import MAX_CALLS
 from bussim.units import TICKS_PER_MS
 
@@ -103,8 +104,8 @@ class ProgramRun:
             watch=self._watch,
         )
         first = program.blocks[0].exit
-        self._has_masters = any(at.name == "MC" for at in program.instructions)
-        self._straight = first is not None and first.instruction.name in ("END", "FEND")
+        self._has_masters = any(at.spec.flow is Flow.MC for at in program.instructions)
+        self._straight = first is not None and first.flow in (Flow.END, Flow.FEND)
         if not self._d[8000]:
             self._d[8000] = WATCHDOG
 

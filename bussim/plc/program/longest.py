@@ -8,8 +8,6 @@ from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.operand_checks import slots_of
 
-#: Instructions that lead backwards or elsewhere and back: how often they do so is known only when they run.
-_RETURNING = frozenset(("CALL", "FOR"))
 _BY_DEVICES = frozenset(("BMOV", "FMOV", "MEAN", "SFTR", "SFTL", "ZRST"))
 
 
@@ -19,11 +17,12 @@ def longest_scan(program: Program, times: InstructionTimes) -> int | None:
     Jumps forwards leave some out. None for a program with loops, subroutines or a jump backwards, whose
     time only the watchdog bounds.
     """
-    if any(at.spec.name in _RETURNING for at in program.instructions):
+    flows = [at.spec.flow for at in program.instructions]
+    if any(flow is not None and flow.returns for flow in flows):
         return None
     for here, block in enumerate(program.blocks):
         at = block.exit
-        if at is not None and at.instruction.spec.name == "CJ" and 0 <= block.target <= here:
+        if at is not None and at.flow.has_target and 0 <= block.target <= here:
             return None
     total = sum(
         max(standing_time(times, at), time_when_on(times, at)) + times.each * _devices(at)

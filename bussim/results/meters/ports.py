@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import assert_never
 
 from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.plain_data import UNKEPT
@@ -173,6 +174,8 @@ class PortMeter:
                 self._node(record.master, record.bus).cycles.add(record.duration)
             case FreeRecord():
                 self._node(record.node, record.bus).free.add(record)
+            case _:
+                assert_never(record)
 
     def nodes(self, totals: RunTotals) -> dict[str, PortRecord]:
         """Every node that a record has come from, in the order of the totals."""

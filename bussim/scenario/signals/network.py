@@ -11,21 +11,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import assert_never
 
 from bussim.engines.nn.frames import MODES
 from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameters, setting_values
 from bussim.plc.memory import BlockPlace, Device, block_place
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.ladder import Condition, Contact, Not, Rung, Saved
+from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Rung, Saved
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
 
 #: Special devices begin here (FX programming manual).
 FIRST_SPECIAL = 8000
 _LAST = 8255
-#: Instructions that decide what is carried out, or whose data no text says.
-_VAGUE = frozenset(("CJ", "CALL", "FOR", "MC", "RS2", "CPAVL"))
 
 
 class Reachability(StrEnum):
@@ -188,7 +187,8 @@ class Network:
 def vague_instructions(plc: Plc) -> Iterator[Instruction]:
     """The instructions of a PLC that jump, switch rungs off, or use an index register or a serial port."""
     for at in () if plc.program is None else plc.program.instructions:
-        if at.spec.name in _VAGUE or any(operand.index is not None for operand in at.operands):
+        vague = at.spec.group == "serial" or (at.spec.flow is not None and at.spec.flow.is_vague)
+        if vague or any(operand.index is not None for operand in at.operands):
             yield at
 
 
@@ -198,13 +198,15 @@ def parts(condition: Condition) -> tuple[list[Instruction], list[Rung]]:
     rungs: list[Rung] = []
     waiting = [condition]
     while waiting:
-        part = waiting.pop()
-        if isinstance(part, Contact):
-            contacts.append(part.instruction)
-        elif isinstance(part, Saved):
-            rungs.append(part.rung)
-        elif isinstance(part, Not):
-            waiting.append(part.part)
-        else:
-            waiting += [part.second, part.first]
+        match part := waiting.pop():
+            case Contact(at):
+                contacts.append(at)
+            case Saved(rung):
+                rungs.append(rung)
+            case Not(inner):
+                waiting.append(inner)
+            case Both(first, second) | Either(first, second):
+                waiting += [second, first]
+            case _:
+                assert_never(part)
     return contacts, rungs

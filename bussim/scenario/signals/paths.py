@@ -17,7 +17,7 @@ from bussim.engines.nn.frames import data_chars
 from bussim.line.characters import NN_LINE
 from bussim.plc.memory import Device, parse_device
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.ladder import Both, Condition, Contact, Not, Saved
+from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Saved
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, extents
 from bussim.scenario.model import Latency, Plc, Scenario
 from bussim.scenario.signals.network import (
@@ -228,20 +228,23 @@ class _PathSearch:
         """
         gates: list[Condition] = []
         while not isinstance(condition, Contact):
-            if isinstance(condition, Saved):
-                condition = condition.rung.condition
-            elif isinstance(condition, Not):
-                condition, level = condition.part, 1 - level
-            else:
-                sides = [condition.first, condition.second]
-                follows = [self._depends(plc, side) for side in sides]
-                if all(follows):
-                    raise NotPlainError(
-                        f"several contacts of {_words(at)} depend on {self._start} ({plc.name})"
-                    )
-                if level == isinstance(condition, Both):
-                    gates.append(sides[follows[0]])
-                condition = sides[follows[1]]
+            match condition:
+                case Saved(rung):
+                    condition = rung.condition
+                case Not(part):
+                    condition, level = part, 1 - level
+                case Both() | Either():
+                    sides = [condition.first, condition.second]
+                    follows = [self._depends(plc, side) for side in sides]
+                    if all(follows):
+                        raise NotPlainError(
+                            f"several contacts of {_words(at)} depend on {self._start} ({plc.name})"
+                        )
+                    if level == isinstance(condition, Both):
+                        gates.append(sides[follows[0]])
+                    condition = sides[follows[1]]
+                case _:
+                    assert_never(condition)
         contact = condition.instruction
         if contact.spec.test not in ("on", "off"):
             raise _refused(plc, contact)

@@ -9,7 +9,6 @@ from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.link_registers import LinkEngine
 from bussim.plc.plc import Plc, PlcState
-from bussim.plc.profiles import Reply
 from bussim.plc.turnaround import Turnarounds
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
@@ -28,7 +27,7 @@ class LinkPort(Node):
         self.engine: LinkEngine | None = None
         self.is_master = False
         self.reporter = bus.reporter
-        self.replies_at_end = plc.profile.reply is Reply.END
+        self.replies_at_end = plc.profile.reply.at_end
         self._turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
         self._longest_turnaround = plc.profile.turnaround.longest
         # Replies that wait for an END: when each was ready, and its counter.

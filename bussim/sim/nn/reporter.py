@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from copy import deepcopy
 from dataclasses import dataclass, field
+from typing import assert_never
 
 from bussim.engines.nn.codes import MEANINGS
 from bussim.engines.nn.events import (
@@ -81,52 +82,58 @@ class LinkReporter(Notes):
 
     def engine_event(self, port: LinkStation, event: NnEvent, now: int) -> None:
         """Record an engine's event."""
-        if isinstance(event, (ScanEnded, AttemptEnded, AllHealthy)):
-            if port.name == self._primary:
-                self._master_event(event)
-        elif isinstance(event, StationLost):
-            self._lost(port, event)
-        elif isinstance(event, StationBack):
-            label = self.station_label(event.station)
-            self.note(event.tick, "recovered", port.name, f"{label} answers again", station=event.station)
-        elif isinstance(event, MasterWatchdog):
-            self.note(event.tick, "watchdog", port.name, "the master's frames stopped")
-        elif isinstance(event, PolledWithoutParameters):
-            self.note(event.tick, "no_parameters", port.name, "polled before it had parameters")
-        elif isinstance(event, ParametersTaken):
-            port.plc.parameters(event.settings, now)
-            self.note(event.tick, "parameters", port.name, "took the master's parameters")
-        elif isinstance(event, ParametersRefused):
-            port.plc.refuse(now)
-            text = f"mode {event.settings.mode} of the master does not exist on {port.plc.profile.name}"
-            self.note(now, "refused", port.name, text)
-            self.warn(f"{port.name}: {text}; it takes no part in the link")
+        match event:
+            case ScanEnded() | AttemptEnded() | AllHealthy():
+                if port.name == self._primary:
+                    self._master_event(event)
+            case StationLost():
+                self._lost(port, event)
+            case StationBack(tick, station):
+                label = self.station_label(station)
+                self.note(tick, "recovered", port.name, f"{label} answers again", station=station)
+            case MasterWatchdog(tick):
+                self.note(tick, "watchdog", port.name, "the master's frames stopped")
+            case PolledWithoutParameters(tick):
+                self.note(tick, "no_parameters", port.name, "polled before it had parameters")
+            case ParametersTaken(tick, settings):
+                port.plc.parameters(settings, now)
+                self.note(tick, "parameters", port.name, "took the master's parameters")
+            case ParametersRefused(_, settings):
+                port.plc.refuse(now)
+                text = f"mode {settings.mode} of the master does not exist on {port.plc.profile.name}"
+                self.note(now, "refused", port.name, text)
+                self.warn(f"{port.name}: {text}; it takes no part in the link")
+            case _:
+                assert_never(event)
 
     def _master_event(self, event: ScanEnded | AttemptEnded | AllHealthy) -> None:
         sink = self._sink
-        if isinstance(event, ScanEnded):
-            sink.take(
-                ScanRecord(
-                    self._bus,
-                    self._scans,
-                    event.start,
-                    event.duration,
-                    event.attempts,
-                    len(event.failures),
-                    len(event.in_error),
-                    self._cause(event),
+        match event:
+            case ScanEnded():
+                sink.take(
+                    ScanRecord(
+                        self._bus,
+                        self._scans,
+                        event.start,
+                        event.duration,
+                        event.attempts,
+                        len(event.failures),
+                        len(event.in_error),
+                        self._cause(event),
+                    )
                 )
-            )
-            self._scans += 1
-        elif isinstance(event, AttemptEnded):
-            if event.code:
-                sink.failed(self._bus, event.end, event.station, event.code)
-            if sink.traced:
-                sink.take(self._attempt(event))
-        else:
-            if self.healthy_at is None:
-                self.healthy_at = event.tick
-            self.note(event.tick, "healthy", self._bus, "every slave answers and no flag is on")
+                self._scans += 1
+            case AttemptEnded():
+                if event.code:
+                    sink.failed(self._bus, event.end, event.station, event.code)
+                if sink.traced:
+                    sink.take(self._attempt(event))
+            case AllHealthy(tick):
+                if self.healthy_at is None:
+                    self.healthy_at = tick
+                self.note(tick, "healthy", self._bus, "every slave answers and no flag is on")
+            case _:
+                assert_never(event)
 
     def _attempt(self, event: AttemptEnded) -> AttemptRecord:
         return AttemptRecord(

@@ -8,7 +8,12 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from bussim.engines.free.events import FreeEvent
+from bussim.engines.modbus.events import MasterEvent, PollEvent, SlaveEvent
 from bussim.sim.wire.contract import LineNode
+
+#: What the engine of a node may report.
+SerialEvent = MasterEvent | SlaveEvent | PollEvent | FreeEvent
 
 
 class Reply(NamedTuple):

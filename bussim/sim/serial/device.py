@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import assert_never
 
 from bussim.devices.contract import BusDevice, MasterSettings, SlaveSettings
 from bussim.engines.contract import SERVE
-from bussim.engines.free.events import Sent
-from bussim.engines.modbus.events import CycleEnded, PollEnded, TransactionEnded
+from bussim.engines.free.events import CharacterDamaged, Received, Sent
+from bussim.engines.modbus.events import (
+    CycleEnded,
+    ForeignFrame,
+    FrameRejected,
+    PollEnded,
+    RequestServed,
+    StationRefused,
+    TransactionEnded,
+)
 from bussim.engines.modbus.slave import Slave
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.events import TurnEnded
 from bussim.plc.scan import ScanCycle
 from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus
+from bussim.sim.serial.contract import SerialEvent
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.reporter import SerialReporter
 
@@ -86,25 +95,34 @@ class DeviceNode(SerialNode):
         if isinstance(self.engine, Slave):
             self.handle(self.engine.serve(now), now)
 
-    def handle_event(self, item: Any, now: int) -> None:
+    def handle_event(self, item: SerialEvent, now: int) -> None:
         """What becomes of an event."""
         reporter = self.reporter
-        if self.kind == "response":
-            reporter.slave_event(self, item)
-            self._record_events()
-        elif isinstance(item, TransactionEnded):
-            self._attempts.append(item)
-        elif isinstance(item, PollEnded):
-            name = self._polls[item.index].name
-            for number, attempt in enumerate(self._attempts, 1):
-                reporter.transaction(self, attempt, name, number, attempt.end)
-            self._attempts.clear()
-            turn = TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late)
-            reporter.turn(self, turn)
-        elif isinstance(item, CycleEnded):
-            reporter.cycle(self, item)
-        elif isinstance(item, Sent):
-            reporter.sent(self, item, "")
+        match item:
+            case RequestServed() | StationRefused():
+                reporter.slave_event(self, item)
+                self._record_events()
+            case FrameRejected():
+                if self.kind == "response":
+                    reporter.slave_event(self, item)
+                    self._record_events()
+            case TransactionEnded():
+                self._attempts.append(item)
+            case PollEnded():
+                name = self._polls[item.index].name
+                for number, attempt in enumerate(self._attempts, 1):
+                    reporter.transaction(self, attempt, name, number, attempt.end)
+                self._attempts.clear()
+                turn = TurnEnded(name, item.start, item.tick, item.attempts, item.error, item.late)
+                reporter.turn(self, turn)
+            case CycleEnded():
+                reporter.cycle(self, item)
+            case Sent():
+                reporter.sent(self, item, "")
+            case ForeignFrame() | Received() | CharacterDamaged():
+                pass  # no device acts on them
+            case _:
+                assert_never(item)
 
     def _record_events(self) -> None:
         for event in self._behaviour.events():

@@ -13,7 +13,7 @@ from bussim.engines.modbus.slave import Slave
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import HEARING, Kernel
 from bussim.sim.serial.bus import SerialBus
-from bussim.sim.serial.contract import Reply
+from bussim.sim.serial.contract import Reply, SerialEvent
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.wire.contract import LineNode
 from bussim.sim.wire.node import Node
@@ -115,7 +115,7 @@ class SerialNode(Node):
         self.bus.waiting.discard(self)
         self._silence_timer.cancel()
 
-    def report(self, item: Any, now: int) -> None:
+    def report(self, item: SerialEvent, now: int) -> None:
         """Take an event of the engine."""
         if isinstance(item, RequestServed) and not item.broadcast:
             served = self._served
@@ -124,7 +124,7 @@ class SerialNode(Node):
                 del served[next(iter(served))]
         self.handle_event(item, now)
 
-    def handle_event(self, item: Any, now: int) -> None:
+    def handle_event(self, item: SerialEvent, now: int) -> None:
         """Act on an event of the engine."""
         raise NotImplementedError
 

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import assert_never
 
 from bussim.engines.contract import SERVE
-from bussim.engines.modbus.events import CycleEnded, FrameRejected, RequestServed, StationRefused
+from bussim.engines.free.events import CharacterDamaged, Received, Sent
+from bussim.engines.modbus.events import (
+    CycleEnded,
+    ForeignFrame,
+    FrameRejected,
+    PollEnded,
+    RequestServed,
+    StationRefused,
+    TransactionEnded,
+)
 from bussim.plc.plc import Plc, PlcState
 from bussim.plc.ports.events import (
     FreeReceived,
@@ -18,6 +27,7 @@ from bussim.plc.ports.events import (
 from bussim.plc.ports.port_registers import PortRegisters
 from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus
+from bussim.sim.serial.contract import SerialEvent
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.reporter import SerialReporter
 
@@ -57,10 +67,20 @@ class PlcPort(SerialNode):
         if self.clock is not None:
             self.clock.schedule_end(now)
 
-    def handle_event(self, item: Any, now: int) -> None:
+    def handle_event(self, item: SerialEvent, now: int) -> None:
         """Pass an event on to the port registers, which act on it at END."""
-        if isinstance(item, (RequestServed, FrameRejected, StationRefused)) and self.kind == "response":
-            self.reporter.slave_event(self, item)
+        match item:
+            case RequestServed() | StationRefused():
+                self.reporter.slave_event(self, item)
+            case FrameRejected():
+                if self.kind == "response":
+                    self.reporter.slave_event(self, item)
+            case TransactionEnded() | ForeignFrame() | PollEnded() | CycleEnded():
+                pass  # of a master: the port registers report what becomes of it
+            case Sent() | Received() | CharacterDamaged():
+                pass  # likewise
+            case _:
+                assert_never(item)
         self.port_registers.event(item, now)
         self.report_events()
         self.schedule_end(now)
@@ -69,18 +89,21 @@ class PlcPort(SerialNode):
         """Report the events of the port registers."""
         reporter = self.reporter
         while (event := self.port_registers.poll()) is not None:
-            if isinstance(event, TransactionTaken):
-                reporter.transaction(self, event.ended, event.poll, event.attempt, event.taken)
-            elif isinstance(event, TurnEnded):
-                reporter.turn(self, event)
-            elif isinstance(event, CycleEnded):
-                reporter.cycle(self, event)
-            elif isinstance(event, FreeSent):
-                reporter.sent(self, event.sent, event.poll)
-            elif isinstance(event, FreeReceived):
-                reporter.received(self, event.received, event.poll, event.damaged)
-            elif isinstance(event, PortErrorRaised):
-                reporter.port_error(self, event)
+            match event:
+                case TransactionTaken(taken, poll, attempt, ended):
+                    reporter.transaction(self, ended, poll, attempt, taken)
+                case TurnEnded():
+                    reporter.turn(self, event)
+                case CycleEnded():
+                    reporter.cycle(self, event)
+                case FreeSent(poll, sent):
+                    reporter.sent(self, sent, poll)
+                case FreeReceived(poll, received, damaged):
+                    reporter.received(self, received, poll, damaged)
+                case PortErrorRaised():
+                    reporter.port_error(self, event)
+                case _:
+                    assert_never(event)
 
 
 class EndClock:

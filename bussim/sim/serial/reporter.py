@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import assert_never
 
 from bussim.engines.free.events import Received, Sent
 from bussim.engines.modbus.codes import MEANINGS, PortError
@@ -11,6 +12,7 @@ from bussim.engines.modbus.events import (
     CycleEnded,
     FrameRejected,
     RequestServed,
+    SlaveEvent,
     StationRefused,
     TransactionEnded,
 )
@@ -49,22 +51,24 @@ class SerialReporter(Notes):
 
     # -- slaves ------------------------------------------------------------------------------------
 
-    def slave_event(self, node: SerialStation, event: RequestServed | FrameRejected | StationRefused) -> None:
+    def slave_event(self, node: SerialStation, event: SlaveEvent) -> None:
         """Record an event of a slave's engine."""
         counts = self.counts(node.name)
-        if isinstance(event, RequestServed):
-            if event.broadcast:
+        match event:
+            case RequestServed(broadcast=True):
                 counts.broadcasts += 1
-                return
-            counts.requests += 1
-            if event.exception:
-                counts.exceptions[event.exception] += 1
-        elif isinstance(event, FrameRejected):
-            counts.rejected[event.reason.value] += 1
-        else:
-            text = f"station {event.station} is outside 1..247: it stays silent"
-            self.note(event.tick, "refused", node.name, text)
-            self.warn(f"{node.name}: {text}")
+            case RequestServed():
+                counts.requests += 1
+                if event.exception:
+                    counts.exceptions[event.exception] += 1
+            case FrameRejected():
+                counts.rejected[event.reason.value] += 1
+            case StationRefused(tick, station):
+                text = f"station {station} is outside 1..247: it stays silent"
+                self.note(tick, "refused", node.name, text)
+                self.warn(f"{node.name}: {text}")
+            case _:
+                assert_never(event)
 
     def answered(self, node: SerialStation) -> None:
         """A slave's reply begins."""

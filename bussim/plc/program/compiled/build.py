@@ -17,7 +17,7 @@ from bussim.plc.program.compiled.code import (
 from bussim.plc.program.instructions import arithmetic, coils, moves, serial, shifts
 from bussim.plc.program.machine import Act, Machine, OperationError
 from bussim.plc.program.program import Program
-from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.catalog import Flow, Instruction
 
 #: Carries a block out; returns the number of the next one, or END.
 Block = Callable[[], int]
@@ -85,7 +85,7 @@ def _functions(machine: Machine, at: Instruction) -> dict[str, Callable[..., obj
         first, second = (value_reader(machine, operand, wide=at.form.wide) for operand in at.operands)
         compare = _COMPARE[at.spec.test]
         return {f"test_{at.number}": _guarded(machine, at, lambda: compare(first(), second()))}
-    if at.spec.name == "FOR":
+    if at.spec.flow is Flow.FOR:
         return {f"count_{at.number}": _guarded(machine, at, value_reader(machine, at.operands[0]))}
     return {f"take_{at.number}": coils.bind(machine, at)} if is_bound_coil(at) else {}
 

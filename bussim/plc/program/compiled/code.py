@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 from types import CodeType
+from typing import assert_never
 
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
-from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.catalog import Flow, Instruction
 from bussim.plc.program.text.flow import BasicBlock
 from bussim.plc.program.text.ladder import Both, Condition, Contact, Control, Either, Not, Rung, Saved
 from bussim.plc.program.text.operands import Operand
@@ -103,7 +104,7 @@ class _Writer:
         for item in block.rungs:
             if isinstance(item, Rung):
                 self._rung(item)
-            elif item.instruction.spec.name == "MC":
+            elif item.flow is Flow.MC:
                 level, coil = item.instruction.operands
                 self._condition(item.driven_by, item.level)
                 self._write(f"levels[{level.address}] = {coil.letter}[{coil.address}] = on")
@@ -119,22 +120,26 @@ class _Writer:
             self._condition(control.condition, control.level)
             if at.form.pulse:
                 self._rising(at)
-        match at.spec.name:
-            case "CJ":
+        match control.flow:
+            case Flow.CJ:
                 self._write(f"return {target} if on else {following}")
-            case "CALL":
+            case Flow.CALL:
                 self._write(f"return call({target}, {following}, {at.step}) if on else {following}")
-            case "SRET":
+            case Flow.SRET:
                 self._write(f"return calls.pop() if calls else {END}")
-            case "FOR":  # 0 and less count as 1 (FX programming manual)
+            case Flow.FOR:  # 0 and less count as 1 (FX programming manual)
                 self._write(f"loops[{here}] = max(count_{at.number}(), 1)", f"return {following}")
-            case "NEXT":
+            case Flow.NEXT:
                 loop = f"loops[{target - 1}]"
                 self._write(f"{loop} -= 1", f"return {target} if {loop} > 0 else {following}")
-            case "WDT":
+            case Flow.WDT:
                 self._write("if on: watch()", f"return {following}")
-            case _:  # FEND, END
+            case Flow.FEND | Flow.END:
                 self._write(f"return {END}")
+            case Flow.MC | Flow.MCR | Flow.LABEL:
+                raise ValueError(f"{at.name} ends no block")
+            case flow:
+                assert_never(flow)
 
     # -- rungs -------------------------------------------------------------------------------------
 
@@ -161,8 +166,10 @@ class _Writer:
             case "PLS" | "PLF":
                 sign = ">" if at.spec.name == "PLS" else "<"
                 self._write(f"{place} = on {sign} earlier[{at.number}]", f"earlier[{at.number}] = on")
-            case _:  # OUT
+            case "OUT":
                 self._write(f"{place} = on")
+            case name:
+                raise ValueError(f"{name} is no coil that is written out")
 
     def _applied(self, at: Instruction) -> None:
         if at.form.pulse:
@@ -200,6 +207,8 @@ class _Writer:
                 return f"{self._enclosed(first, (Either,))} and {self._enclosed(second, (Either,))}"
             case Either(first, second):
                 return f"{self._text(first)} or {self._text(second)}"
+            case _:
+                assert_never(condition)
 
     def _enclosed(self, part: Condition, binding_less: tuple[type, ...]) -> str:
         text = self._text(part)
@@ -244,3 +253,5 @@ def _used_again(condition: Condition) -> Iterator[Rung]:
             yield from _used_again(second)
         case Contact():
             pass
+        case _:
+            assert_never(condition)

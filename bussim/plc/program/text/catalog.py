@@ -7,8 +7,8 @@ WAND it is DAND), a P behind makes it work once per rising edge of its condition
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import Enum
-from typing import Any
+from enum import Enum, StrEnum
+from typing import Any, Self
 
 from bussim.plc.program.text.operands import Operand
 
@@ -22,6 +22,39 @@ class Role(Enum):
     BARE = "bare"  # stands on the left bus, begins nothing: FEND, FOR, a label, …
     NOTHING = "nothing"  # NOP
 
+
+class Flow(StrEnum):
+    """The instructions that decide which others a scan carries out, or how often, by name.
+
+    ``has_target``: the operand is the label where the program goes on. ``returns``: it leads backwards, or
+    elsewhere and back. ``is_vague``: only a run shows what it lets be carried out.
+    """
+
+    has_target: bool
+    returns: bool
+    is_vague: bool
+
+    CJ = "CJ", True, False, True
+    CALL = "CALL", True, True, True
+    WDT = "WDT", False, False, False  # only resets the watchdog, but at an exact place
+    MC = "MC", False, False, True
+    MCR = "MCR", False, False, False
+    FOR = "FOR", False, True, True
+    NEXT = "NEXT", False, False, False  # where FOR leads back from
+    SRET = "SRET", False, False, False  # where CALL leads back from
+    FEND = "FEND", False, False, False
+    END = "END", False, False, False
+    LABEL = "P", False, False, False
+
+    def __new__(cls, name: str, has_target: bool, returns: bool, is_vague: bool) -> Self:  # noqa: FBT001 - rows
+        """A row of the table."""
+        member = str.__new__(cls, name)
+        member._value_ = name
+        member.has_target, member.returns, member.is_vague = has_target, returns, is_vague
+        return member
+
+
+_FLOWS = {flow.value: flow for flow in Flow}
 
 #: What an operand may be, for the commonest operands.
 WORDS_TO = ("KnY", "KnM", "KnS", "T", "C", "D", "V", "Z")
@@ -75,6 +108,11 @@ class Spec:
     def is_applied(self) -> bool:
         """Whether it is an applied instruction that the program's course does not depend on."""
         return self.role is Role.OUTPUT and self.group != "basic"
+
+    @property
+    def flow(self) -> Flow | None:
+        """What it is to the program's course, None where it is nothing to it; a bare one always is."""
+        return _FLOWS[self.name] if self.role is Role.BARE else _FLOWS.get(self.name)
 
 
 @dataclass(frozen=True, slots=True)

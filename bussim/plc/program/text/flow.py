@@ -6,9 +6,10 @@ The checks, and the program cut into blocks that are carried out from their head
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import assert_never
 
 from bussim.errors import Problem
-from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.catalog import Flow, Instruction
 from bussim.plc.program.text.ladder import Control, Rung
 from bussim.plc.program.text.operands import END_LABEL
 
@@ -24,7 +25,7 @@ class FlowCheck:
         self.problems: list[Problem] = []
         self._name = name
         self._instructions = instructions
-        self._main_end = next((at.number for at in instructions if at.name == "FEND"), None)
+        self._main_end = next((at.number for at in instructions if at.spec.flow is Flow.FEND), None)
         self._ends()
         self._jumps(self._labels())
         self._loops()
@@ -34,7 +35,7 @@ class FlowCheck:
 
     def _ends(self) -> None:
         program = self._instructions
-        end = next((at.number for at in program if at.name == "END"), None)
+        end = next((at.number for at in program if at.spec.flow is Flow.END), None)
         if end is None:
             last = program[-1] if program else None
             place = (last.line, last.column) if last is not None else (1, 1)
@@ -48,7 +49,7 @@ class FlowCheck:
     def _labels(self) -> dict[int, Instruction]:
         labels: dict[int, Instruction] = {}
         for at in self._instructions:
-            if at.name != "P" or not at.operands:
+            if at.spec.flow is not Flow.LABEL or not at.operands:
                 continue
             number = at.operands[0].address
             if number == END_LABEL:
@@ -61,44 +62,49 @@ class FlowCheck:
 
     def _jumps(self, labels: dict[int, Instruction]) -> None:
         for at in self._instructions:
-            name = at.spec.name
-            if name == "SRET" and (self._main_end is None or at.number < self._main_end):
+            flow = at.spec.flow
+            if flow is Flow.SRET and (self._main_end is None or at.number < self._main_end):
                 self._wrong(at, "SRET before FEND; a subroutine stands between FEND and END")
-            if name not in ("CJ", "CALL") or not at.operands:
+            if flow is None or not flow.has_target or not at.operands:
                 continue
             number = at.operands[0].address
             target = labels.get(number)
-            if number == END_LABEL and name == "CJ":
+            if number == END_LABEL and not flow.returns:
                 continue
             if target is None:
                 known = ", ".join(f"P{label}" for label in sorted(labels)) or "none"
                 self._wrong(at, f"{at.name} P{number}: there is no label P{number}; the labels are: {known}")
-            elif name == "CALL":
+            elif flow.returns:
                 self._subroutine(at, target)
 
     def _subroutine(self, call: Instruction, label: Instruction) -> None:
         place = f"{call.name} P{call.operands[0].address}: the subroutine at line {label.line}"
         if self._main_end is None or label.number < self._main_end:
             self._wrong(call, f"{place} must stand between FEND and END")
-        elif all(at.name != "SRET" for at in self._instructions[label.number :]):
+        elif all(at.spec.flow is not Flow.SRET for at in self._instructions[label.number :]):
             self._wrong(call, f"{place} has no SRET")
 
     def _loops(self) -> None:
         loops: list[Instruction] = []
         for at in self._instructions:
-            if at.name == "FOR":
-                loops.append(at)
-                if len(loops) > MAX_LOOPS:
-                    self._wrong(at, f"FOR is nested {len(loops)} deep, allowed {MAX_LOOPS}")
-            elif at.name == "NEXT":
-                if not loops:
-                    self._wrong(at, "NEXT without its FOR")
-                else:
-                    loops.pop()
-            elif at.name in ("FEND", "END", "SRET"):
-                for opened in loops:
-                    self._wrong(opened, f"FOR without its NEXT in front of {at.name}")
-                loops.clear()
+            match at.spec.flow:
+                case Flow.FOR:
+                    loops.append(at)
+                    if len(loops) > MAX_LOOPS:
+                        self._wrong(at, f"FOR is nested {len(loops)} deep, allowed {MAX_LOOPS}")
+                case Flow.NEXT:
+                    if not loops:
+                        self._wrong(at, "NEXT without its FOR")
+                    else:
+                        loops.pop()
+                case Flow.FEND | Flow.END | Flow.SRET:
+                    for opened in loops:
+                        self._wrong(opened, f"FOR without its NEXT in front of {at.name}")
+                    loops.clear()
+                case None | Flow.CJ | Flow.CALL | Flow.WDT | Flow.MC | Flow.MCR | Flow.LABEL:
+                    pass
+                case flow:
+                    assert_never(flow)
 
 
 @dataclass(slots=True)
@@ -124,26 +130,32 @@ def cut(items: list[Rung | Control], instructions: list[Instruction]) -> list[Ba
     opened: dict[int, int] = {}  # of each NEXT's block, its FOR's
     cuts = []  # (number of the first instruction of the next block)
     for item in items:
-        if not isinstance(item, Control) or item.instruction.spec.name in ("MC", "MCR"):
+        if isinstance(item, Rung):
             blocks[-1].rungs.append(item)
             continue
-        at = item.instruction
-        name = at.spec.name
-        if name == "P":
-            cuts.append(at.number)
-            blocks.append(BasicBlock())
-            labels[at.operands[0].address] = len(blocks) - 1
-            continue
-        here = len(blocks) - 1
+        at, here = item.instruction, len(blocks) - 1
+        match item.flow:
+            case Flow.MC | Flow.MCR:
+                blocks[here].rungs.append(item)
+                continue
+            case Flow.LABEL:
+                cuts.append(at.number)
+                blocks.append(BasicBlock())
+                labels[at.operands[0].address] = here + 1
+                continue
+            case Flow.FOR:
+                loops.append(here)
+            case Flow.NEXT:
+                opened[here] = loops.pop()
+            case Flow.CJ | Flow.CALL | Flow.WDT | Flow.SRET | Flow.FEND | Flow.END:
+                pass
+            case flow:
+                assert_never(flow)
         blocks[here].exit = item
-        if name == "FOR":
-            loops.append(here)
-        elif name == "NEXT":
-            opened[here] = loops.pop()
         cuts.append(at.number + 1)
         blocks.append(BasicBlock())
     for block in blocks:
-        if block.exit is not None and block.exit.instruction.spec.name in ("CJ", "CALL"):
+        if block.exit is not None and block.exit.flow.has_target:
             block.target = labels[block.exit.instruction.operands[0].address]
     for here, start in opened.items():
         blocks[here].target = start + 1

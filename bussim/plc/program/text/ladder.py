@@ -10,9 +10,10 @@ Carried out here once, on expressions instead of values.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import assert_never
 
 from bussim.errors import Problem
-from bussim.plc.program.text.catalog import Instruction, Role
+from bussim.plc.program.text.catalog import Flow, Instruction, Role
 
 #: FX programming manual: at most eight LD blocks wait for ANB or ORB, eleven MPS for MPP.
 MAX_BLOCKS = 8
@@ -79,15 +80,19 @@ class Control:
     level: int | None
 
     @property
+    def flow(self) -> Flow:
+        """What it is to the program's course."""
+        found = self.instruction.spec.flow
+        if found is None:
+            raise ValueError(f"{self.instruction.name} does not change the program's course")
+        return found
+
+    @property
     def driven_by(self) -> Condition:
         """The condition of one that has one."""
         if self.condition is None:
             raise ValueError(f"{self.instruction.name} has no condition")
         return self.condition
-
-
-#: Outputs that send the program elsewhere (WDT only looks at the clock, but at an exact place).
-CONTROLS = frozenset(("CJ", "CALL", "WDT"))
 
 
 class Ladder:
@@ -134,6 +139,8 @@ class Ladder:
                 self._bare(instruction)
             case Role.NOTHING:
                 pass
+            case role:
+                assert_never(role)
 
     # -- contacts ----------------------------------------------------------------------------------
 
@@ -228,13 +235,14 @@ class Ladder:
         if self._accumulator is None:
             self._wrong(instruction, f"{instruction.name} needs a contact in front of it, such as LD M8000")
             return
-        if instruction.spec.name in CONTROLS or instruction.spec.name == "MC":
+        flow = instruction.spec.flow
+        if flow is not None:
             self._keep()
             self.items.append(Control(instruction, self._accumulator, self._level))
         else:
             self._drive(instruction, self._accumulator)
         self._finished, self._idle, self._length = True, None, 0
-        if instruction.spec.name == "MC":
+        if flow is Flow.MC:
             self._master(instruction)
 
     def _drive(self, instruction: Instruction, accumulator: Condition) -> None:
@@ -297,7 +305,7 @@ class Ladder:
 
     def _bare(self, instruction: Instruction) -> None:
         self._reset()
-        if instruction.name == "MCR":
+        if instruction.spec.flow is Flow.MCR:
             if instruction.operands:
                 level = instruction.operands[0].address
                 if all(opened != level for opened, _ in self._levels):
