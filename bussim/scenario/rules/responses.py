@@ -102,6 +102,14 @@ class Answers:
         )
 
 
+_NAMES = {
+    Space.COILS: "coil",
+    Space.INPUTS: "input",
+    Space.INPUT_REGISTERS: "input register",
+    Space.HOLDING: "register",
+}
+
+
 def _refusal(poll: TransactionIn, registers: AreaMap) -> tuple[str, str, int] | None:
     """The key for which a slave refuses a poll whatever it writes, why, and the exception; None if not."""
     function, address, count = poll.function or 0, poll.address or 0, poll.quantity
@@ -110,8 +118,7 @@ def _refusal(poll: TransactionIn, registers: AreaMap) -> tuple[str, str, int] | 
         return "function", f"does not have function {function}", 1
     if count > limit:
         return "count", f"takes at most {limit} in function {function}", 3
-    names = {Space.COILS: "coil", Space.INPUTS: "input", Space.INPUT_REGISTERS: "input register"}
-    name = names.get(space, "register")
+    name = _NAMES[space]
     what = f"{name}s {address} to {address + count - 1}" if count > 1 else f"{name} {address}"
     parts = registers.parts(space, address, count)
     if parts is None:
