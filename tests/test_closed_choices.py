@@ -2,20 +2,24 @@
 
 Closed families are the enumerations of bussim and the unions of its classes that a module names. A
 ``match`` or a chain of ``if`` over two or more of their members, also one of early returns, ends in
-``assert_never`` or ``raise``. Where the remaining kinds are really alike the place stands in ``ALIKE``.
+``assert_never`` or ``raise``; a table of them has all. Where the remaining kinds are really alike the place
+stands in ``ALIKE``. What a profile leaves open is decided beside its enumeration, nowhere else.
 """
 
 from __future__ import annotations
 
 import ast
 import importlib
-from collections.abc import Iterator
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from types import ModuleType, UnionType
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import bussim
+from bussim.plc import profiles
+from bussim.plc.profiles import Profile
+from bussim.plc.program.text import ladder
 
 ROOT = Path(bussim.__file__).parent
 
@@ -35,21 +39,25 @@ ALIKE = {
 }
 
 
-def modules() -> Iterator[tuple[str, ModuleType, ast.Module]]:
+@cache
+def modules() -> tuple[tuple[str, ModuleType, ast.Module], ...]:
     """Every module of bussim with its name below bussim and its text."""
+    found = []
     for path in sorted(ROOT.rglob("*.py")):
         parts = path.relative_to(ROOT.parent).with_suffix("").parts
         if parts[-1] == "__main__":
             continue  # importing it runs the program
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
         text = path.read_text(encoding="utf-8")
-        yield name.removeprefix("bussim."), importlib.import_module(name), ast.parse(text)
+        found.append((name.removeprefix("bussim."), importlib.import_module(name), ast.parse(text)))
+    return tuple(found)
 
 
 def is_own(kind: object) -> bool:
     return isinstance(kind, type) and kind.__module__.startswith("bussim")
 
 
+@cache
 def unions() -> list[frozenset[type]]:
     """The unions of classes that bussim's modules name."""
     found = set()
@@ -215,12 +223,92 @@ def refuses(end: list[ast.stmt]) -> bool:
     return False
 
 
+def choices_of(
+    module: ModuleType, tree: ast.Module, families: list[frozenset[type]]
+) -> list[tuple[str, int]]:
+    choices = Choices(module, families)
+    choices.visit(tree)
+    return choices.found
+
+
 def test_every_choice_names_all_kinds() -> None:
     families, found = unions(), {}
     for name, module, tree in modules():
-        choices = Choices(module, families)
-        choices.visit(tree)
-        found.update({f"{name}.{where}": line for where, line in choices.found})
+        for where, line in choices_of(module, tree, families):
+            found[f"{name}.{where}"] = line
     forgotten = {where: line for where, line in found.items() if where not in ALIKE}
     assert forgotten == {}
     assert set(ALIKE) <= set(found), "entries that nothing needs any more"
+
+
+def test_choices_of_a_profile_are_decided_beside_it() -> None:
+    """A comparison with one member would take a further one for the other."""
+    hints = get_type_hints(Profile).values()
+    kinds = {kind for kind in hints if isinstance(kind, type) and issubclass(kind, Enum)}
+    assert len(kinds) == 4
+    wrong = []
+    for name, module, tree in modules():
+        choices = Choices(module, [])
+        for node in ast.walk(tree) if module is not profiles else ():
+            if isinstance(node, ast.Compare):
+                compared = [kind for side in (node.left, *node.comparators) for kind in choices.kinds(side)]
+                wrong += [f"{name}:{node.lineno}" for kind in compared if type(kind) in kinds]
+    assert wrong == []
+
+
+PASSED_OVER = """
+def chain(x):
+    if isinstance(x, Contact):
+        return 1
+    elif isinstance(x, Not | Both):
+        return 2
+    return 3
+
+def returns(x):
+    if x is Role.CONTACT: return 1
+    if x is Role.BLOCK: return 2
+    return 3
+
+def otherwise(x):
+    match x:
+        case Role.CONTACT: return 1
+        case Role.BLOCK | Role.OUTPUT: return 2
+        case _: return 3
+
+def nothing(x):
+    match x:
+        case Contact(): return 1
+        case Not(): return 2
+
+TABLE: dict = {Role.CONTACT: 1, Role.BLOCK: 2}
+"""
+REFUSED = """
+def chain(x):
+    if isinstance(x, Contact):
+        return 1
+    elif isinstance(x, Not | Both):
+        return 2
+    else:
+        raise ValueError
+
+def returns(x):
+    if x is Role.CONTACT: return 1
+    if x is Role.BLOCK: return 2
+    raise ValueError
+
+def otherwise(x):
+    match x:
+        case Role.CONTACT: return 1
+        case Role.BLOCK | Role.OUTPUT: return 2
+        case _: assert_never(x)
+
+def one(x):
+    return 1 if isinstance(x, Contact) else 2
+"""
+
+
+def test_choices_that_pass_kinds_over_are_found() -> None:
+    families = unions()
+    found = choices_of(ladder, ast.parse(PASSED_OVER), families)
+    assert {where for where, _ in found} == {"chain", "returns", "otherwise", "nothing", "TABLE"}
+    assert choices_of(ladder, ast.parse(REFUSED), families) == []

@@ -1,10 +1,12 @@
-"""Cross-references in docstrings and comments lead to something."""
+"""Cross-references in docstrings and comments lead to something, and so do the calls of their examples."""
 
 from __future__ import annotations
 
 import ast
+import builtins
 import importlib
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -120,6 +122,48 @@ def test_every_cross_reference_leads_somewhere(part: str) -> None:
                 if not resolves(target, module_of(path), tree, scope):
                     wrong.append(f"{module_of(path)} :{role}:`{target}`")
     assert wrong == []
+
+
+#: What an example leaves to its reader.
+_READERS = {"MyClient"}
+_EXAMPLE = re.compile(r"::\n\n((?:[ ]+\S.*\n|\n)+)")
+
+
+def unknown_calls(text: str, known: set[str]) -> set[str]:
+    """Functions and classes that the examples of a docstring call, and that nothing defines."""
+    found: set[str] = set()
+    for example in _EXAMPLE.findall(text + "\n"):
+        try:
+            tree = ast.parse(textwrap.dedent(example))
+        except SyntaxError:
+            continue  # no Python
+        nodes = list(ast.walk(tree))
+        bound = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        bound |= {n.asname or n.name for n in nodes if isinstance(n, ast.alias)}
+        called = {n.func.id for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+        found |= called - bound - known - _READERS - set(vars(builtins))
+    return found
+
+
+def defined(tree: ast.Module) -> set[str]:
+    """The functions and classes of a module, and what it imports."""
+    own = {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    return own | {node.asname or node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
+
+
+def test_examples_call_what_there_is() -> None:
+    sources = {path: path.read_text(encoding="utf-8") for path in sorted(ROOT.rglob("*.py"))}
+    trees = {path: ast.parse(source) for path, source in sources.items()}
+    known = set().union(*map(defined, trees.values()))
+    wrong = {
+        f"{module_of(path)}: {name}"
+        for path, tree in trees.items()
+        for _, text in texts(tree, "")
+        for name in unknown_calls(text, known)
+    }
+    assert wrong == set()
+    example = "Serve.\n\n::\n\n    with Session(places(1)) as it:\n        it.run()\n"
+    assert unknown_calls(example, {"Session"}) == {"places"}
 
 
 def test_references_that_lead_nowhere_are_found() -> None:

@@ -103,7 +103,7 @@ class Session:
 
     ::
 
-        session = Session(scenario, places(scenario, ["press1.COM3"], []))
+        session = Session(scenario, targets(scenario, ["press1.COM3"], []))
         with session:
             print(session.devices)
             session.run(lambda: False, until=60 * TICKS_PER_SECOND)

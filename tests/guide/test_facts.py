@@ -12,7 +12,6 @@ import bussim
 from bussim.devices.registry import MODELS
 from bussim.engines.nn.frames import MODES
 from bussim.engines.nn.states import MASTER
-from bussim.engines.states import mermaid
 from bussim.plc.link_registers import LinkRegisters
 from bussim.plc.memory import Memory
 from bussim.plc.profiles import PROFILES
@@ -24,6 +23,7 @@ from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS
 from bussim.scenario.schema.document import NNIn
 from bussim.scenario.schema.profiles import ProfileIn
 from bussim.scenario.schema.programs import InputIn, LatencyIn
+from tests.engines.diagrams import mermaid
 from tests.guide.pages import blocks, page, quoted, table
 
 #: Link times of the FX communication manual (JY992D69901, N:N network), ms, by number of stations.

@@ -1,7 +1,6 @@
 """The state machines of the Modbus master and slave, as tables.
 
-The engines take every change of state from these tables; the manual's diagrams are generated from them
-(:func:`bussim.engines.states.mermaid`).
+The engines take every change of state from these tables.
 """
 
 from __future__ import annotations

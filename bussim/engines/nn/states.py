@@ -1,8 +1,8 @@
 """The state machines of the N:N link, as tables.
 
-The engines take every change of state from these tables; the manual's diagrams are generated from them
-(:func:`bussim.engines.states.mermaid`). That settings are taken over at STOP→RUN, and that a slave waits
-for the master's: FX communication manual JY992D69901.
+The engines take every change of state from these tables; a test holds the guide's diagram to them. That
+settings are taken over at STOP→RUN, and that a slave waits for the master's: FX communication manual
+JY992D69901.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from bussim.engines.nn.states import (
     SlaveInput,
     SlaveState,
 )
-from bussim.engines.states import mermaid
+from tests.engines.diagrams import mermaid
 from tests.engines.wire import CHAR, GAP, OVERHEAD, TIMEOUT_UNIT, TURNAROUND
 
 Edge = tuple[MasterState, MasterState] | tuple[SlaveState, SlaveState]

@@ -1,7 +1,4 @@
-"""State machines as tables: from (state, input) to the next state.
-
-Each protocol has its tables in its own ``states.py``; an engine takes every change of state from them.
-"""
+"""Diagrams of the engines' tables of states, as the guide shows them."""
 
 from __future__ import annotations
 
