@@ -18,12 +18,12 @@ def overlap_findings(
 ) -> Iterator[Finding]:
     """Whose driver was on while others began; ``known``: why two stations send at once is said already."""
     for key, what in (("no_frame", WITHOUT_FRAME), ("late_release", AFTER_FRAME)):
-        for node, counts in overlaps.items():
+        for node, counts in sorted(overlaps.items()):
             if counts.get(what):
                 known = True
                 yield key, {"bus": bus, "node": node, "frames": counts[what]}
     if collisions and not known:
-        senders = [node for node, counts in overlaps.items() if counts.get(IN_FRAME)]
+        senders = sorted(node for node, counts in overlaps.items() if counts.get(IN_FRAME))
         if senders:
             yield "collisions_with", {"bus": bus, "frames": collisions, "nodes": senders}
         else:

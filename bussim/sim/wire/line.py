@@ -168,6 +168,8 @@ class Line(Cable):
         if driving:
             self.collisions += counted
             for port in driving if counted else ():
+                if port.sending is not None and port.sending.start == now:
+                    continue  # of two that begin at once none was first
                 what = AFTER_FRAME if port.tail else WITHOUT_FRAME if port.jabbering else IN_FRAME
                 found = self.overlaps.setdefault(port.name, {})
                 found[what] = found.get(what, 0) + 1
