@@ -24,7 +24,7 @@ NODES = (
     *(ast.unaryop, ast.cmpop),
 )
 LOCALS = {"time", "on", "before", "level"}
-FLOW = {"call", "calls", "loops", "watch", "max"}
+FLOW = {"call", "calls", "loops", "watch", "max", "stored"}
 NUMBERED = re.compile(r"(block|act|take|test|count)_\d+(_on)?")
 
 
