@@ -259,7 +259,7 @@ def describe(kind: model.FaultKind) -> str:
     """A fault in a few words, for labels."""
     match kind:
         case model.PowerOff(plc):
-            return f"{plc} without power"
+            return f"{plc} without supply"
         case model.Stop(plc):
             return f"{plc} in STOP"
         case model.DropReply(plc, count):

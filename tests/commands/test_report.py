@@ -45,7 +45,7 @@ def test_one_run_into_its_own_folder(runs: Path, capsys: pytest.CaptureFixture[s
         "no link scan can take longer than 643 ms",
         "While one station is dead, every link scan takes about 349 ms",
         "6 × 51.720 ms (attempts 1 to 6 at station 1 (press2): no reply, code 01)",
-        "press2 without power for 5 s",
+        "press2 without supply for 5 s",
         "bussim run scenario.yaml",
         "power_off: press2",
         "Copyright (c) 2022 Leon Sorokin",

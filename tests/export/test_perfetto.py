@@ -243,9 +243,9 @@ def test_what_went_wrong_is_an_instant_where_it_happened(tmp_path: Path) -> None
 
 def test_faults_last_from_their_beginning_to_their_end(tmp_path: Path) -> None:
     records = [
-        NoteRecord(100, "fault", "faults.0", "press2 without power", {"node": "press2"}),
+        NoteRecord(100, "fault", "faults.0", "press2 without supply", {"node": "press2"}),
         NoteRecord(300, "fault", "faults.1", "jabber", {}),
-        NoteRecord(1100, "fault_over", "faults.0", "press2 without power", {}),
+        NoteRecord(1100, "fault_over", "faults.0", "press2 without supply", {}),
         *link_frames(1),
     ]
     events = events_of(exported(trace(*records), tmp_path / "a.json", "perfetto"))

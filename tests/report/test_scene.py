@@ -121,11 +121,11 @@ def test_what_many_stations_say_at_one_instant_is_one_mark() -> None:
 
 def test_faults_and_error_flags_have_lanes_of_their_own() -> None:
     lanes, boxes = scene(
-        faults=[("b without power", Span(2000, None)), ("2 replies dropped", Span(50, 50))],
+        faults=[("b without supply", Span(2000, None)), ("2 replies dropped", Span(50, 50))],
         flags={1: [Span(-100, 3000)], 2: [Span(20_000, 30_000)]},
     )
     shown = {lanes[box.lane]: (box.kind, box.start, box.end, box.text) for box in boxes}
-    assert shown["fault"] == (ACTING, 2000, 10_000, "b without power")
+    assert shown["fault"] == (ACTING, 2000, 10_000, "b without supply")
     assert shown["M8184"] == (FLAG, -100, 3000, "M8184 is on: station 1 (b) is in error")
     assert len(boxes) == 2
 

@@ -90,7 +90,7 @@ def test_without_the_records_a_scan_is_one_part() -> None:
 
 
 def test_a_scan_with_a_late_reply_names_the_station() -> None:
-    scan = ScanRecord("link", 5, 0, 5000, 1, 0, 0, "station 1 (b) answered 15 ms after its poll")
+    scan = ScanRecord("link", 5, 0, 5000, 1, 0, 0, "station 1 (b) replied 15 ms after its poll")
     (sentence,) = scene_of(TraceWindow("link", 0, 9000, ("a", "b"), scans=[scan])).why
-    assert sentence.endswith("overhead of the scan); station 1 (b) answered 15 ms after its poll.")
+    assert sentence.endswith("overhead of the scan); station 1 (b) replied 15 ms after its poll.")
     assert "a plain one has not" not in sentence

@@ -88,7 +88,7 @@ def _show_noise_levels(console: Console, noise_levels: NoiseLevels, goal: float)
     console.print(Text(f"  no noise is given; assumed bit error rates: {levels}"))
     table = plain_table(
         (),
-        ("D8179", "attempts", *LEVELS, "dead-station scan", "outage passed", "of 20, 100, 300 ms"),
+        ("D8179", "attempts", *LEVELS, "scan, one dead", "outage passed", "of 20, 100, 300 ms"),
         title=f"false station errors a year at each, timeout {timeout} ms; outages are of the line",
     )
     for rung in noise_levels.rungs:
@@ -106,7 +106,7 @@ def _show_noise_levels(console: Console, noise_levels: NoiseLevels, goal: float)
 def _show_front(console: Console, front: Sequence[Choice], goal: float) -> None:
     table = plain_table(
         (),
-        ("D8179", "D8180", "attempts", "false errors a year", "dead-station scan", "noticed after"),
+        ("D8179", "D8180", "attempts", "false errors a year", "scan, one dead", "noticed after"),
         title="settings that no other beats in all three (Pareto front)",
     )
     for choice in front[:_MOST]:

@@ -59,7 +59,7 @@ class Sizing:
     """A recommendation for one link, or why there is none.
 
     ``floor`` is the least timeout considered (ticks). ``noise_levels`` is there where the link has no
-    noise. ``front`` are the settings that no other one beats in errors, dead-station scan and detection
+    noise. ``front`` are the settings that no other one beats in errors, scan with one dead and detection
     together. ``margins`` say what more noise does to the recommended setting, ``assumptions`` what it rests
     on, what changes it most first. ``checked`` has the grid.
     """
@@ -219,7 +219,7 @@ def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[s
 
 
 def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
-    """The settings that no other beats in errors, dead-station scan and detection, shortest scan first.
+    """The settings that no other beats in errors, scan with one dead and detection, shortest scan first.
 
     Errors are compared by their chance in a scan; within a quarter they count as equal. Of settings with the
     same attempts (D8179 0 and 1, read as exactly D8179) the lower one stands. Scans of over a second are no

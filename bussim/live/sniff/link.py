@@ -132,10 +132,10 @@ class LinkDecoder:
         self._answered.add(station)
         if station in self._flagged:
             self._flagged.discard(station)
-            self._note(heard.end, "recovered", f"station {station} answers again", station=station)
+            self._note(heard.end, "recovered", f"station {station} replies again", station=station)
         if self.healthy_at is None and self._healthy():
             self.healthy_at = heard.end
-            self._note(heard.end, "healthy", "every slave answers")
+            self._note(heard.end, "healthy", "every slave replies")
 
     def _healthy(self) -> bool:
         slaves = self.settings.slaves if self.settings else len(self._stations)

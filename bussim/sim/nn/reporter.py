@@ -90,7 +90,7 @@ class LinkReporter(Notes):
                 self._lost(port, event)
             case StationBack(tick, station):
                 label = self.station_label(station)
-                self.note(tick, "recovered", port.name, f"{label} answers again", station=station)
+                self.note(tick, "recovered", port.name, f"{label} replies again", station=station)
             case MasterWatchdog(tick):
                 self.note(tick, "watchdog", port.name, "the master's frames stopped")
             case PolledWithoutParameters(tick):
@@ -131,7 +131,7 @@ class LinkReporter(Notes):
             case AllHealthy(tick):
                 if self.healthy_at is None:
                     self.healthy_at = tick
-                self.note(tick, "healthy", self._bus, "every slave answers and no flag is on")
+                self.note(tick, "healthy", self._bus, "every slave replies and no flag is on")
             case _:
                 assert_never(event)
 
@@ -169,12 +169,12 @@ class LinkReporter(Notes):
                 reasons.append(f"{label}: {count} {attempts}, {codes}")
             else:
                 attempts = "attempt" if count == 1 else "attempts"
-                reasons.append(f"{label}: {count} failed {attempts} before the answer, {codes}")
+                reasons.append(f"{label}: {count} failed {attempts} before the reply, {codes}")
         if event.parameters:
             reasons.append("parameter frame")
         station, waited = event.slowest
         if waited > self._longest_turnaround:
-            reasons.append(f"{self.station_label(station)} answered {format_ms(waited)} after its poll")
+            reasons.append(f"{self.station_label(station)} replied {format_ms(waited)} after its poll")
         return "; ".join(reasons)
 
     def refused(self, now: int, plc: Plc) -> None:

@@ -117,7 +117,7 @@ class SerialReporter(Notes):
         if event.error is PortError.TIMEOUT and event.sent is not None:
             node.bus.gave_up(node.name, event.sent, event.end)
         if mismatched and outcome in ("ok", "exception"):
-            text = f"took an answer to an earlier request for that to station {event.station}"
+            text = f"took the response to an earlier request for that of station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 
     def turn(self, node: SerialStation, turn: TurnEnded) -> None:

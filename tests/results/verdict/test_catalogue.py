@@ -96,7 +96,7 @@ def test_milliseconds_have_three_digits() -> None:
             ),
         ),
         (
-            "station 2 (trolley): 2 failed attempts before the answer, 01, 04",
+            "station 2 (trolley): 2 failed attempts before the reply, 01, 04",
             (
                 "station 2 (trolley) replied only at attempt 3 (before: no reply within the timeout, then a "
                 "damaged reply)"
@@ -106,7 +106,7 @@ def test_milliseconds_have_three_digits() -> None:
             "station 7: 1 attempt, 02",
             "station 7 failed its only attempt (a reply with another station's number)",
         ),
-        ("station 1 (a) answered 42 ms after its poll", "station 1 (a) answered 42 ms after its poll"),
+        ("station 1 (a) replied 42 ms after its poll", "station 1 (a) replied 42 ms after its poll"),
     ],
 )
 def test_a_cause_becomes_a_part_of_a_sentence(cause: str, words: str) -> None:

@@ -108,8 +108,8 @@ def test_a_station_that_drops_out_and_comes_back(absent: AbsentStation, later: i
     assert by_cause[""] == {plain}
     assert by_cause[lost] == {others + silence(3) + HELLO}
     assert by_cause[kept] == {others + silence(later) + HELLO}
-    # The scan in which it answers again: it began with the flag on, and the next one does not.
-    assert all("before the answer" in cause for cause in back)
+    # The scan in which it replies again: it began with the flag on, and the next one does not.
+    assert all("before the reply" in cause for cause in back)
     assert len(done.notes("station_error", "p0")) == len(done.notes("recovered", "p0")) == 1
     assert done.notes("recovered", "p0")[0].tick > 2.5 * SECOND
     # Counts and codes survive the recovery, the flag does not.
@@ -151,8 +151,8 @@ def test_the_cause_of_a_repeat_names_what_failed() -> None:
     done = run(link(3, 2, retries=3, seconds=3, faults=drops))
     assert causes(done) == {
         "",
-        "station 1 (p1): 1 failed attempt before the answer, 01",
-        "station 2 (p2): 2 failed attempts before the answer, all 01",
+        "station 1 (p1): 1 failed attempt before the reply, 01",
+        "station 2 (p2): 2 failed attempts before the reply, all 01",
     }
     plain = plain_scan(3, 2)
     one, two = silence(1), silence(2)
