@@ -166,8 +166,9 @@ def advice_holds(model: LinkModel, texts: list[str]) -> None:
 
 def simple_remedy(model: LinkModel, goals: Goals) -> bool:
     """Whether fewer stations, a smaller mode, less noise or two of these make all goals possible."""
-    stations, modes = range(1, len(model.stations) + 1), range(model.mode + 1)
-    for count, mode, less in product(stations, modes, (1, 10, 10_000)):
+    every = len(model.stations)
+    stations, modes = {1, max(1, every - 1), every}, {0, model.mode}  # the largest changes, and a small one
+    for count, mode, less in product(stations, modes, (1, 10_000)):
         changes = (count < len(model.stations)) + (mode < model.mode) + (less > 1)
         if changes <= 2:
             changed = with_mode(replace(model, stations=model.stations[:count]), mode)
