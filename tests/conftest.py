@@ -9,8 +9,9 @@ import pytest
 from hypothesis import settings
 
 # How long an example takes is no test's verdict. Every run draws other examples: fewer at a time keep the
-# whole suite short, and `--hypothesis-profile=patient` tries many more.
-settings.register_profile("untimed", deadline=None, max_examples=25)
+# whole suite short, and `--hypothesis-profile=patient` tries many more. Where CI is set they are always the
+# same, so that its verdict is about the change and not about the draw.
+settings.register_profile("untimed", deadline=None, max_examples=25, derandomize="CI" in os.environ)
 settings.register_profile("patient", deadline=None, max_examples=1000)
 settings.load_profile("untimed")
 
