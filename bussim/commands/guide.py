@@ -15,6 +15,8 @@ from bussim.errors import UsageError
 LANGUAGES = ("en", "zh")
 
 _MOST_COLUMNS = 110
+#: Comments of a page are for those who write it.
+_COMMENT = re.compile(r"<!--.*?-->\n?", re.DOTALL)
 #: Topics listed before and after all others.
 _FIRST, _LAST = "tutorial", "glossary"
 
@@ -48,7 +50,7 @@ def command(topic: str | None, language: str) -> None:
     if sys.stdout.isatty():
         click.echo_via_pager(_rendered(pages[topic]))
     else:
-        click.echo(pages[topic], nl=False)
+        click.echo(_COMMENT.sub("", pages[topic]), nl=False)
 
 
 def topics(language: str = LANGUAGES[0]) -> dict[str, str]:
@@ -85,5 +87,5 @@ def _rendered(page: str) -> str:
     console = Console(force_terminal=True)
     console.width = min(console.width, _MOST_COLUMNS)
     with console.capture() as capture:
-        console.print(Markdown(re.sub(r"<!--.*?-->\n?", "", page, flags=re.DOTALL), hyperlinks=False))
+        console.print(Markdown(_COMMENT.sub("", page), hyperlinks=False))
     return capture.get()

@@ -13,7 +13,7 @@ from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uni
 from bussim.errors import RunError, UsageError
 
 if TYPE_CHECKING:
-    from bussim.commands.size.verify import Verdict
+    from bussim.commands.size.verify import Verification
     from bussim.exact.sizing.goals import Goals
     from bussim.exact.sizing.size import Sizing
     from bussim.scenario.model import Scenario
@@ -87,12 +87,12 @@ def command(
     if not models:
         raise UsageError(f"{scenario} has no N:N link")
     found = {bus: size(model, wanted) for bus, model in models.items()}
-    verdicts = {bus: _verify(loaded, bus, sizing) for bus, sizing in found.items()} if check else {}
+    verifications = {bus: _verify(loaded, bus, sizing) for bus, sizing in found.items()} if check else {}
     links: dict[str, object] = {}
     for bus, sizing in found.items():
         values = sizing.to_json()
         if check:
-            values["verify"] = [verdict.to_json() for verdict in verdicts[bus]]
+            values["verify"] = [verdict.to_json() for verdict in verifications[bus]]
         links[bus] = values
     text = json.dumps({"schema": 1, "links": links}, indent=2, ensure_ascii=False)
     if as_json:
@@ -103,7 +103,7 @@ def command(
 
         console = wide_console()
         for bus, sizing in found.items():
-            show_sizing(console, bus, sizing, verdicts.get(bus, []))
+            show_sizing(console, bus, sizing, verifications.get(bus, []))
     if out is not None:
         for path in _write(loaded, found, text, Path(out)):
             click.echo(path, err=as_json)
@@ -124,7 +124,7 @@ def _goals(texts: tuple[str, ...]) -> Goals:
     return goals
 
 
-def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verdict]:
+def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verification]:
     from bussim.commands.size.verify import verify
     from bussim.exact.sizing.noise_levels import BAD
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from bussim.commands.common.console import plain_table
-from bussim.commands.size.verify import Verdict
+from bussim.commands.size.verify import Verification
 from bussim.exact.sizing.choice import Choice
 from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
 from bussim.exact.sizing.size import Sizing
@@ -20,7 +20,7 @@ from bussim.units import TICKS_PER_MS
 _MOST = 12
 
 
-def show_sizing(console: Console, bus: str, sizing: Sizing, verdicts: Sequence[Verdict]) -> None:
+def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Sequence[Verification]) -> None:
     """Print the answer for one link."""
 
     def line(text: str, indent: int = 2, style: str = "") -> None:
@@ -63,7 +63,7 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verdicts: Sequence[V
         if text:
             line(text)
     _show_front(console, sizing.front, sizing.goals.errors)
-    for verdict in verdicts:
+    for verdict in verifications:
         line(verdict.in_words())
     line("the assumptions that change the answer most:")
     for assumption in sizing.assumptions:

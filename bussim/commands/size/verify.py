@@ -27,7 +27,7 @@ _BATCHES = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Verification:
     """One setting: exact figures beside simulated ones. Times in ms.
 
     ``half`` is half the width of the simulated mean's 99.9 % interval, or of the distribution's, if that
@@ -135,7 +135,9 @@ def with_setting(
     )
 
 
-def verify(scenario: model.Scenario, bus: str, retries: int, timeout: int, loss: float | None) -> Verdict:
+def verify(
+    scenario: model.Scenario, bus: str, retries: int, timeout: int, loss: float | None
+) -> Verification:
     """Simulate one link with a setting (``timeout`` in ticks) and compare it with its distribution."""
     from bussim import api
 
@@ -143,7 +145,7 @@ def verify(scenario: model.Scenario, bus: str, retries: int, timeout: int, loss:
     exact: LinkModel = from_scenario(changed)[bus]
     figures = figures_of(exact, Request(levels={}, refresh=False))
     if not figures.valid:
-        return Verdict(retries, timeout, reason="; ".join(figures.reasons))
+        return Verification(retries, timeout, reason="; ".join(figures.reasons))
     result = api.run(replace(changed, duration=round(_SCANS * (figures.mean or TICKS_PER_SECOND))))
     scans = result.link_scans
     times = scans.loc[scans["bus"] == bus, "duration_ms"].to_numpy()[1:]  # the first has the start-up in it
@@ -156,7 +158,7 @@ def verify(scenario: model.Scenario, bus: str, retries: int, timeout: int, loss:
     # For rare errors the normal range is too narrow above: with an expectation of 0.01 one is no wonder.
     allowed = (max(0, math.floor(expected - spread)), math.ceil(expected + spread + 2))
     exact_mean = figures.mean / TICKS_PER_MS if figures.mean is not None else math.nan
-    return Verdict(retries, timeout, len(times), exact_mean, mean, half, expected, errors, allowed)
+    return Verification(retries, timeout, len(times), exact_mean, mean, half, expected, errors, allowed)
 
 
 def _mean_and_half(times: list[float]) -> tuple[float, float]:
