@@ -245,7 +245,8 @@ def test_printed_figures_are_on_the_safe_side(model: LinkModel, ber: float) -> N
     assert figure(r"line of ([\d,.]+) ms passes") * MS <= best.ride
     assert figure(r"false station errors: ([\d,.e-]+) a year") >= best.errors
     # One figure for one thing: the chosen row of the table says the same.
-    row = re.search(rf"^ +{best.retries} +{best.d8180} .*?([\d,]+ ms) +([\d,]+ ms)", said, re.MULTILINE)
+    front = said[said.index("Pareto front") :]
+    row = re.search(rf"^ +{best.retries} +{best.d8180} .*?([\d,]+ ms) +([\d,]+ ms)", front, re.MULTILINE)
     assert row is not None
     assert (row[1], row[2]) == (ms_at_most(best.dead), ms_at_most(best.detect))
 
