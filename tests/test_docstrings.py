@@ -151,6 +151,7 @@ def defined(tree: ast.Module) -> set[str]:
     return own | {node.asname or node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
 
 
+@pytest.mark.slow
 def test_examples_call_what_there_is() -> None:
     sources = {path: path.read_text(encoding="utf-8") for path in sorted(ROOT.rglob("*.py"))}
     trees = {path: ast.parse(source) for path, source in sources.items()}

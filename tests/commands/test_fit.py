@@ -93,6 +93,7 @@ def test_estimates_are_put_into_a_given_scenario(
     assert len(made.faults) == 1
 
 
+@pytest.mark.slow
 def test_it_shows_both_histograms_and_draws_them(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -95,6 +95,7 @@ def test_out_is_made(here: Path, runs: Path, capsys: pytest.CaptureFixture[str])
     assert_pictures(list((here / "a" / "b").iterdir()))
 
 
+@pytest.mark.slow
 def test_response_times_are_drawn_too(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drawn_by_run = (runs / "ports1" / "response_time_press1.COM3.png").read_bytes()
     capsys.readouterr()
@@ -131,6 +132,7 @@ def test_one_thing_is_chosen(
     assert {path.stem for path in printed(capsys)} == expected
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_several_runs_share_the_panels(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
@@ -141,6 +143,7 @@ def test_several_runs_share_the_panels(runs: Path, capsys: pytest.CaptureFixture
     assert {path.stem for path in printed(capsys)} == {"scan_time_link_ports1_seed1"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_latencies_are_drawn_too(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drawn_by_run = (runs / "words1" / "latency_preset.png").read_bytes()

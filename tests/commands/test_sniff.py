@@ -68,6 +68,7 @@ def test_a_run_is_heard_as_it_was(run: Path, capsys: pytest.CaptureFixture[str])
     assert found["duration_s"] == 12
 
 
+@pytest.mark.slow
 def test_what_is_recorded_is_a_run_that_others_read(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -177,6 +177,7 @@ def test_a_file_that_exists_names_the_option_and_devices_are_named_once(
     assert capsys.readouterr().out.split("\n")[0].split()[2:] == ["line.D0", "line.Y0"]
 
 
+@pytest.mark.slow
 def test_a_picture_has_room_for_so_many_and_says_which_are_left_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

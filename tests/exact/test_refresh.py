@@ -77,6 +77,7 @@ def _some_link(
     return model.with_dead(1) if dead else model
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(links)
 def test_gaps_fill_the_time(model: LinkModel) -> None:
@@ -89,6 +90,7 @@ def test_gaps_fill_the_time(model: LinkModel) -> None:
         assert np.all(np.diff(tail) <= 1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("absent", quick(1, (PROBE, FULL)))
 def test_gaps_fill_the_time_with_bursts(absent: object) -> None:
     model = with_burst(link(2, attempts=2, absent=absent), 2_000, 60, 0, 5e-3)  # type: ignore[arg-type]

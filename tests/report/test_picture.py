@@ -18,6 +18,7 @@ from tests.results.plots.test_scan_times import assert_legible, has, png_texts
 ABOUT = "eight on a noisy line, seed 8, 10 s, bussim 0.1.0"
 
 
+@pytest.mark.slow
 def test_eight_stations_are_legible() -> None:
     picture = timeline_picture(scene_of(longest(eight_folder())), ABOUT)
     assert_legible(picture)
@@ -63,6 +64,7 @@ def test_files_say_what_they_show(tmp_path: Path, ending: str) -> None:
         assert "<dc:title>link, 9.6" in text
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_bytes(tmp_path: Path) -> None:
     one, other = (
         timeline_picture(scene_of(longest(eight_folder())), ABOUT).save(tmp_path / name).read_bytes()

@@ -42,6 +42,7 @@ def scenario(tmp_path: Path) -> Path:
     return noisy(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_heat_map_has_each_mean_at_its_place(scenario: Path) -> None:
     plan = Plan(scenario, [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"], repeat=3)
     points = results(plan)

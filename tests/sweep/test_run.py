@@ -89,6 +89,7 @@ def test_killed_twice_and_resumed_by_two_workers_it_is_the_same(
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+@pytest.mark.slow
 def test_the_tables_tell_what_a_technician_expects(undisturbed: tuple[Path, dict[str, bytes]]) -> None:
     scenario, wanted = undisturbed
     assert set(wanted) == {

@@ -222,6 +222,7 @@ def test_errors_within_a_goal_do_not_look_beyond_it() -> None:
     assert a_year(0.0) == "0"
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=8)
 @given(links(), st.sampled_from([0.0, 2e-5]))
 def test_printed_figures_are_on_the_safe_side(model: LinkModel, ber: float) -> None:

@@ -563,6 +563,7 @@ def test_a_few_far_latencies_leave_the_usual_ones_their_own_axes() -> None:
     assert_legible(latency_picture([run, run], "door", ["one", "two"]))
 
 
+@pytest.mark.slow
 def test_several_runs_share_the_axes() -> None:
     runs = [made("one", [30, 40], (10, 5, 8, 2), BOUNDS), made("two", [35, 95], (9, 6, 8, 1), BOUNDS)]
     picture = latency_picture(runs, "door", ["fast", "slow"])

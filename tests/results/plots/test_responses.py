@@ -50,6 +50,7 @@ def timeouts(picture: Figure) -> list[float]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "runs",
     quick(3, ([FAR], [FAR, NEAR, BEYOND], [many(12)], [NEAR], [BEYOND], [FAR, NEAR], [many(1)], [many(8)])),
@@ -155,6 +156,7 @@ def test_a_run_leaves_pictures_and_histograms(tmp_path: Path) -> None:
     assert again_drawn.read_bytes() == (target / "response_time_press1.COM3.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_from_python(tmp_path: Path) -> None:
     result = Result(FAR, MemoryRows(rows=True, traced=False))
     result.plot_response_times(path=tmp_path / "a.svg")
