@@ -2,7 +2,7 @@
 
 A system hands bytes over some time after they came, several at once. What is known is when a chunk
 was read and how long a character takes at least; what is assumed is that the characters of a chunk
-came back to back and that the last one had just ended. No character is placed before the end of
+came back to back and that the last one had just ended. No character begins before the end of
 what was heard or sent before it: where the chunk does not fit in between (a pseudo-terminal, on which
 bytes take no time), its characters share the time that there is.
 """
@@ -19,7 +19,7 @@ _GOOD = tuple(RxChar(value) for value in range(256))
 
 
 class Arrivals:
-    """Places the characters of one port in time. The system checks parity and stop bits without a report."""
+    """Gives each character of one port its times. The system checks parity and stop bits without a report."""
 
     __slots__ = ("_mask", "_timing", "busy_until")
 
@@ -34,12 +34,12 @@ class Arrivals:
         count = len(data)
         timing, mask = self._timing, self._mask
         begun = max(arrived - timing.characters(count), self.busy_until)
-        room = arrived - begun
-        if room >= timing.characters(count):
+        free = arrived - begun
+        if free >= timing.characters(count):
             ends = [begun + timing.characters(number) for number in range(count)] + [arrived]
         else:
             begun = min(begun, arrived)
-            room = arrived - begun
-            ends = [begun + room * number // count for number in range(count + 1)]
+            free = arrived - begun
+            ends = [begun + free * number // count for number in range(count + 1)]
         self.busy_until = arrived
-        return [(_GOOD[value & mask], ends[place], ends[place + 1]) for place, value in enumerate(data)]
+        return [(_GOOD[value & mask], ends[index], ends[index + 1]) for index, value in enumerate(data)]

@@ -44,7 +44,7 @@ else:
 LOST_ERRORS: tuple[type[Exception], ...] = (OSError, *_SETTING_ERRORS)
 
 #: Seconds between two reads of a port that cannot be waited for.
-_LOOK = 0.0005
+_READ_INTERVAL = 0.0005
 #: Seconds after which a write that makes no progress is given up.
 _WRITE_TIMEOUT = 1.0
 
@@ -84,7 +84,7 @@ def open_endpoint(url: str, line: LineTiming, options: PortOptions) -> Endpoint:
 
 
 def _check_address(url: str) -> None:
-    """What pyserial would answer with an error of Python's."""
+    """Refuse what would make pyserial raise an error of Python's: UsageError."""
     if not url.strip():
         raise UsageError("a port without a name: write COM7, /dev/ttyUSB0, socket://HOST:PORT or pty")
     scheme = url.partition("://")[0].lower()
@@ -142,7 +142,7 @@ class SerialEndpoint:
     def read(self, timeout: float) -> bytes:
         """See the protocol."""
         if self.handle is None:
-            return self._look(timeout)
+            return self._read_repeatedly(timeout)
         ready, _, _ = select.select((self.handle,), (), (), timeout)
         if not ready:
             return b""
@@ -151,7 +151,7 @@ class SerialEndpoint:
             raise OSError("the other side has closed the connection")
         return data
 
-    def _look(self, timeout: float) -> bytes:
+    def _read_repeatedly(self, timeout: float) -> bytes:
         """For Windows and for ports that are no file: read again and again."""
         until = time.perf_counter() + timeout
         while True:
@@ -159,7 +159,7 @@ class SerialEndpoint:
             left = until - time.perf_counter()
             if data or left <= 0:
                 return bytes(data)
-            time.sleep(min(left, _LOOK))
+            time.sleep(min(left, _READ_INTERVAL))
 
     def write(self, data: bytes) -> int:
         """See the protocol."""

@@ -21,7 +21,7 @@ from bussim.live.modbus import ModbusHandling
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """A turn of a poll: its place in the list, and its attempts, the last of which decided it."""
+    """A turn of a poll: its index in the list, and its attempts, the last of which decided it."""
 
     index: int
     poll: Poll
@@ -34,15 +34,15 @@ class Turn:
         return self.attempts[-1]
 
     @property
-    def answered(self) -> bool:
-        """Whether the station answered at all, be it with an exception."""
+    def responded(self) -> bool:
+        """Whether the station responded at all, be it with an exception."""
         return self.last.error is None or self.last.exception > 0
 
     @property
     def response(self) -> int | None:
-        """Ticks from the end of the request to the end of its answer, None without one."""
+        """Ticks from the end of the request to the end of its response, None without one."""
         last = self.last
-        if not self.answered or last.asked is None or last.answer_end is None:
+        if not self.responded or last.asked is None or last.answer_end is None:
             return None
         return last.answer_end - last.asked
 

@@ -83,7 +83,7 @@ class LivePort:
     # -- sending -------------------------------------------------------------------------------
 
     def _transmit(self, until: int) -> int:
-        """Write what is due; returns when to look again."""
+        """Write what is due; returns when more is due."""
         if self._end is None:
             if not self._queue:
                 return until

@@ -11,7 +11,7 @@ from pathlib import Path
 from bussim.errors import UsageError
 from bussim.live.options import CHUNK
 
-assert sys.platform != "win32"  # noqa: S101 - tells the type checker; nothing imports this there
+assert sys.platform != "win32"  # noqa: S101 - for the type checker; nothing imports this there
 
 import termios  # noqa: E402 (after the assertion)
 import tty  # noqa: E402

@@ -13,7 +13,7 @@ from bussim.live.port import LivePort
 from bussim.live.wire import Wire
 from bussim.units import TICKS_PER_MS
 
-#: How long a step waits at most, so that a wish to stop is heard.
+#: How long a step waits at most, so that a request to stop is noticed.
 PATIENCE = 50 * TICKS_PER_MS
 
 

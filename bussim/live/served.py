@@ -18,7 +18,7 @@ from bussim.live.wire import Wire
 
 
 class ServedSlave:
-    """Devices that answer as Modbus slaves on a port until :meth:`close`.
+    """Devices that respond as Modbus slaves on a port until :meth:`close`.
 
     ``maps`` are the devices by station (default: a V80 as station 1). ``delay`` (ticks) is from a
     request's end to its reply. Raises UsageError if the port cannot be opened::

@@ -1,4 +1,4 @@
-"""Ctrl-C as a wish: what runs ends its step, and everything is closed and reported in order."""
+"""Ctrl-C as a request: what runs ends its step, and everything is closed and reported in order."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import time
 from types import FrameType
 from typing import Any, Self
 
-#: Seconds within which signals are one wish: ``timeout`` and supervisors signal a process and its group.
-_ONE_WISH = 0.5
+#: Seconds within which signals are one request: ``timeout`` and supervisors signal a process and its group.
+_ONE_REQUEST = 0.5
 
 
 class Stopping:
@@ -41,5 +41,5 @@ class Stopping:
         now = time.monotonic()
         if not self.stopped:
             self._first_at, self.stopped = now, True
-        elif now - self._first_at > _ONE_WISH:
+        elif now - self._first_at > _ONE_REQUEST:
             raise KeyboardInterrupt

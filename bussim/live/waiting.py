@@ -10,7 +10,7 @@ from bussim.live.clock import Clock, as_seconds
 from bussim.live.wire import Wire
 
 #: Seconds between two reads where a port cannot be waited for.
-_LOOK = 0.0005
+_INTERVAL = 0.0005
 
 
 def wait(wires: Sequence[Wire], clock: Clock, until: int) -> None:
@@ -22,7 +22,7 @@ def wait(wires: Sequence[Wire], clock: Clock, until: int) -> None:
     connected = [wire for wire in wires if wire.connected]
     handles = [handle for wire in connected if (handle := wire.handle) is not None]
     if len(handles) < len(connected):
-        time.sleep(min(left, _LOOK))
+        time.sleep(min(left, _INTERVAL))
     elif handles:
         select.select(handles, (), (), left)
     else:

@@ -8,7 +8,7 @@ from bussim.engines.modbus.adu import Adu, decode_rtu
 from bussim.engines.nn.frames import DATA, Frame
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.sniff.heard import Protocol
+from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.splitters import MOST_DAMAGE, Splitter, splitter
 from bussim.sim.serial.node import SerialNode
 from bussim.trace.records import FrameRecord
@@ -34,11 +34,11 @@ class Journal:
         if protocol != self._protocol:
             self.cut()
             self._protocol = protocol
-        if protocol in (Protocol.NN, Protocol.ASCII):
+        if protocol in (LineProtocol.NN, LineProtocol.ASCII):
             cutter = self._splitters.get(protocol)
             if cutter is None:
                 cutter = self._splitters[protocol] = splitter(
-                    Protocol(protocol), self._timing, self._tolerance
+                    LineProtocol(protocol), self._timing, self._tolerance
                 )
             for char in chars:
                 for heard in cutter.character(char):
@@ -59,7 +59,7 @@ class Journal:
         if not chars:
             return
         data = bytes(char.value for char, _, _ in chars)
-        found = decode_rtu(data) if self._protocol == Protocol.RTU else None
+        found = decode_rtu(data) if self._protocol == LineProtocol.RTU else None
         self._record(chars[0][1], chars[-1][2], data, found if isinstance(found, Adu) else None)
         chars.clear()
 

@@ -20,7 +20,7 @@ def write_and_read_back(client: Any) -> None:
 
 
 def be_refused(client: Any) -> None:
-    """Exceptions for what is not there, is too much, or is no function; then an answer again."""
+    """Exceptions for what is not there, is too much, or is no function; then a response again."""
     assert client.read_holding_registers(9999, count=1, device_id=1).exception_code == 2
     assert client.read_coils(0, count=1025, device_id=1).exception_code == 3
     assert client.mask_write_register(address=1, device_id=1).exception_code == 1

@@ -45,7 +45,7 @@ class FakePort:
 
 @contextmanager
 def remote() -> Iterator[tuple[str, FakePort]]:
-    """pyserial's PortManager over a port that notes what it is told."""
+    """pyserial's PortManager over a port that notes its settings."""
     fake = FakePort()
     server = socket.create_server(("127.0.0.1", 0))
     server.settimeout(PATIENCE)

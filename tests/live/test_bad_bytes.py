@@ -1,4 +1,4 @@
-"""A served slave and a line that sends it anything but requests: it stays, and answers the next good one."""
+"""A served slave and a line that sends it anything but requests: it stays, and responds to the next good one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def request(mode: Mode, station: int = 1) -> bytes:
     return encode_adu(mode, station, encode_request(Ask(3, 0, 2))).chars
 
 
-def answer(mode: Mode) -> bytes:
+def response(mode: Mode) -> bytes:
     return encode_adu(mode, 1, bytes((3, 4, 0, 0, 0, 0))).chars
 
 
@@ -83,7 +83,7 @@ class Bench:
         for _ in range(2000):
             self.step()
             data += self.read()
-            if len(data) >= len(answer(self.mode)):
+            if len(data) >= len(response(self.mode)):
                 break
         return data
 
@@ -111,7 +111,7 @@ def test_a_million_random_bytes(bench: Bench) -> None:
     tracemalloc.stop()
     assert most < 200_000  # what is allocated in the last tenth and kept
     bench.quiet()
-    assert bench.ask() == answer(bench.mode)
+    assert bench.ask() == response(bench.mode)
 
 
 def test_an_endless_stream_without_a_gap_keeps_memory_bounded(bench: Bench) -> None:
@@ -119,21 +119,21 @@ def test_an_endless_stream_without_a_gap_keeps_memory_bounded(bench: Bench) -> N
     for _ in range(200):
         bench.send(good[:-1] * 100)
     bench.quiet()
-    assert bench.ask() == answer(bench.mode)
+    assert bench.ask() == response(bench.mode)
 
 
 @pytest.mark.parametrize("size", [1, 3, 5, 7])
 def test_half_a_request_is_forgotten(bench: Bench, size: int) -> None:
     bench.send(request(bench.mode)[:size])
     bench.quiet()
-    assert bench.ask() == answer(bench.mode)
+    assert bench.ask() == response(bench.mode)
 
 
 def test_a_frame_over_256_bytes_is_ignored(bench: Bench) -> None:
     longest = request(bench.mode)[:-2] + bytes(600)
     bench.send(longest)
     bench.quiet()
-    assert bench.ask() == answer(bench.mode)
+    assert bench.ask() == response(bench.mode)
 
 
 def test_a_request_in_pieces_is_one_request(bench: Bench) -> None:
@@ -149,7 +149,7 @@ def test_a_request_in_pieces_is_one_request(bench: Bench) -> None:
     for _ in range(100):
         bench.step()
         data += bench.read()
-    assert data == answer(bench.mode)
+    assert data == response(bench.mode)
 
 
 def test_a_master_that_closes_in_the_middle(bench: Bench) -> None:
@@ -158,14 +158,14 @@ def test_a_master_that_closes_in_the_middle(bench: Bench) -> None:
         os.close(bench.end)
         bench.quiet()
         bench.end = bench.open()
-        assert bench.ask() == answer(bench.mode)
+        assert bench.ask() == response(bench.mode)
     assert bench.wire.counts.losses == 0
 
 
-def test_nobody_reads_the_answers(bench: Bench) -> None:
-    """Answers that no program reads fill the terminal; then they are lost, and nothing stands still."""
+def test_responses_that_no_program_reads(bench: Bench) -> None:
+    """They fill the terminal; then they are lost, and nothing stands still."""
     for _ in range(600):
         bench.send(request(bench.mode))
         bench.step(3)
     bench.quiet()
-    assert bench.ask().endswith(answer(bench.mode))
+    assert bench.ask().endswith(response(bench.mode))

@@ -75,7 +75,7 @@ def test_500_transactions_without_an_error(served: ServedSlave) -> None:
     assert served.wire.counts.losses == served.wire.counts.dropped == 0
 
 
-def test_broadcast_is_carried_out_by_all_and_answered_by_none(served: ServedSlave) -> None:
+def test_broadcast_is_carried_out_by_all_and_gets_no_response(served: ServedSlave) -> None:
     client = pymodbus_master(served.device, served.mode)
     try:
         client.write_register(7, 99, device_id=0, no_response_expected=True)

@@ -76,7 +76,7 @@ def test_exceptions_are_told(mode: Mode) -> None:
     with PymodbusServer(mode, REGISTERS, COILS) as server:
         (turn,) = poll_once(server.device, mode, [Request(3, 1000, 2)])
     assert turn.last.exception == 2
-    assert turn.answered
+    assert turn.responded
     assert turn.response is not None
 
 
@@ -103,5 +103,5 @@ def test_a_silent_station_is_a_timeout_and_retried() -> None:
     runner.close()
     (turn,) = turns
     assert [attempt.error for attempt in turn.attempts] == [9, 9, 9]
-    assert not turn.answered
+    assert not turn.responded
     assert turn.response is None

@@ -96,7 +96,7 @@ def test_the_two_halves_of_an_nn_link_on_one_wire() -> None:
             listener.chars(arrivals.chunk(bytes(data), now))
     scans = [event for event in noted.events if isinstance(event, ScanEnded)]
     assert len(scans) >= 3
-    # Station 1 answers, station 2 does not exist.
+    # Station 1 responds, station 2 does not exist.
     assert all(scan.in_error == (2,) for scan in scans[1:])
     assert {station for station, _ in scans[-1].failures} == {2}
     assert sides[0][2].sent >= 3
@@ -138,8 +138,8 @@ def test_paced_bytes_never_come_earlier_than_the_line_could_carry_them() -> None
         port.step(wire.clock.now() + TICKS_PER_MS)
     wire.close()
     assert bytes(char.value for char, _, _ in got) == b"abcd"
-    for place, (_, _, end) in enumerate(got):
-        assert end >= begun + line.characters(place + 1)
+    for index, (_, _, end) in enumerate(got):
+        assert end >= begun + line.characters(index + 1)
     ((start, end),) = sent
     assert end - start == line.characters(4)
 

@@ -26,7 +26,7 @@ from tests.live.rfc2217 import remote
 LINE = LineTiming(115200, CharFormat(8, "N", 1))
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
 REQUEST = encode_adu(Mode.RTU, 1, bytes((3, 0, 0, 0, 2))).chars
-ANSWER = encode_adu(Mode.RTU, 1, bytes((3, 4, 0, 0, 0, 0))).chars
+RESPONSE = encode_adu(Mode.RTU, 1, bytes((3, 4, 0, 0, 0, 0))).chars
 
 
 def read_all(wire: Wire, count: int) -> bytes:
@@ -108,8 +108,8 @@ def test_a_file_is_never_replaced_by_a_link(tmp_path: Path) -> None:
 @pytest.mark.parametrize("fmt", ["7E1", "8E1", "7O2"])
 def test_parity_on_a_pseudo_terminal_is_warned_of_once(fmt: str) -> None:
     inner, outer = os.openpty()
-    told: list[str] = []
-    wire = Wire(os.ttyname(outer), LineTiming(9600, CharFormat.parse(fmt)), report=told.append)
+    reported: list[str] = []
+    wire = Wire(os.ttyname(outer), LineTiming(9600, CharFormat.parse(fmt)), report=reported.append)
     try:
         for _ in range(2):
             wire.open()
@@ -119,13 +119,13 @@ def test_parity_on_a_pseudo_terminal_is_warned_of_once(fmt: str) -> None:
     finally:
         os.close(inner)
         os.close(outer)
-    assert len(told) == 1
-    assert "neither parity nor 7 data bits" in told[0]
+    assert len(reported) == 1
+    assert "neither parity nor 7 data bits" in reported[0]
 
 
 @posix
-def test_somebody_else_s_link_is_never_replaced(tmp_path: Path) -> None:
-    """Of two that want one name the second is told, and the first goes on."""
+def test_the_link_of_another_program_is_never_replaced(tmp_path: Path) -> None:
+    """Of two that want one name the second is refused, and the first goes on."""
     link, other = tmp_path / "plc", tmp_path / "mine"
     first, second = Wire(f"pty:{link}", LINE), Wire(f"pty:{link}", LINE)
     first.open()
@@ -157,9 +157,11 @@ def test_somebody_else_s_link_is_never_replaced(tmp_path: Path) -> None:
     ],
 )
 def test_a_port_that_is_not_there_is_a_mistake_of_the_user(url: str, why: str) -> None:
-    with pytest.raises(UsageError) as told:
+    with pytest.raises(UsageError) as reported:
         Wire(url, LINE).open()
-    assert why in str(told.value) or (sys.platform == "win32" and "cannot be opened" in str(told.value))
+    assert why in str(reported.value) or (
+        sys.platform == "win32" and "cannot be opened" in str(reported.value)
+    )
 
 
 @posix
@@ -194,13 +196,13 @@ def test_a_driver_without_rs485_is_a_mistake_of_the_user() -> None:
 
 
 @posix
-def test_a_lost_port_is_told_and_comes_back(tmp_path: Path) -> None:
+def test_a_lost_port_is_reported_and_comes_back(tmp_path: Path) -> None:
     link = tmp_path / "tty"
-    told: list[str] = []
+    reported: list[str] = []
     options = PortOptions(retry_first=10 * TICKS_PER_MS, retry_last=40 * TICKS_PER_MS)
     inner, outer = os.openpty()
     link.symlink_to(os.ttyname(outer))
-    wire = Wire(str(link), LINE, options, report=told.append)
+    wire = Wire(str(link), LINE, options, report=reported.append)
     wire.open()
     os.close(outer)
     os.close(inner)  # as if it were unplugged: EIO
@@ -220,14 +222,14 @@ def test_a_lost_port_is_told_and_comes_back(tmp_path: Path) -> None:
     os.write(inner, b"again\n")
     assert read_all(wire, 6) == b"again\n"
     assert wire.counts.returns == 1
-    assert [text.split()[-1] for text in told] == ["again", "back"]
+    assert [text.split()[-1] for text in reported] == ["again", "back"]
     wire.close()
     os.close(inner)
     os.close(outer)
 
 
 def test_a_served_slave_survives_the_loss_of_its_connection() -> None:
-    """A device server that hangs up: the slave answers again when it takes the connection again."""
+    """A device server that hangs up: the slave responds again when it takes the connection again."""
     server = socket.create_server(("127.0.0.1", 0))
     server.settimeout(PATIENCE)
     port = server.getsockname()[1]
@@ -240,10 +242,10 @@ def test_a_served_slave_survives_the_loss_of_its_connection() -> None:
             while slave.wire.counts.returns < round_ and time.monotonic() < until:
                 time.sleep(0.005)  # what is sent before it has opened its side is thrown away
             connection.sendall(REQUEST)
-            answer = b""
-            while len(answer) < len(ANSWER):
-                answer += connection.recv(100)
-            assert answer == ANSWER
+            response = b""
+            while len(response) < len(RESPONSE):
+                response += connection.recv(100)
+            assert response == RESPONSE
             connection.sendall(REQUEST[:5])  # it hangs up in the middle of a request
             connection.close()
             assert slave.wire.counts.losses in (round_, round_ + 1)

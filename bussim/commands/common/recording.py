@@ -13,7 +13,7 @@ from bussim.commands.common.port_options import format_of, with_options
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
     from bussim.live.recordings.open import Kind
-    from bussim.live.sniff.heard import Protocol
+    from bussim.live.sniff.heard import LineProtocol
     from bussim.live.sniff.listener import Listener
 
 
@@ -80,7 +80,7 @@ def is_recording(source: str) -> bool:
 
 
 def line_of(
-    protocol: Protocol | None,
+    protocol: LineProtocol | None,
     baud: int | None,
     *,
     data_bits: int | None,
@@ -91,12 +91,12 @@ def line_of(
     from bussim.engines.modbus.adu import Mode
     from bussim.line.characters import NN_LINE, LineTiming
     from bussim.live.modbus import STANDARD_FORMATS
-    from bussim.live.sniff.heard import Protocol
+    from bussim.live.sniff.heard import LineProtocol
 
-    if protocol in (None, Protocol.NN):
+    if protocol in (None, LineProtocol.NN):
         usual, rate = NN_LINE.format, NN_LINE.baud
     else:
-        usual = STANDARD_FORMATS[Mode.RTU if protocol is Protocol.RTU else Mode.ASCII]
+        usual = STANDARD_FORMATS[Mode.RTU if protocol is LineProtocol.RTU else Mode.ASCII]
         rate = 19200
     fmt = format_of(usual, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
     return LineTiming(baud or rate, fmt)

@@ -68,12 +68,12 @@ def command(
     """
     from bussim.commands.fit.recording import fit
     from bussim.commands.fit.show import comparison_of, show, to_json
-    from bussim.live.sniff.heard import Protocol
+    from bussim.live.sniff.heard import LineProtocol
 
     if not is_recording(trace):
         raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
     target = None if output is None else checked_target(Path(output), (), force=force)
-    known = None if protocol == "auto" else Protocol(protocol)
+    known = None if protocol == "auto" else LineProtocol(protocol)
     line = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
     with busy(f"reading {trace}"):
         fitted = fit(trace, line, protocol=known, bus=bus, channel=channel, tolerance=tolerance)

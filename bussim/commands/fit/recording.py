@@ -19,7 +19,7 @@ from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS
 
 if TYPE_CHECKING:
-    from bussim.live.sniff.heard import Protocol
+    from bussim.live.sniff.heard import LineProtocol
     from bussim.results.run_record import RunRecord
 
 
@@ -40,7 +40,7 @@ def fit(
     source: str,
     line: LineTiming,
     *,
-    protocol: Protocol | None = None,
+    protocol: LineProtocol | None = None,
     bus: str | None = None,
     channel: str | None = None,
     tolerance: str | None = None,

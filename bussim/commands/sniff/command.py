@@ -20,7 +20,7 @@ from bussim.line.protocols import BusProtocol
 if TYPE_CHECKING:
     from bussim.commands.common.recording import KnownLine
     from bussim.commands.sniff.tally import Tally
-    from bussim.live.sniff.heard import Protocol
+    from bussim.live.sniff.heard import LineProtocol
     from bussim.live.sniff.listener import Listener
     from bussim.results.store.folder import RunFolder
 
@@ -60,9 +60,9 @@ def command(
     sent, except with --bridge.
     """
     from bussim.live.recordings.open import Kind, kind_of
-    from bussim.live.sniff.heard import Protocol
+    from bussim.live.sniff.heard import LineProtocol
 
-    known = None if protocol == "auto" else Protocol(protocol)
+    known = None if protocol == "auto" else LineProtocol(protocol)
     timing = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
     limit = None if duration is None else time_of("--for", duration)
@@ -91,7 +91,7 @@ class _Session:
         self,
         stack: ExitStack,
         known: KnownLine,
-        protocol: Protocol | None,
+        protocol: LineProtocol | None,
         tolerance: int,
         *,
         out: str | None,
@@ -99,7 +99,7 @@ class _Session:
     ) -> None:
         from bussim.commands.sniff.tally import Tally
         from bussim.line.characters import NN_LINE
-        from bussim.live.sniff.heard import Protocol
+        from bussim.live.sniff.heard import LineProtocol
         from bussim.live.sniff.link import station_name
         from bussim.live.sniff.listener import Listener
         from bussim.results.store.folder import RunFolder
@@ -109,7 +109,7 @@ class _Session:
         self.exact = known.exact
         self.folder: RunFolder | None = None
         if out is not None:
-            link = protocol is Protocol.NN or (protocol is None and timing == NN_LINE)
+            link = protocol is LineProtocol.NN or (protocol is None and timing == NN_LINE)
             shared = BusProtocol.NN if link else BusProtocol.SERIAL
             stations = {name: number for number, name in sorted(names.items())}
             line = TraceBus(bus, shared, timing.baud, str(timing.format), tuple(stations), stations)

@@ -23,26 +23,26 @@ from bussim.units import TICKS_PER_MS
 TIMEOUT_UNIT = 10 * TICKS_PER_MS
 #: A silence is an outage if runs of its length would be found by chance in fewer recordings than this.
 _BY_CHANCE = 0.01
-#: So many silent attempts in a row are an outage before anything is known of the loss.
+#: So many attempts without a reply in a row are an outage before anything is known of the loss.
 _SURELY = 8
 _ROUNDS = 10
 
 #: Outcomes of an attempt whose poll was heard sound.
-ANSWERED, SILENT, DAMAGED = 0, 1, 2
+REPLIED, SILENT, DAMAGED = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True)
 class Outage:
-    """A time in which a station answered nothing; ``end`` is None where it lasts to the end."""
+    """A time in which a station gave no reply; ``end`` is None where it lasts to the end."""
 
     station: int
-    start: int  # first edge of the first poll without an answer
+    start: int  # first edge of the first poll without a reply
     end: int | None  # end of the last one
 
 
 @dataclass(frozen=True, slots=True)
 class StationEstimate:
-    """One slave. ``distribution`` and ``turnaround`` are None where it never answered."""
+    """One slave. ``distribution`` and ``turnaround`` are None where it never replied."""
 
     station: int
     polls: int
@@ -87,7 +87,7 @@ class LinkObserver(LinkDecoder):
         super().__init__(bus, sink, baud=baud, fmt=fmt, names=names)
         self._seen: defaultdict[int, _Station] = defaultdict(_Station)
         self._gaps = array("q")  # behind frames of the master or good replies
-        self._waits = array("q")  # from a silent poll's end to the master's next frame
+        self._waits = array("q")  # from the end of a poll without a reply to the master's next frame
         self._turns = array("q")  # from the last good reply of a scan to the next scan
         self._sizes: dict[int, list[int]] = {}  # bits → sound, damaged
         self._scans = array("q")
@@ -108,7 +108,7 @@ class LinkObserver(LinkDecoder):
 
     def _attempted(self, poll: OpenPoll, code: int, now: int, turnaround: int | None) -> None:
         super()._attempted(poll, code, now, turnaround)
-        station, outcome = self._seen[poll.station], ANSWERED
+        station, outcome = self._seen[poll.station], REPLIED
         if turnaround is not None:
             station.turnarounds.append(turnaround)
         elif code == NO_REPLY:
@@ -182,10 +182,10 @@ class LinkObserver(LinkDecoder):
         )
 
     def _losses(self) -> tuple[dict[int, list[Outage]], dict[int, int], dict[int, int]]:
-        """Outages by station, and outside them silent attempts and all attempts."""
+        """Outages by station, and of all other attempts those without a reply and their number."""
         longest = _SURELY
         for _ in range(_ROUNDS):
-            lost, trials = self._outside(longest)
+            lost, trials = self._without_outages(longest)
             hits, total = sum(lost.values()), sum(trials.values())
             rate = hits / total if total else 0.0
             limit = _SURELY
@@ -196,7 +196,7 @@ class LinkObserver(LinkDecoder):
             if limit == longest:
                 break
             longest = limit
-        lost, trials = self._outside(longest)
+        lost, trials = self._without_outages(longest)
         outages = {
             number: [
                 Outage(number, seen.starts[first], seen.ends[last - 1] if last < len(seen.outcomes) else None)
@@ -206,13 +206,13 @@ class LinkObserver(LinkDecoder):
         }
         return outages, lost, trials
 
-    def _outside(self, longest: int) -> tuple[dict[int, int], dict[int, int]]:
+    def _without_outages(self, longest: int) -> tuple[dict[int, int], dict[int, int]]:
         lost: dict[int, int] = {}
         trials: dict[int, int] = {}
         for number, seen in self._seen.items():
             outcomes = seen.outcomes
             silent = outcomes.count(SILENT)
-            count = len(outcomes)  # a damaged answer is no lost one
+            count = len(outcomes)  # a damaged reply is no lost one
             for first, last in _runs(outcomes, longest):
                 silent -= outcomes[first:last].count(SILENT)
                 count -= last - first
@@ -226,17 +226,16 @@ def _replies(frame: Frame) -> bool:
 
 
 def _runs(outcomes: bytearray, longest: int) -> list[tuple[int, int]]:
-    """Where at least ``longest`` attempts in a row got no answer: from, and up to the next answered one.
+    """Runs of at least ``longest`` attempts without a reply: the first, and the next one with a reply.
 
-    Before the first answer ever the station may not have been there at all: that is a run, however
-    short.
+    Before its first reply the station may not have been there at all: that is a run, however short.
     """
     found = []
     at = 0
     while (at := outcomes.find(SILENT, at)) >= 0:
-        end = outcomes.find(ANSWERED, at)
+        end = outcomes.find(REPLIED, at)
         end = len(outcomes) if end < 0 else end
-        never = ANSWERED not in outcomes[:at]
+        never = REPLIED not in outcomes[:at]
         if outcomes[at:end].count(SILENT) >= (1 if never else longest):
             found.append((at, end))
         at = end

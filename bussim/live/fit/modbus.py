@@ -12,7 +12,7 @@ from bussim.engines.modbus.adu import BROADCAST
 from bussim.line.characters import CharFormat
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
-from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.trace.records import Sink, TransactionRecord
 
@@ -44,7 +44,7 @@ class PollEstimate:
 
 @dataclass(frozen=True, slots=True)
 class SlaveEstimate:
-    """A slave: from the end of a request to the first edge of its answer (ticks), and what got none."""
+    """A slave: from the end of a request to the first edge of its response (ticks), and which got none."""
 
     station: int
     requests: int
@@ -58,13 +58,13 @@ class SlaveEstimate:
 class BusEstimate:
     """A bus with one Modbus master. Times in ticks."""
 
-    protocol: Protocol
+    protocol: LineProtocol
     baud: int
     format: str
     polls: tuple[PollEstimate, ...]
     slaves: tuple[SlaveEstimate, ...]
-    interval: int | None  # shortest pause from an answer to the next request
-    timeout: int | None  # shortest wait after a request that got no answer
+    interval: int | None  # shortest pause from a response to the next request
+    timeout: int | None  # shortest wait after a request without a response
     ber: Estimate | None
     frames: int
     damaged: int
@@ -90,12 +90,12 @@ class BusObserver(ModbusDecoder):
 
     def __init__(self, bus: str, sink: Sink, *, baud: int, fmt: str) -> None:
         super().__init__(bus, sink, baud=baud, fmt=fmt)
-        self._protocol = Protocol.RTU
+        self._protocol = LineProtocol.RTU
         self._bits = CharFormat.parse(fmt).bits
         self._polls: dict[tuple[int, int, int, int], _Poll] = {}
         self._slaves: dict[int, _Slave] = {}
         self._sizes: dict[int, list[int]] = {}
-        self._answered: int | None = None
+        self._response_end: int | None = None
         self._interval: int | None = None
         self._timeout: int | None = None
         self._begin: int | None = None
@@ -117,10 +117,10 @@ class BusObserver(ModbusDecoder):
         poll.attempts = max(poll.attempts, record.attempt)
         if record.attempt == 1:
             poll.starts.append(record.sent)
-        if self._answered is not None:
-            pause = record.sent - self._answered
+        if self._response_end is not None:
+            pause = record.sent - self._response_end
             self._interval = pause if self._interval is None else min(pause, self._interval)
-        self._answered = record.answer_end
+        self._response_end = record.answer_end
         if record.station == BROADCAST:
             return
         slave = self._slaves.setdefault(record.station, _Slave())

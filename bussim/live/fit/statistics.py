@@ -142,9 +142,9 @@ def against_uniform(values: Sequence[float], low: float, high: float) -> Fit:
     ordered, count = sorted(values), len(values)
     span = high - low
     distance = 0.0
-    for place, value in enumerate(ordered):
+    for rank, value in enumerate(ordered):
         distribution = min(1.0, max(0.0, (value - low) / span)) if span > 0 else 1.0
-        distance = max(distance, abs(distribution - place / count), abs((place + 1) / count - distribution))
+        distance = max(distance, abs(distribution - rank / count), abs((rank + 1) / count - distribution))
     return Fit(distance, _kolmogorov(distance, count))
 
 

@@ -6,4 +6,4 @@ from bussim.errors import UsageError
 
 
 class RecordingError(UsageError):
-    """A file that cannot be read as a recording. The message names the place in it."""
+    """A file that cannot be read as a recording. The message names its line or byte."""

@@ -7,13 +7,13 @@ from typing import assert_never
 from bussim.engines.modbus.adu import Adu, decode_ascii, decode_rtu
 from bussim.engines.nn.frames import Frame
 from bussim.engines.nn.frames import decode as decode_nn
-from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.trace.records import FrameRecord
 
 #: Kind of a frame that a listener could not read.
 DAMAGED = "damaged"
 
-_PROTOCOLS = {protocol.value: protocol for protocol in Protocol}
+_PROTOCOLS = {protocol.value: protocol for protocol in LineProtocol}
 
 
 def heard_of(record: FrameRecord) -> Heard | None:
@@ -41,13 +41,13 @@ def heard_of(record: FrameRecord) -> Heard | None:
     return Heard(protocol, record.start, record.end, record.chars, frame, reason, record.sender)
 
 
-def _decoded(protocol: Protocol, chars: bytes) -> Frame | Adu | None:
+def _decoded(protocol: LineProtocol, chars: bytes) -> Frame | Adu | None:
     match protocol:
-        case Protocol.NN:
+        case LineProtocol.NN:
             return decode_nn(chars)
-        case Protocol.RTU:
+        case LineProtocol.RTU:
             found = decode_rtu(chars)
-        case Protocol.ASCII:
+        case LineProtocol.ASCII:
             found = decode_ascii(chars)
         case _:
             assert_never(protocol)

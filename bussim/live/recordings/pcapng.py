@@ -55,13 +55,13 @@ class Packet(NamedTuple):
 
 
 class PcapngReader:
-    """Reads a file block by block; raises RecordingError with ``name`` and place."""
+    """Reads a file block by block; raises RecordingError with ``name`` and the byte."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._file = file
         self._name = name
         self._order = "<"
-        self._place = 0
+        self._offset = 0
         #: The interfaces of the section that is read.
         self.interfaces: list[Interface] = []
 
@@ -86,7 +86,7 @@ class PcapngReader:
                     yield packet
 
     def _error(self, what: str) -> RecordingError:
-        return RecordingError(f"{self._name}: at byte {self._place}: {what}")
+        return RecordingError(f"{self._name}: at byte {self._offset}: {what}")
 
     def _block(self, *, first: bool) -> tuple[int, bytes] | None:
         head = self._file.read(8)
@@ -113,7 +113,7 @@ class PcapngReader:
             raise self._error("the file ends inside a block")
         if struct.unpack(self._order + "I", rest[-4:])[0] != size:
             raise self._error("a block whose two lengths differ")
-        self._place += size
+        self._offset += size
         return kind, head[8:] + rest[:-4]
 
     def _add_interface(self, body: bytes) -> None:

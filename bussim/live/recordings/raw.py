@@ -60,20 +60,20 @@ def read_raw(lines: Iterable[str], name: str) -> Iterator[Chunk]:
             yield Chunk(int(seconds * TICKS_PER_SECOND), data, from_start)
 
 
-def _seconds(text: str, place: str) -> Decimal:
+def _seconds(text: str, where: str) -> Decimal:
     try:
         seconds = Decimal(text)
     except InvalidOperation:
         seconds = Decimal(-1)
     if not seconds.is_finite() or not 0 <= seconds <= _LATEST:
         raise RecordingError(
-            f"{place}: {text[:40]!r} is no time in seconds; write lines such as 0.0125 01 03"
+            f"{where}: {text[:40]!r} is no time in seconds; write lines such as 0.0125 01 03"
         )
     return seconds
 
 
-def _bytes(text: str, place: str) -> bytes:
+def _bytes(text: str, where: str) -> bytes:
     try:
         return bytes.fromhex(_SPACES.sub("", text))
     except ValueError:
-        raise RecordingError(f"{place}: {text[:40]!r} are no bytes in hexadecimal") from None
+        raise RecordingError(f"{where}: {text[:40]!r} are no bytes in hexadecimal") from None

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _RATE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kKMG]?)\s*(?:Hz)?\s*")
 _SCALES = {"": 1, "k": 1_000, "K": 1_000, "M": 1_000_000, "G": 1_000_000_000}
-#: Samples that are looked at once.
+#: Samples that are read at once.
 _BLOCK = 1 << 20
 #: Times that the line may go low: hours of a busy line; more would take gigabytes.
 MOST_LOWS = 20_000_000

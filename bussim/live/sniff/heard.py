@@ -10,7 +10,7 @@ from bussim.engines.nn.frames import Frame
 from bussim.trace.records import FrameRecord
 
 
-class Protocol(StrEnum):
+class LineProtocol(StrEnum):
     """The protocols that are recognised, by their names in a trace."""
 
     NN = "nn"
@@ -26,7 +26,7 @@ class Heard(NamedTuple):
     or only a part of one.
     """
 
-    protocol: Protocol
+    protocol: LineProtocol
     start: int
     end: int
     chars: bytes

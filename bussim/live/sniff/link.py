@@ -27,7 +27,7 @@ def station_name(number: int) -> str:
 
 
 class OpenPoll(NamedTuple):
-    """A poll whose attempt is not decided yet: first edge and end in ticks, and whom it asks."""
+    """A poll whose attempt is not decided yet: first edge and end in ticks, and the station that it asks."""
 
     start: int
     end: int
@@ -54,7 +54,7 @@ class LinkDecoder:
         self.frames = 0
         self.damaged = 0
         self.busy = 0
-        self.unasked = 0  # data frames that answered no poll
+        self.unasked = 0  # data frames of slaves that no poll asked for
         self.healthy_at: int | None = None
         #: Ticks from a failed poll's end to the master's next frame, the shortest: timeout and gap.
         self.shortest_wait: int | None = None
@@ -63,7 +63,7 @@ class LinkDecoder:
         self.station_errors: Counter[int] = Counter()
         self.station_error_onsets: Counter[int] = Counter()
         self._stations: set[int] = set()
-        self._answered: set[int] = set()
+        self._replied: set[int] = set()
         self._flagged: set[int] = set()
         self._scan: tuple[int, int] | None = None  # start, attempts so far
         self._scan_failed: list[tuple[int, int]] = []
@@ -129,7 +129,7 @@ class LinkDecoder:
         self._poll = None
         self._attempted(poll, 0, heard.end, heard.start - poll.end)
         self._refreshed(heard, frame)
-        self._answered.add(station)
+        self._replied.add(station)
         if station in self._flagged:
             self._flagged.discard(station)
             self._note(heard.end, "recovered", f"station {station} replies again", station=station)
@@ -140,10 +140,10 @@ class LinkDecoder:
     def _healthy(self) -> bool:
         slaves = self.settings.slaves if self.settings else len(self._stations)
         whole = self.settings is not None or self.scans > 0
-        return whole and len(self._answered) == slaves and not self._flagged
+        return whole and len(self._replied) == slaves and not self._flagged
 
     def _decide_failed(self, now: int) -> None:
-        """The master goes on: an attempt without an answer has failed."""
+        """The master goes on: an attempt without a reply has failed."""
         poll, self._poll = self._poll, None
         if poll is None:
             return
@@ -158,7 +158,7 @@ class LinkDecoder:
             self.shortest_wait = wait if self.shortest_wait is None else min(wait, self.shortest_wait)
 
     def _attempted(self, poll: OpenPoll, code: int, now: int, turnaround: int | None) -> None:
-        """An attempt is over: answered after a turnaround (code 0), or failed."""
+        """Record an attempt: replied to after a turnaround (code 0), or failed."""
         outcome = codes.MEANINGS[code] if code else "ok"
         attempt = AttemptRecord(
             self._bus, poll.start, now, poll.station, self._attempt, outcome, code, turnaround

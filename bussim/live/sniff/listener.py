@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.live.sniff.recognise import Recogniser
@@ -27,7 +27,7 @@ class Listener:
         sink: Sink,
         *,
         tolerance: int,
-        protocol: Protocol | None = None,
+        protocol: LineProtocol | None = None,
         names: Mapping[int, str] | None = None,
         decoders: tuple[type[LinkDecoder], type[ModbusDecoder]] = (LinkDecoder, ModbusDecoder),
     ) -> None:
@@ -44,7 +44,7 @@ class Listener:
         self.last = 0
 
     @property
-    def protocol(self) -> Protocol | None:
+    def protocol(self) -> LineProtocol | None:
         """The protocol on the line, None while that is open."""
         return self._settled or self._recogniser.protocol
 
@@ -73,7 +73,7 @@ class Listener:
             if self.decoder is None:
                 baud, fmt = self.timing.baud, str(self.timing.format)
                 link, modbus = self._decoders
-                if heard.protocol is Protocol.NN:
+                if heard.protocol is LineProtocol.NN:
                     self.decoder = link(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
                 else:
                     self.decoder = modbus(self.bus, self._sink, baud=baud, fmt=fmt)

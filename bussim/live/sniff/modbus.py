@@ -1,13 +1,12 @@
-"""Modbus traffic as a listener sees it: requests paired with what answers them.
+"""Modbus traffic as a listener sees it: requests paired with their responses.
 
-A frame is an answer if a request of its station and function is open and it fits that request; all
-else is a request. A write to one coil or register and its answer are the same bytes: a repeated
-one counts as a repeated request where it comes later than :data:`SLOWEST` answers so far would.
+A frame is a response if a request of its station and function is open and it fits that request; all
+else is a request. A write to one coil or register and its response are the same bytes: a repeated
+one counts as a repeated request where it comes later than :data:`SLOWEST` responses so far would.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 
 from bussim.engines.modbus.adu import BROADCAST, Adu
@@ -25,7 +24,7 @@ from bussim.live.sniff.heard import Heard
 from bussim.trace.records import BusTotals, Sink, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
 
-#: An echo is an answer up to so many times the slowest answer of its station…
+#: An echo is a response up to so many times the slowest response of its station…
 SLOWEST = 3
 #: …and where none was seen yet, up to so many ticks.
 _FIRST_ECHO = TICKS_PER_SECOND
@@ -35,7 +34,7 @@ _ONES = (5, 6)
 
 @dataclass(frozen=True, slots=True)
 class _Open:
-    """A request that is not answered yet."""
+    """A request without a response so far."""
 
     station: int
     request: Request
@@ -58,11 +57,8 @@ class ModbusDecoder:
         self.frames = 0
         self.damaged = 0
         self.busy = 0
-        self.unasked = 0  # sound frames that are neither request nor answer
+        self.unasked = 0  # sound frames that are neither request nor response
         self.stations: set[int] = set()
-        self.ok = 0
-        self.exceptions: Counter[int] = Counter()
-        self.unanswered = 0
 
     def heard(self, heard: Heard) -> None:
         """Take in what was heard next."""
@@ -76,7 +72,7 @@ class ModbusDecoder:
                 self._damage = heard.reason
             return
         asked = self._open
-        if asked is not None and self._answers(frame, heard, asked):
+        if asked is not None and self._responds(frame, heard, asked):
             return
         request = decode_request(frame.pdu)
         if isinstance(request, Malformed):
@@ -84,7 +80,7 @@ class ModbusDecoder:
             self._record(heard, "unknown", frame)
             return
         self._record(heard, "request", frame)
-        self._unanswered(heard.start)
+        self._expired(heard.start)
         self._asked(frame.station, request, heard)
 
     def _asked(self, station: int, request: Request, heard: Heard) -> None:
@@ -94,13 +90,12 @@ class ModbusDecoder:
         self._failed = None
         asked = _Open(station, request, heard.start, heard.end, len(heard.chars), attempt)
         if station == BROADCAST:
-            self.ok += 1
             self._transaction(asked, None, "ok", None, 0)
             return
         self._open, self._damage = asked, None
 
-    def _answers(self, frame: Adu, heard: Heard, asked: _Open) -> bool:
-        """Whether a frame answers the open request; then it is recorded."""
+    def _responds(self, frame: Adu, heard: Heard, asked: _Open) -> bool:
+        """Whether a frame is the response to the open request; then it is recorded."""
         request = asked.request
         if frame.station != asked.station or frame.pdu[0] & ~EXCEPTION_BIT != request.function:
             return False
@@ -119,20 +114,17 @@ class ModbusDecoder:
         if slowest is None or took > slowest:
             self._slowest[asked.station] = took
         if isinstance(response, ExceptionResponse):
-            self.exceptions[response.code] += 1
             self._record(heard, "exception", frame, response=True)
             self._transaction(asked, heard, "exception", None, response.code)
         else:
-            self.ok += 1
             self._record(heard, "response", frame, response=True)
             self._transaction(asked, heard, "ok", None, 0)
         return True
 
-    def _unanswered(self, now: int) -> None:
+    def _expired(self, now: int) -> None:
         asked, self._open = self._open, None
         if asked is None:
             return
-        self.unanswered += 1
         self._failed = (asked.station, asked.request, asked.attempt)
         error = PortError.TIMEOUT if self._damage is None else PortError.CHECK
         self._transaction(asked, None, MEANINGS[error], error, 0, decided=now)
@@ -140,7 +132,7 @@ class ModbusDecoder:
     def _transaction(
         self,
         asked: _Open,
-        answer: Heard | None,
+        response: Heard | None,
         outcome: str,
         error: int | None,
         exception: int,
@@ -148,7 +140,7 @@ class ModbusDecoder:
         decided: int | None = None,
     ) -> None:
         request = asked.request
-        end = answer.end if answer else asked.end if decided is None else decided
+        end = response.end if response else asked.end if decided is None else decided
         self._take(
             TransactionRecord(
                 bus=self._bus,
@@ -161,8 +153,8 @@ class ModbusDecoder:
                 quantity=request.quantity,
                 sent=asked.start,
                 asked=asked.end,
-                answer_start=answer.start if answer else None,
-                answer_end=answer.end if answer else None,
+                answer_start=response.start if response else None,
+                answer_end=response.end if response else None,
                 end=end,
                 taken=end,
                 outcome=outcome,
@@ -170,7 +162,7 @@ class ModbusDecoder:
                 exception=exception,
                 served=None,
                 mismatched=False,
-                chars=asked.chars + (len(answer.chars) if answer else 0),
+                chars=asked.chars + (len(response.chars) if response else 0),
             )
         )
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.live.sniff.splitters import Splitter, splitter
 
 #: Sound frames that settle it.
@@ -22,11 +22,11 @@ class Recogniser:
     Until then nothing is given; what was heard meanwhile comes then, if it is not too much.
     """
 
-    def __init__(self, timing: LineTiming, tolerance: int, protocol: Protocol | None = None) -> None:
-        self._tried: dict[Protocol, Splitter] = {
-            one: splitter(one, timing, tolerance) for one in ([protocol] if protocol else Protocol)
+    def __init__(self, timing: LineTiming, tolerance: int, protocol: LineProtocol | None = None) -> None:
+        self._tried: dict[LineProtocol, Splitter] = {
+            one: splitter(one, timing, tolerance) for one in ([protocol] if protocol else LineProtocol)
         }
-        self._found: dict[Protocol, list[Heard]] = {one: [] for one in self._tried}
+        self._found: dict[LineProtocol, list[Heard]] = {one: [] for one in self._tried}
         self._sound = dict.fromkeys(self._tried, 0)
         #: The protocol of the line, None while that is open.
         self.protocol = protocol
@@ -51,7 +51,7 @@ class Recogniser:
         rest = self.idle(1 << 62)
         return rest or self._settled(1)
 
-    def _keep(self, protocol: Protocol, heard: list[Heard]) -> None:
+    def _keep(self, protocol: LineProtocol, heard: list[Heard]) -> None:
         kept = self._found[protocol]
         for one in heard:
             self._sound[protocol] += one.frame is not None

@@ -7,8 +7,7 @@ what is unfinished.
 
 from __future__ import annotations
 
-from typing import Protocol as Typed
-from typing import assert_never
+from typing import Protocol, assert_never
 
 from bussim.engines.modbus import adu as modbus
 from bussim.engines.modbus.adu import Adu, Damage, decode_rtu
@@ -18,14 +17,14 @@ from bussim.engines.nn.frames import QUIET_CHARS, Frame, FrameReader
 from bussim.line.characters import LineTiming
 from bussim.line.checksums import crc16
 from bussim.live.arrival import Timed
-from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.units import TICKS_PER_SECOND, round_half_up
 
 #: Characters of damage that are reported at once at most; more is reported in pieces.
 MOST_DAMAGE = 600
 
 
-class Splitter(Typed):
+class Splitter(Protocol):
     """Finds the frames of one protocol; memory is bounded whatever comes."""
 
     def character(self, char: Timed) -> list[Heard]:
@@ -35,20 +34,20 @@ class Splitter(Typed):
         """Nothing was heard up to ``now``; returns what that ends."""
 
 
-def splitter(protocol: Protocol, timing: LineTiming, tolerance: int) -> Splitter:
+def splitter(protocol: LineProtocol, timing: LineTiming, tolerance: int) -> Splitter:
     """The splitter of a protocol. ``tolerance`` ticks are added to every silence."""
     match protocol:
-        case Protocol.NN:
+        case LineProtocol.NN:
             return NnSplitter(timing.characters(QUIET_CHARS) + tolerance)
-        case Protocol.ASCII:
+        case LineProtocol.ASCII:
             return AsciiSplitter(TICKS_PER_SECOND + tolerance)
-        case Protocol.RTU:
+        case LineProtocol.RTU:
             return RtuSplitter(round_half_up(silences(timing, STANDARD_GAPS).end) + tolerance)
         case _:
             assert_never(protocol)
 
 
-def _damage(protocol: Protocol, chars: list[Timed], reason: str, *, whole: bool = True) -> Heard:
+def _damage(protocol: LineProtocol, chars: list[Timed], reason: str, *, whole: bool = True) -> Heard:
     data = bytes(char.value for char, _, _ in chars)
     return Heard(protocol, chars[0][1], chars[-1][2], data, None, reason, whole=whole)
 
@@ -69,8 +68,8 @@ class NnSplitter:
             self._chars.append(char)
             before = self._chars[: -len(result.chars)]
             if before:
-                found.append(_damage(Protocol.NN, before, "noise"))
-            found.append(Heard(Protocol.NN, self._reader.start, char[2], result.chars, result))
+                found.append(_damage(LineProtocol.NN, before, "noise"))
+            found.append(Heard(LineProtocol.NN, self._reader.start, char[2], result.chars, result))
             self._chars = []
         elif result is not None:
             found += self._flush()
@@ -90,7 +89,7 @@ class NnSplitter:
 
     def _flush(self, *, whole: bool = True) -> list[Heard]:
         chars, self._chars = self._chars, []
-        return [_damage(Protocol.NN, chars, "damaged", whole=whole)] if chars else []
+        return [_damage(LineProtocol.NN, chars, "damaged", whole=whole)] if chars else []
 
 
 class AsciiSplitter:
@@ -110,7 +109,7 @@ class AsciiSplitter:
         found += self._flush()
         if isinstance(result, Adu):
             start, end = self._reader.heard
-            found.append(Heard(Protocol.ASCII, start, end, result.chars, result))
+            found.append(Heard(LineProtocol.ASCII, start, end, result.chars, result))
         elif result is not None:
             found.append(_torn(result))
         return found
@@ -126,11 +125,11 @@ class AsciiSplitter:
 
     def _flush(self, *, whole: bool = True) -> list[Heard]:
         chars, self._outside = self._outside, []
-        return [_damage(Protocol.ASCII, chars, "outside a frame", whole=whole)] if chars else []
+        return [_damage(LineProtocol.ASCII, chars, "outside a frame", whole=whole)] if chars else []
 
 
 def _torn(damage: Damage) -> Heard:
-    return Heard(Protocol.ASCII, damage.start, damage.end, damage.chars, None, str(damage.reason))
+    return Heard(LineProtocol.ASCII, damage.start, damage.end, damage.chars, None, str(damage.reason))
 
 
 class RtuSplitter:
@@ -145,7 +144,7 @@ class RtuSplitter:
         self._quiet = quiet
         self._chars: list[Timed] = []
         self._data = bytearray()
-        self._look_at = 2  # characters before which no frame can be complete
+        self._least = 2  # characters before which no frame can be complete
         self._lost = False  # no frame begins where what is open begins
         # While lost: where frames could end (counted from the very first character), and begin.
         self._ends: dict[int, list[int]] = {}
@@ -159,7 +158,7 @@ class RtuSplitter:
         if self._lost:
             self._expect(len(self._data) - 1)
             return found + self._behind()
-        if len(self._data) >= self._look_at:
+        if len(self._data) >= self._least:
             found += self._frames()
         return found
 
@@ -173,10 +172,10 @@ class RtuSplitter:
         """Frames at the beginning of what is open, and behind damage."""
         found: list[Heard] = []
         while self._data:
-            size, self._look_at = _frame_at(self._data, 0)
+            size, self._least = _frame_at(self._data, 0)
             if size:
                 found.append(self._take(size))
-            elif len(self._data) < self._look_at:
+            elif len(self._data) < self._least:
                 break
             else:
                 at = next((at for at in range(1, len(self._data)) if _frame_at(self._data, at)[0]), 0)
@@ -244,12 +243,12 @@ class RtuSplitter:
     def _take(self, size: int) -> Heard:
         chars = bytes(self._data[:size])
         frame = Adu(chars[0], chars[1:-2], chars)
-        heard = Heard(Protocol.RTU, self._chars[0][1], self._chars[size - 1][2], chars, frame)
+        heard = Heard(LineProtocol.RTU, self._chars[0][1], self._chars[size - 1][2], chars, frame)
         self._drop(size)
         return heard
 
     def _take_damage(self, size: int, *, whole: bool = True, lost: bool = False) -> Heard:
-        heard = _damage(Protocol.RTU, self._chars[:size], "CRC or length", whole=whole)
+        heard = _damage(LineProtocol.RTU, self._chars[:size], "CRC or length", whole=whole)
         self._drop(size, lost=lost)
         return heard
 
@@ -257,7 +256,7 @@ class RtuSplitter:
         del self._chars[:size]
         del self._data[:size]
         self._base += size
-        self._look_at = 2
+        self._least = 2
         self._lost = lost
         if not lost:
             self._ends.clear()
@@ -272,9 +271,9 @@ _EXCEPTION = 5
 
 
 def _frame_at(data: bytearray, at: int) -> tuple[int, int]:
-    """The size of the frame that begins at a place (0: none, or not whole), and when to look again.
+    """The size of the frame that begins at a position, and how many characters of ``data`` decide on more.
 
-    The latter is a number of characters from the beginning of ``data``.
+    The size is 0 where no frame begins there, or not all of it is there yet.
     """
     have = len(data) - at
     if have < 2:

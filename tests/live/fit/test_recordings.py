@@ -13,7 +13,7 @@ from bussim.engines.nn.frames import encode_poll
 from bussim.line.characters import NN_LINE
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.recordings.frames import heard_of
-from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.results.collector import Collector
 from bussim.scenario.loader import from_data
 from bussim.trace.records import FrameRecord
@@ -108,7 +108,7 @@ def fitted(seed: int) -> LinkEstimate:
 def test_a_station_whose_poll_ends_the_recording_has_nothing_estimated() -> None:
     observer = LinkObserver("link", Collector(), baud=NN_LINE.baud, fmt=str(NN_LINE.format))
     poll = encode_poll(1, 0)
-    observer.heard(Heard(Protocol.NN, 0, 1000, poll.chars, poll))
+    observer.heard(Heard(LineProtocol.NN, 0, 1000, poll.chars, poll))
     found = observer.estimate()
     assert found is not None
     assert [(each.station, each.polls, each.turnaround, each.loss) for each in found.stations] == [

@@ -1,4 +1,4 @@
-"""Whatever a file or a line holds, a decoder says what is wrong or reads on: nothing else ever leaves it."""
+"""Whatever a file or a line holds, a decoder reports what is wrong or reads on: nothing else ever leaves it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bussim.live.recordings.open import characters, kind_of
 from bussim.live.recordings.pcapng import PcapngReader
 from bussim.live.recordings.raw import read_raw
 from bussim.live.recordings.sigrok import SigrokFile
-from bussim.live.sniff.heard import Protocol
+from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.recognise import Recogniser
 from bussim.live.sniff.splitters import MOST_DAMAGE, splitter
@@ -142,33 +142,33 @@ chunks = st.lists(
 
 
 @some
-@given(chunks, st.sampled_from([None, *Protocol]), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
-def test_every_character_is_told_once_and_in_order(
-    pieces: list[tuple[bytes, int]], protocol: Protocol | None, tolerance: int, flawed: bool
+@given(chunks, st.sampled_from([None, *LineProtocol]), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
+def test_every_character_is_decoded_once_and_in_order(
+    pieces: list[tuple[bytes, int]], protocol: LineProtocol | None, tolerance: int, flawed: bool
 ) -> None:
     arrivals, now = Arrivals(NN_LINE), 0
     recogniser = Recogniser(NN_LINE, tolerance, protocol)
     heard = []
-    for place, (data, wait) in enumerate(pieces):
+    for index, (data, wait) in enumerate(pieces):
         now += NN_LINE.characters(len(data)) + wait
         if data:
             chars = arrivals.chunk(data, now)
-            if flawed and place % 3 == 0:
+            if flawed and index % 3 == 0:
                 chars = [(RxChar(char.value, False, True), start, end) for char, start, end in chars]
             heard += recogniser.chars(chars)
         heard += recogniser.idle(now)
     heard += recogniser.close()
     assert all(before.start <= after.start for before, after in pairwise(heard))
     assert all(len(one.chars) <= MOST_DAMAGE + 600 for one in heard)
-    if recogniser.protocol in (Protocol.NN, Protocol.RTU) and protocol is not None:
-        told = b"".join(one.chars for one in heard)
-        assert told == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
+    if recogniser.protocol in (LineProtocol.NN, LineProtocol.RTU) and protocol is not None:
+        decoded = b"".join(one.chars for one in heard)
+        assert decoded == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
 
 
 @some
 @given(chunks)
 def test_a_listener_never_fails(pieces: list[tuple[bytes, int]]) -> None:
-    for protocol in (None, *Protocol):
+    for protocol in (None, *LineProtocol):
         arrivals, now = Arrivals(LINE), 0
         listener = Listener("b", LINE, Collector(), tolerance=0, protocol=protocol)
         for data, wait in pieces:
@@ -181,7 +181,7 @@ def test_a_listener_never_fails(pieces: list[tuple[bytes, int]]) -> None:
 
 
 def test_memory_of_a_splitter_is_bounded() -> None:
-    for protocol in Protocol:
+    for protocol in LineProtocol:
         cutter = splitter(protocol, LINE, 0)
         character = LINE.characters(1)
         for number in range(20_000):

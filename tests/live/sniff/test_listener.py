@@ -12,18 +12,18 @@ from bussim.engines.contract import RxChar
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.modbus.pdu import (
     Request,
+    Response,
     encode_exception,
     encode_request,
     encode_response,
     write_register,
 )
-from bussim.engines.modbus.pdu import Response as Answer
 from bussim.engines.modbus.server import serve
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Arrivals, Timed
 from bussim.live.recordings.frames import heard_of
 from bussim.live.recordings.open import placed
-from bussim.live.sniff.heard import Heard, Protocol
+from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusDecoder
@@ -35,7 +35,7 @@ LINE = LineTiming(19200, CharFormat(8, "E", 1))
 
 
 class Noted(Collector):
-    """Keeps what it is told."""
+    """Keeps the records that it gets."""
 
     def __init__(self) -> None:
         super().__init__(traced=True)
@@ -73,8 +73,8 @@ def test_a_link_is_watched_as_the_master_reports_it(press_line: bussim.Result) -
         assert heard is not None
         listener.heard(heard)
     listener.close()
-    told = list(press_line.open_trace().of(ScanRecord))
-    assert [scan[:7] for scan in sink.scans] == [scan[:7] for scan in told]
+    recorded = list(press_line.open_trace().of(ScanRecord))
+    assert [scan[:7] for scan in sink.scans] == [scan[:7] for scan in recorded]
     theirs = [a for a in press_line.open_trace().of(AttemptRecord) if not a.code]
     ours = [a for a in sink.attempts if not a.code]
     assert ours == theirs[: len(ours)]
@@ -115,7 +115,7 @@ def test_chunks_do_not_change_which_frames_are_heard(press_line: bussim.Result, 
         heard += listener.chars(arrivals.chunk(piece, now))
     heard += listener.close()
     assert [one.chars for one in heard] == [record.chars for record in frames]
-    assert listener.protocol is Protocol.NN
+    assert listener.protocol is LineProtocol.NN
     assert isinstance(listener.decoder, LinkDecoder)
 
 
@@ -137,7 +137,7 @@ def exchanges(mode: Mode, seed: int, count: int = 60) -> tuple[list[tuple[bytes,
             outcomes.append("no response in time")
             continue
         response = serve(device, request, 0)
-        if isinstance(response, Answer):
+        if isinstance(response, Response):
             outcomes.append("ok")
             pdu = encode_response(response)
         else:
@@ -152,11 +152,11 @@ def exchanges(mode: Mode, seed: int, count: int = 60) -> tuple[list[tuple[bytes,
 @pytest.mark.parametrize("mode", list(Mode))
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("tolerance", [0, 20 * TICKS_PER_MS])
-def test_modbus_requests_are_paired_with_what_answers_them(mode: Mode, seed: int, tolerance: int) -> None:
+def test_modbus_requests_are_paired_with_their_responses(mode: Mode, seed: int, tolerance: int) -> None:
     frames, outcomes = exchanges(mode, seed)
     sink = Noted()
     listener = Listener("bus", LINE, sink, tolerance=tolerance)
-    now, answers = 0, []
+    now, delays = 0, []
     for chars, is_request in frames:
         # The master waits for a second, a slave for three milliseconds.
         now += TICKS_PER_SECOND * 2 if is_request else 3 * TICKS_PER_MS
@@ -164,12 +164,12 @@ def test_modbus_requests_are_paired_with_what_answers_them(mode: Mode, seed: int
         listener.chars(placed(chars, now, LINE))
         now += LINE.characters(len(chars))
         if not is_request:
-            answers.append(3 * TICKS_PER_MS)
+            delays.append(3 * TICKS_PER_MS)
     listener.close()
-    assert listener.protocol is (Protocol.RTU if mode is Mode.RTU else Protocol.ASCII)
+    assert listener.protocol is (LineProtocol.RTU if mode is Mode.RTU else LineProtocol.ASCII)
     assert [record.outcome for record in sink.transactions] == outcomes
     waited = [r.answer_start - r.asked for r in sink.transactions if r.answer_start and r.asked]
-    assert waited == pytest.approx(answers, abs=1)
+    assert waited == pytest.approx(delays, abs=1)
     assert [frame.chars for frame in sink.frames] == [chars for chars, _ in frames]
     assert isinstance(listener.decoder, ModbusDecoder)
     assert listener.decoder.damaged == 0
@@ -189,7 +189,7 @@ def test_a_line_without_a_pause_is_still_cut_into_its_frames(mode: Mode) -> None
 def test_noise_between_frames_is_damage_and_nothing_else_is() -> None:
     rng = random.Random(4)
     request = encode_adu(Mode.RTU, 1, encode_request(Request(3, 0, 2))).chars
-    listener = Listener("bus", LINE, Noted(), tolerance=0, protocol=Protocol.RTU)
+    listener = Listener("bus", LINE, Noted(), tolerance=0, protocol=LineProtocol.RTU)
     now, heard = 0, []
     for _ in range(50):
         for data in (rng.randbytes(rng.randint(1, 6)), request):
@@ -205,7 +205,7 @@ def test_damaged_characters_damage_an_nn_frame(press_line: bussim.Result) -> Non
     first = next(iter(press_line.open_trace().of(FrameRecord)))
     chars: list[Timed] = placed(first.chars, 0, NN_LINE)
     chars[3] = (RxChar(chars[3][0].value, parity_ok=False), *chars[3][1:])
-    listener = Listener("link", NN_LINE, Noted(), tolerance=0, protocol=Protocol.NN)
+    listener = Listener("link", NN_LINE, Noted(), tolerance=0, protocol=LineProtocol.NN)
     (heard,) = listener.chars(chars) + listener.close()
     assert heard.frame is None
     assert heard.chars == first.chars
@@ -229,10 +229,10 @@ def test_frames_of_a_trace_that_were_damaged_are_heard_so(press_line: bussim.Res
     assert whole.frame is not None
 
 
-def test_a_repeated_write_is_a_retry_and_its_quick_echo_an_answer() -> None:
+def test_a_repeated_write_is_a_retry_and_its_quick_echo_a_response() -> None:
     write = encode_adu(Mode.RTU, 1, encode_request(write_register(1, 2))).chars
     sink = Noted()
-    listener = Listener("bus", LINE, sink, tolerance=0, protocol=Protocol.RTU)
+    listener = Listener("bus", LINE, sink, tolerance=0, protocol=LineProtocol.RTU)
     now = 0
     for wait in (0, 4, 500, 5, 500, 900, 4):  # echo; echo; request; repeated; echo
         now += wait * TICKS_PER_MS
@@ -247,9 +247,9 @@ def test_a_repeated_write_is_a_retry_and_its_quick_echo_an_answer() -> None:
     ]
 
 
-def test_a_broadcast_needs_no_answer() -> None:
+def test_a_broadcast_needs_no_response() -> None:
     sink = Noted()
-    listener = Listener("bus", LINE, sink, tolerance=0, protocol=Protocol.RTU)
+    listener = Listener("bus", LINE, sink, tolerance=0, protocol=LineProtocol.RTU)
     listener.chars(placed(encode_adu(Mode.RTU, 0, encode_request(write_register(1, 2))).chars, 0, LINE))
     listener.close()
     (record,) = sink.transactions
