@@ -81,9 +81,9 @@ def run(
     from bussim.scenario.yaml.dump import dumps
 
     text = f"# As run by bussim {__version__}, with every default filled in.\n{dumps(scenario)}"
-    place = Path(out)
+    location = Path(out)
     with RunFolder(
-        place,
+        location,
         rows=rows,
         traced=trace,
         fmt=format,
@@ -92,8 +92,8 @@ def run(
         header=trace_header(scenario),
     ) as folder:
         totals, record = _simulate(scenario, folder.rows if rows or trace else None, trace, progress)
-        place = folder.finish(record, text)
-    return Result(record, FolderRows(place), totals=totals, folder=place)
+        location = folder.finish(record, text)
+    return Result(record, FolderRows(location), totals=totals, folder=location)
 
 
 def open_run(folder: Source) -> Result:
@@ -101,8 +101,8 @@ def open_run(folder: Source) -> Result:
 
     Raises UsageError if it is not the folder of a run, or of one that was stopped.
     """
-    place = Path(folder)
-    return Result(load_run(place), FolderRows(place), folder=place)
+    location = Path(folder)
+    return Result(load_run(location), FolderRows(location), folder=location)
 
 
 def _simulate(

@@ -23,10 +23,10 @@ class BussimError(Exception):
 
 @dataclass(frozen=True, slots=True, order=True)
 class Problem:
-    """One mistake or warning at one place of an input file.
+    """One mistake or warning at one position of an input file.
 
     ``file`` is the name as the user gave it; ``line`` and ``column`` count from 1 and are 0 where
-    the input has no such place (a whole file, an object built in Python).
+    the input has no such position (a whole file, an object built in Python).
     """
 
     file: str

@@ -12,7 +12,7 @@ from bussim.errors import UsageError
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """A place beside a file, which becomes it if all goes well and is removed if not.
+    """A path beside a file, which becomes it if all goes well and is removed if not.
 
     Raises UsageError where it cannot be written.
     """

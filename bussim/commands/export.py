@@ -76,8 +76,8 @@ def command(
         load_run(folder)  # raises UsageError for a folder that is not a run's
         raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
     trace = read_trace(folder)
-    place = _default(folder, fmt, trace, bus) if out is None else Path(out)
-    target = checked_target(place, [FORMATS[fmt].ending], force=force)
+    path = _default(folder, fmt, trace, bus) if out is None else Path(out)
+    target = checked_target(path, [FORMATS[fmt].ending], force=force)
     with busy(f"writing {target}"):
         done = export_trace(
             trace, target, fmt, bus=bus, start=start, stop=stop, encapsulation=encap or "serial"

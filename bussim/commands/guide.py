@@ -55,10 +55,10 @@ def command(topic: str | None, language: str) -> None:
 
 def topics(language: str = LANGUAGES[0]) -> dict[str, str]:
     """The Markdown of every topic by its name, in a language where there is a page in it, else in English."""
-    place = files("bussim") / "guide"
-    pages = _pages(place)
+    guide = files("bussim") / "guide"
+    pages = _pages(guide)
     if language != LANGUAGES[0]:
-        pages |= _pages(place / language)
+        pages |= _pages(guide / language)
     order = {_FIRST: -1, _LAST: 1}
     return dict(sorted(pages.items(), key=lambda page: (order.get(page[0], 0), page[0])))
 

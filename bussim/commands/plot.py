@@ -65,9 +65,9 @@ def command(
     found = {option: subject.names(records, given[option]) for option, subject in subjects.items()}
     if not any(found.values()):
         raise UsageError(_nothing(records, labels, list(subjects.values())))
-    place = _place(folders, out)
+    target = _folder(folders, out)
     for option, subject in subjects.items():
-        for path in _draw(subject, found[option], records, labels, kind, place):
+        for path in _draw(subject, found[option], records, labels, kind, target):
             click.echo(path)
 
 
@@ -152,7 +152,7 @@ def _draw(
     records: Sequence[RunRecord],
     labels: Sequence[str],
     kind: str,
-    place: Path,
+    target: Path,
 ) -> Iterator[Path]:
     from bussim.results.plots.over_run import scan_times_over_run
     from bussim.results.store.safe_names import file_name, file_names
@@ -166,11 +166,11 @@ def _draw(
     for name in names:
         if kind != "over-run":
             picture = subject.picture(records, name, labels if several else None)
-            yield from picture.save_both(place / f"{subject.stem}_{stems[name]}{ending}")
+            yield from picture.save_both(target / f"{subject.stem}_{stems[name]}{ending}")
         if subject.stem == "scan_time" and kind != "histogram":
             for record, label in zip(records, file_names(labels).values(), strict=True):
                 over_run = f"scan_time_over_run_{stems[name]}" + (f"_{label}" if several else "")
-                yield from scan_times_over_run(record, name).save_both(place / over_run)
+                yield from scan_times_over_run(record, name).save_both(target / over_run)
 
 
 def _labels(folders: Sequence[Path]) -> list[str]:
@@ -202,12 +202,12 @@ def _nothing(records: Sequence[RunRecord], labels: Sequence[str], subjects: Sequ
     return f"{missing} {where} ({'; '.join(lists)}){hint}"
 
 
-def _place(folders: Sequence[Path], out: str | None) -> Path:
+def _folder(folders: Sequence[Path], out: str | None) -> Path:
     if out is None:
         return folders[0] if len(folders) == 1 else Path()
-    place = Path(out)
+    target = Path(out)
     try:
-        place.mkdir(parents=True, exist_ok=True)
+        target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be made: {error.strerror or error}") from error
-    return place
+    return target

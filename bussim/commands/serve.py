@@ -89,8 +89,8 @@ def command(
         with session:
             _serve(session, stop, Path(scenario).parent, allow_code=allow_code)
         record = session.record()
-        place = folder.finish(record, _as_served(loaded, record)) if folder is not None else None
-    _show(session, record, place, as_json=as_json)
+        results = folder.finish(record, _as_served(loaded, record)) if folder is not None else None
+    _show(session, record, results, as_json=as_json)
 
 
 def _folder(
@@ -153,7 +153,7 @@ def _as_served(scenario: Scenario, record: RunRecord) -> str:
     return f"# As served by bussim {__version__}, with every default filled in.\n{dumps(lasted)}"
 
 
-def _show(session: Session, record: RunRecord, place: Path | None, *, as_json: bool) -> None:
+def _show(session: Session, record: RunRecord, results: Path | None, *, as_json: bool) -> None:
     if as_json:
         print_json(record.summary)
         return
@@ -170,5 +170,5 @@ def _show(session: Session, record: RunRecord, place: Path | None, *, as_json: b
         )
     late = record.summary["served"]["late_ms"]
     click.echo(f"late: {late['mean']:.3f} ms on average, {late['max']:.3f} ms at most")
-    if place is not None:
-        click.echo(f"results: {place}")
+    if results is not None:
+        click.echo(f"results: {results}")

@@ -68,8 +68,8 @@ def command(
     with busy(f"looking for the longest scan in {folder / TRACE}"):
         begin, end = _window(trace, record, name, since, span, worst=worst)
     stem = file_names(buses)[name]
-    place = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
-    target = checked_target(place, (".png", ".svg"), force=force)
+    path = folder / f"timeline_{stem}_{seconds(begin):.3f}s.png" if out is None else Path(out)
+    target = checked_target(path, (".png", ".svg"), force=force)
     with busy(f"reading {folder / TRACE}"):
         window = read_window(trace, record, name, begin, end)
     if len(window.frames) > _MOST_FRAMES:

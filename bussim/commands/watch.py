@@ -126,7 +126,7 @@ def _watched(scenario: Scenario, devices: str) -> list[Watched]:
     for number, text in enumerate(parts, 1):
         if not text:
             before = f" behind {shorten(parts[number - 2])}" if number > 1 else ""
-            raise UsageError(f"--devices: place {number} of {len(parts)} is empty{before}; remove a comma")
+            raise UsageError(f"--devices: entry {number} of {len(parts)} is empty{before}; remove a comma")
         plc, dot, name = text.partition(".")
         if not dot:
             raise UsageError(f"--devices has {shorten(repr(text))}; write such as {known[0]}.D8201")

@@ -190,13 +190,13 @@ class _LinkReader:
 
     def _cut(self, kind: CableCut) -> None:
         names = [plc.name for plc in self.scenario.plcs]
-        place = names.index(kind.after)
+        position = names.index(kind.after)
         master = next((m for m in self._working() if m.number == MASTER), None)
         if master is None:
             return
-        near = names.index(master.plc.name) <= place
+        near = names.index(master.plc.name) <= position
         for member in self.members:
-            if (names.index(member.plc.name) <= place) != near:
+            if (names.index(member.plc.name) <= position) != near:
                 member.silent = member.deaf = True
 
     def _lasting(self, member: _Member, kind: FaultKind, what: str) -> None:
@@ -250,22 +250,22 @@ class _LinkReader:
         kind = noise.kind
         if noise.harmless or self._passing(f"noise {noise.name}", noise.window):
             return
-        place = "bus" if member is None else ("rx" if target.direction is Direction.RX else "tx")
+        part = "bus" if member is None else ("rx" if target.direction is Direction.RX else "tx")
         station = None if member is None else member.number
         match kind:
             case ReplyLoss(probability):
                 for losing in self.members if member is None else [member]:
                     losing.loss += (1 - losing.loss) * probability
             case BitErrors(ber):
-                self.sources.append(NoiseSource(place, station, ber))
+                self.sources.append(NoiseSource(part, station, ber))
             case Burst(_, _, good, bad) if good == bad:
-                self.sources.append(NoiseSource(place, station, good))
+                self.sources.append(NoiseSource(part, station, good))
             case Burst() if len(self.chains) == MAX_BURSTS:
                 self.obstacles.append(
                     f"noise {noise.name}: more than {MAX_BURSTS} bursts on one link are not worked out"
                 )
             case Burst(good, bad, ber_good, ber_bad):
-                self.sources.append(NoiseSource(place, station, ber_good, ber_bad, chain=len(self.chains)))
+                self.sources.append(NoiseSource(part, station, ber_good, ber_bad, chain=len(self.chains)))
                 self.chains.append((float(good), float(bad)))
             case Impulse():
                 self.obstacles.append(

@@ -33,14 +33,14 @@ def frame_ticks(characters: int, timing: LineTiming = NN_LINE) -> int:
 
 @dataclass(frozen=True, slots=True)
 class NoiseSource:
-    """Bit errors at one place of a link.
+    """Bit errors in one part of a link.
 
-    ``place`` is ``bus`` (one draw for all receivers), ``tx`` (on what ``station`` sends, for all receivers)
+    ``part`` is ``bus`` (one draw for all receivers), ``tx`` (on what ``station`` sends, for all receivers)
     or ``rx`` (in the receiver of ``station`` only). With ``chain`` None every bit is inverted with
     probability ``good``; else with ``good`` or ``bad`` by the state of that chain of the noise.
     """
 
-    place: str
+    part: str
     station: int | None
     good: float
     bad: float = 0.0
@@ -65,11 +65,11 @@ class LineNoise:
 
     def on_wire(self, sender: int) -> tuple[NoiseSource, ...]:
         """The sources that damage what a station sends for all receivers."""
-        return tuple(s for s in self.sources if s.place == "bus" or (s.place == "tx" and s.station == sender))
+        return tuple(s for s in self.sources if s.part == "bus" or (s.part == "tx" and s.station == sender))
 
     def in_receiver(self, receiver: int) -> tuple[NoiseSource, ...]:
         """The sources that damage what one station hears, for it alone."""
-        return tuple(s for s in self.sources if s.place == "rx" and s.station == receiver)
+        return tuple(s for s in self.sources if s.part == "rx" and s.station == receiver)
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,33 +72,33 @@ def pairs(model: LinkModel) -> list[tuple[int, int]]:
 
 
 def gap_distributions(
-    solved: Solved, floor: float = FLOOR, *, by_place: bool = True
+    solved: Solved, floor: float = FLOOR, *, by_position: bool = True
 ) -> dict[tuple[int, int], GapDistribution]:
     """The distributions of all pairs; components lighter than ``floor`` are dropped.
 
-    Pairs that do not differ share one distribution. Equal stations at different places in the scan
-    differ only by where a parameter frame falls (4 ms at the chance of an error); without ``by_place``
+    Pairs that do not differ share one distribution. Equal stations at different positions in the scan
+    differ only by where a parameter frame falls (4 ms at the chance of an error); without ``by_position``
     and bursts they share the first one's distribution as well.
     """
     model = solved.model
     known: dict[tuple[object, ...], GapDistribution] = {}
     found = {}
     for source, receiver in pairs(model):
-        key = _alike(model, source, receiver, by_place=by_place)
+        key = _alike(model, source, receiver, by_position=by_position)
         if key not in known:
             known[key] = gap_distribution(solved, source, receiver, floor)
         found[source, receiver] = replace(known[key], source=source, receiver=receiver)
     return found
 
 
-def _alike(model: LinkModel, source: int, receiver: int, *, by_place: bool) -> tuple[object, ...]:
+def _alike(model: LinkModel, source: int, receiver: int, *, by_position: bool) -> tuple[object, ...]:
     noise = model.noise
     receiving = ("master",) if receiver == MASTER else noise.in_receiver(receiver)
     if source == MASTER:
         return (MASTER, receiving, noise.on_wire(MASTER))
     station = model.station(source)
     return (
-        source if by_place or not noise.memoryless else 0,
+        source if by_position or not noise.memoryless else 0,
         replace(station, number=0, name="", scan=0),
         receiving,
         noise.on_wire(source),
@@ -196,13 +196,13 @@ class _Chain:
     def _rest(self, components: StateMixture, source: Station | None) -> StateMixture:
         """From the end of the source's exchange (None: the master's data frame) to its next one's start."""
         model, chain = self.model, self.chain
-        place = -1 if source is None else model.stations.index(source)
-        for station in model.stations[place + 1 :]:
+        index = -1 if source is None else model.stations.index(source)
+        for station in model.stations[index + 1 :]:
             components = chain.followed(components, station, self.floor).thinned(self.sums)
         components = chain.turned(components)
         if source is not None:
             components = components.times(self.line.after(model.data), model.data)
-        for station in model.stations[: max(place, 0)]:
+        for station in model.stations[: max(index, 0)]:
             components = chain.followed(components, station, self.floor).thinned(self.sums)
         return components
 

@@ -79,8 +79,8 @@ def _data(received: Received) -> bytes:
     if not received.wrong or received.frame.protocol not in DISSECTORS:
         return received.chars
     data = bytearray(received.chars)
-    for place, _ in received.wrong:
-        data[place] |= _WRONG
+    for index, _ in received.wrong:
+        data[index] |= _WRONG
     return bytes(data)
 
 

@@ -155,9 +155,9 @@ def remarks(received: Received, timing: LineTiming) -> list[str]:
     if (own.baud, own.format) != (timing.baud, timing.format):
         found.append(f"sent at {frame.baud} {frame.format}, the bus has {timing.baud} {timing.format}")
     for kind in ("parity", "framing"):
-        places = [place + 1 for place, which in received.wrong if which == kind]
-        if places:
-            found.append(f"{kind} error in {_numbered('character', places)}")
+        numbers = [index + 1 for index, which in received.wrong if which == kind]
+        if numbers:
+            found.append(f"{kind} error in {_numbered('character', numbers)}")
     mask = (1 << own.format.data_bits) - 1
     if received.chars != bytes(value & mask for value in frame.chars):
         found.append(f"sent was {frame.chars.hex(' ').upper()}")

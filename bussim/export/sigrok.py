@@ -25,7 +25,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_sigrok(path: Path, lanes: Lanes, comment: str) -> None:
-    """Write the lanes; the format has no place for a ``comment``.
+    """Write the lanes; the format has no field for a ``comment``.
 
     Raises UsageError, before a file is begun, where they are too long or too many.
     """

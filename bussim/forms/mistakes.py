@@ -21,7 +21,7 @@ class Reporter(Protocol):
         """Something at ``path`` is odd but possible; ``text`` is a sentence that names what it is about."""
 
     def where(self, path: Path) -> str:
-        """The place of a value, for a message about another one: its line, or its path."""
+        """The position of a value, for a message about another one: its line, or its path."""
 
 
 class EntryView(Protocol):

@@ -195,23 +195,23 @@ def _errors(runs: list[Run], draw: float, draws: Iterator[float]) -> tuple[int, 
     for count, rate in runs:
         if rate > 0.0:
             step = _log_survival(1, rate)
-            place = 0
+            bit = 0
             if not found:
                 total = survived + count * step
                 if total < wanted or math.isinf(step):
-                    place = 0 if math.isinf(step) else _first_below(survived, step, wanted, count)
-                    found.append(at + place)
-                    place += 1
+                    bit = 0 if math.isinf(step) else _first_below(survived, step, wanted, count)
+                    found.append(at + bit)
+                    bit += 1
                 else:
                     survived = total
                     at += count
                     continue
-            while place < count:
+            while bit < count:
                 if not math.isinf(step):
-                    place += int(math.log1p(-next(draws)) / step)
-                if place < count:
-                    found.append(at + place)
-                    place += 1
+                    bit += int(math.log1p(-next(draws)) / step)
+                if bit < count:
+                    found.append(at + bit)
+                    bit += 1
         at += count
     return tuple(found)
 

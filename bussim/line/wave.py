@@ -56,8 +56,8 @@ def low_intervals(
     else:
         table, width, mask = _low_runs(fmt), fmt.bits, (1 << fmt.data_bits) - 1
         runs = [
-            (place * width + first, place * width + last)
-            for place, value in enumerate(chars)
+            (index * width + first, index * width + last)
+            for index, value in enumerate(chars)
             for first, last in table[value & mask]
         ]
     bit = timing.bit
@@ -96,10 +96,10 @@ class Wave:
 
     def level(self, tick: int) -> int:
         """0 or 1 at a tick."""
-        place = bisect_right(self._starts, tick) - 1
-        return 0 if place >= 0 and tick < self._ends[place] else 1
+        index = bisect_right(self._starts, tick) - 1
+        return 0 if index >= 0 and tick < self._ends[index] else 1
 
     def next_fall(self, tick: int) -> int | None:
         """The first falling edge at or after a tick."""
-        place = bisect_right(self._starts, tick - 1)
-        return self._starts[place] if place < len(self._starts) else None
+        index = bisect_right(self._starts, tick - 1)
+        return self._starts[index] if index < len(self._starts) else None

@@ -37,14 +37,14 @@ class _Calls:
     """Takes RS2 and CPAVL in place of the PLC's ports, and keeps the CPAVLs."""
 
     def __init__(self) -> None:
-        self.places: dict[str, tuple[Device, Device]] = {}
+        self.devices: dict[str, tuple[Device, Device]] = {}
 
     def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
         """An RS2 sends nothing here."""
 
     def cpavl(self, words: Device, bits: Device, port: int) -> bool:
         """Keep where a port's words and bits lie."""
-        self.places[f"COM{port}"] = (words, bits)
+        self.devices[f"COM{port}"] = (words, bits)
         return True
 
 
@@ -70,7 +70,7 @@ def first_scan(
         value = memory.get(device)
         if value == other.get(device) or value != before.get(device):
             found.link[name] = value
-    for port, (words, bits) in calls.places.items():
+    for port, (words, bits) in calls.devices.items():
         last = min(words.address + cpavl.WORDS, len(memory.words(words.letter)))
         values = {
             str(Device(words.letter, address)): memory.word(words.letter, address)

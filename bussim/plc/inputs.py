@@ -126,8 +126,8 @@ class Times:
 
     def next_change(self, tick: int) -> int:
         """See the protocol."""
-        place = bisect_right(self.ticks, tick)
-        return self.ticks[place] if place < len(self.ticks) else NEVER
+        index = bisect_right(self.ticks, tick)
+        return self.ticks[index] if index < len(self.ticks) else NEVER
 
 
 class Random:

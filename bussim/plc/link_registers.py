@@ -17,7 +17,7 @@ from bussim.engines.nn.status import STATIONS, LinkStatus
 from bussim.line.characters import NN_LINE
 from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # named with the link's other registers
 from bussim.plc.errors import SerialErrors, serial_error
-from bussim.plc.memory import BlockPlace, Device, Memory, block_place
+from bussim.plc.memory import BlockRange, Device, Memory, block_range
 from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.profiles import (
     MAX_RETRIES,
@@ -154,7 +154,7 @@ class LinkRegisters:
         self._counts: list[int] = []
         self._codes: list[int] = []
         self._count_words = self._code_words = array("H")
-        self.place: BlockPlace | None = None
+        self.block: BlockRange | None = None
         #: The refresh mode in force, None for a slave that does not know it.
         self.mode: int | None = None
 
@@ -167,7 +167,7 @@ class LinkRegisters:
         """
         memory, profile = self._memory, self._profile
         values = {address: memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
-        self.engine, self.place, self.mode = None, None, None
+        self.engine, self.block, self.mode = None, None, None
         self._publish_status(LinkStatus())
         station = values[D_STATION]
         if bad_parameters(profile, values):
@@ -196,7 +196,7 @@ class LinkRegisters:
     def refuse(self) -> None:
         """Bad parameters: M8063 on, D8063 = 7348 (COM3) or 7448 (COM4), no link."""
         self._errors.report(_REFUSAL, selected_port(self._memory), BAD_PARAMETERS)
-        self.place, self.mode = None, None
+        self.block, self.mode = None, None
 
     def parameters(self, settings: LinkSettings) -> None:
         """A slave has learnt the master's settings."""
@@ -208,7 +208,7 @@ class LinkRegisters:
             self.publish()
             if isinstance(self.engine, Slave):
                 self._mirror(None)
-        self.engine, self.place, self.mode = None, None, None
+        self.engine, self.block, self.mode = None, None, None
 
     def _mirror(self, settings: LinkSettings | None) -> None:
         memory = self._memory
@@ -216,7 +216,7 @@ class LinkRegisters:
         memory.set_word("D", D_MIRROR_MODE, settings.mode if settings else 0)
         if settings is not None and self.engine is not None:
             self.mode = settings.mode
-            self.place = self.place_of(self.station, settings.mode)
+            self.block = self.range_of(self.station, settings.mode)
 
     @property
     def station(self) -> int:
@@ -224,10 +224,10 @@ class LinkRegisters:
         engine = self.engine
         return engine.config.station if isinstance(engine, Slave) else 0
 
-    def place_of(self, station: int, mode: int) -> BlockPlace:
+    def range_of(self, station: int, mode: int) -> BlockRange:
         """Where this PLC keeps a station's block."""
         block = MODES[mode]
-        return block_place(station, block.bits, block.words, self._profile.word_spacing)
+        return block_range(station, block.bits, block.words, self._profile.word_spacing)
 
     # -- status out ------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bussim.plc.inputs import NEVER, Change, Stimulus
-from bussim.plc.memory import BlockPlace, Device, Memory, SharedAreas
+from bussim.plc.memory import BlockRange, Device, Memory, SharedAreas
 from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.program.errors import Halt, OperationFault
 from bussim.plc.program.execution import ProgramRun
@@ -109,9 +109,9 @@ class Logic:
         """END: what the link sends from now on is what the memory holds now."""
         self._shared.take()
 
-    def image(self, place: BlockPlace) -> bytes:
+    def image(self, block: BlockRange) -> bytes:
         """A shared block as the latest END left it."""
-        return self._shared.block_image(place)
+        return self._shared.block_image(block)
 
     def scan(self, now: int) -> int:
         """A scan begins: sample the inputs and carry the program out; returns its instruction time."""

@@ -116,7 +116,7 @@ def _near(name: str, *, observed: bool) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class BlockPlace:
+class BlockRange:
     """Where a station's shared block lies: ``bits`` M points from ``bit``, ``words`` D from ``word``."""
 
     bit: int
@@ -131,9 +131,9 @@ class BlockPlace:
         return device.letter == "M" and self.bit <= device.address < self.bit + self.bits
 
 
-def block_place(station: int, bits: int, words: int, spacing: int) -> BlockPlace:
+def block_range(station: int, bits: int, words: int, spacing: int) -> BlockRange:
     """The block of a station: M(1000 + 64s) and D(spacing × s) on (PW10, section 7.2)."""
-    return BlockPlace(1000 + 64 * station, bits, spacing * station, words)
+    return BlockRange(1000 + 64 * station, bits, spacing * station, words)
 
 
 class Memory:
@@ -185,21 +185,21 @@ class Memory:
         long = letter == "C" and address >= FIRST_LONG_COUNTER
         self._words[letter][address] = value & (0xFFFFFFFF if long else 0xFFFF)
 
-    def block_image(self, place: BlockPlace) -> bytes:
+    def block_image(self, block: BlockRange) -> bytes:
         """A shared block as its frame carries it: M low byte first, then D words high byte first."""
-        return _block_image(self._bits["M"], self._words["D"], place)
+        return _block_image(self._bits["M"], self._words["D"], block)
 
-    def store_block(self, place: BlockPlace, image: bytes) -> None:
+    def store_block(self, block: BlockRange, image: bytes) -> None:
         """Write a received block."""
-        size = place.bits // 8
-        self._bits["M"][place.bit : place.bit + place.bits] = b"".join(
+        size = block.bits // 8
+        self._bits["M"][block.bit : block.bit + block.bits] = b"".join(
             map(_BITS_OF.__getitem__, image[:size])
         )
         words = array("H")
         words.frombytes(image[size:])
         if sys.byteorder == "little":
             words.byteswap()
-        self._words["D"][place.word : place.word + place.words] = words
+        self._words["D"][block.word : block.word + block.words] = words
 
 
 class SharedAreas:
@@ -219,20 +219,20 @@ class SharedAreas:
         self._bits = self._memory.bits("M")[:_SHARED_BITS]
         self._words = self._memory.words("D")[: self._copied]
 
-    def block_image(self, place: BlockPlace) -> bytes:
+    def block_image(self, block: BlockRange) -> bytes:
         """A shared block of the copy; see :meth:`Memory.block_image`."""
-        return _block_image(self._bits, self._words, place)
+        return _block_image(self._bits, self._words, block)
 
 
 #: M1511 is the last M of station 7.
 _SHARED_BITS = 1512
 
 
-def _block_image(m: bytearray, d: array[int], place: BlockPlace) -> bytes:
-    bits = m[place.bit : place.bit + place.bits]
+def _block_image(m: bytearray, d: array[int], block: BlockRange) -> bytes:
+    bits = m[block.bit : block.bit + block.bits]
     # The lowest M is bit 0: as a binary number it is written last.
     packed = int(bits[::-1].translate(_AS_DIGITS), 2) if bits else 0
-    words = d[place.word : place.word + place.words]
+    words = d[block.word : block.word + block.words]
     if sys.byteorder == "little":
         words.byteswap()
-    return packed.to_bytes(place.bits // 8, "little") + words.tobytes()
+    return packed.to_bytes(block.bits // 8, "little") + words.tobytes()

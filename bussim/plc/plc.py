@@ -222,8 +222,8 @@ class Plc:
             return image
         if end is not None:
             self._drive(end)
-        place = self.link_registers.place
-        fresh = self.memory.block_image(place) if place is not None else b""
+        block = self.link_registers.block
+        fresh = self.memory.block_image(block) if block is not None else b""
         self._image_until = self._next_change(end)
         if image is None or fresh != image:
             self._image = fresh
@@ -233,8 +233,8 @@ class Plc:
     def _frozen_image(self) -> bytes:
         """The block as the latest END left it, which the scan under way does not change."""
         assert self.logic is not None  # noqa: S101 - narrows the type; asked for only then
-        place = self.link_registers.place
-        fresh = self.logic.image(place) if place is not None else b""
+        block = self.link_registers.block
+        fresh = self.logic.image(block) if block is not None else b""
         if self._image is None or fresh != self._image:
             self._image = fresh
         self._image_until = _NEVER  # until END says otherwise
@@ -364,7 +364,7 @@ class Plc:
             return
         for station, image in blocks:
             if station != link_registers.station and len(image) == MODES[mode].size:
-                self.memory.store_block(link_registers.place_of(station, mode), image)
+                self.memory.store_block(link_registers.range_of(station, mode), image)
 
     def read(self, name: str) -> int:
         """The value of a device by name, as the memory holds it (see :meth:`sync`)."""

@@ -85,8 +85,8 @@ class ScanCycle:
         if self._running:
             self.count_up_to(now)
             self._past = (self.count, self.total, self.longest)
-            place = bisect_right(self._ends, now)
-            self._ends = self._ends[place - 1 : place] if place else []
+            index = bisect_right(self._ends, now)
+            self._ends = self._ends[index - 1 : index] if index else []
             self._longest_of = []
             self._running = False
             self._extra, self._drawn, self._used = 0, None, 0
@@ -112,26 +112,26 @@ class ScanCycle:
         if extra == self._extra:
             return
         ends = self._ends
-        place = bisect_left(ends, end)
-        if not self._running or place == len(ends) or ends[place] != end:
+        index = bisect_left(ends, end)
+        if not self._running or index == len(ends) or ends[index] != end:
             raise ValueError(f"tick {end} is no END of a PLC in RUN")
         if self._drawn is None:
-            self._drawn = list(map(sub, ends[place + 1 :], ends[place:]))
+            self._drawn = list(map(sub, ends[index + 1 :], ends[index:]))
         else:
-            self._used -= len(ends) - place - 1
-        del ends[place + 1 :]
-        self._forget(place - 1)
+            self._used -= len(ends) - index - 1
+        del ends[index + 1 :]
+        self._forget(index - 1)
         self._extra = extra
         if self.on_change is not None:
             self.on_change(end)
 
-    def _forget(self, place: int) -> None:
+    def _forget(self, index: int) -> None:
         """Count and drop what lies before an entry of ``_ends``."""
         if self._recorded is not None:
-            place = min(place, bisect_right(self._ends, self._recorded) - 1)
-        if place > 0:
-            self._leave(place, self._ends[place], self._longest(place))
-            del self._ends[:place]
+            index = min(index, bisect_right(self._ends, self._recorded) - 1)
+        if index > 0:
+            self._leave(index, self._ends[index], self._longest(index))
+            del self._ends[:index]
         self._longest_of.clear()
 
     def _reach(self, tick: int, now: int) -> list[int]:
@@ -222,8 +222,8 @@ class ScanCycle:
             return None
         if self._running and ends[-1] <= tick:
             ends = self._reach(tick, tick)
-        place = bisect_right(ends, tick)
-        return ends[place - 1] if place else None
+        index = bisect_right(ends, tick)
+        return ends[index - 1] if index else None
 
     def next_end(self, tick: int, now: int) -> int:
         """The first END at or after a tick, which may lie far ahead of ``now``. The PLC must be in RUN."""

@@ -115,12 +115,12 @@ def parts_chart(
 def tail_chart(histogram: Histogram, distribution: ExactDistribution | None, title: str) -> dict[str, Any]:
     """The share of link scans that take longer than x: counted, and by the distribution."""
     beyond, points = histogram.count, []
-    for place in sorted(histogram.bins):
-        beyond -= histogram.bins[place]
+    for number in sorted(histogram.bins):
+        beyond -= histogram.bins[number]
         if not beyond:
             break
         # All samples of a bin are at most half a bin above its centre.
-        x = round(milliseconds((place + 0.5) * BIN_TICKS), 6)
+        x = round(milliseconds((number + 0.5) * BIN_TICKS), 6)
         points.append([x, float(f"{beyond / histogram.count:.{_DIGITS}g}")])
     return {
         "kind": "tail",

@@ -290,9 +290,9 @@ def _common(sources: Sequence[Source]) -> list[str]:
 def _faults(source: Source) -> list[tuple[str, str, str]]:
     """Faults as texts, from when and until when."""
     # The table is of all buses, so each PLC and bus that a fault names counts.
-    places = {str(note.detail.get(key)) for note in source.record.notes for key in ("node", "bus")}
+    subjects = {str(note.detail.get(key)) for note in source.record.notes for key in ("node", "bus")}
     rows = []
-    for text, span in fault_spans(source.record.notes, places):
+    for text, span in fault_spans(source.record.notes, subjects):
         until = "to the end" if span.end is None else f"{seconds(span.end):.3f} s"
         rows.append((text, f"{seconds(span.start):.3f} s", "at once" if span.end == span.start else until))
     return rows

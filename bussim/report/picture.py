@@ -112,7 +112,7 @@ def _draw_boxes(axes: Axes, scene: Scene) -> None:
     by_kind: dict[str, list[Rectangle]] = {}
     for box in scene.boxes:
         drawn = style_of(box.kind)
-        start, width = _place(scene, box)
+        start, width = _extent(scene, box)
         rectangle = Rectangle((start, box.lane - drawn.height / 2), width, drawn.height)
         by_kind.setdefault(box.kind, []).append(rectangle)
     for kind, rectangles in by_kind.items():
@@ -130,7 +130,7 @@ def _draw_boxes(axes: Axes, scene: Scene) -> None:
         )
 
 
-def _place(scene: Scene, box: Box) -> tuple[float, float]:
+def _extent(scene: Scene, box: Box) -> tuple[float, float]:
     """Where the visible part of a box begins, and how wide it is, in ms."""
     start, end = max(box.start, scene.begin), min(box.end, scene.end)
     return milliseconds(start - scene.begin), milliseconds(end - start)
@@ -169,7 +169,7 @@ def _label_boxes(axes: Axes, scene: Scene) -> None:
     for box in scene.boxes:
         if not box.label:
             continue
-        start, width = _place(scene, box)
+        start, width = _extent(scene, box)
         if box.label not in widths:
             probe.set_text(box.label)
             widths[box.label] = probe.get_window_extent(renderer).width

@@ -146,21 +146,21 @@ class _Painter:
         window = self.window
         numbers = {name: number for number, name in window.stations.items()}
         senders = [f.sender for f in window.frames]
-        places: dict[str, int] = {}
+        lane_of: dict[str, int] = {}
         for name in dict.fromkeys([*window.nodes, *senders]):
-            places[name] = self.lane(f"{numbers[name]} {name}" if name in numbers else name)
+            lane_of[name] = self.lane(f"{numbers[name]} {name}" if name in numbers else name)
         for frame in window.frames:
-            self._frame(places[frame.sender], frame)
+            self._frame(lane_of[frame.sender], frame)
             for receiver, bits in frame.damaged_at.items():
-                if receiver in places:
+                if receiver in lane_of:
                     for start, end, text in _damage(frame, bits):
                         heard = f"{receiver} receives {text} of {frame.sender} damaged"
-                        self.box(places[receiver], start, end, HEARD_DAMAGE, "", heard)
+                        self.box(lane_of[receiver], start, end, HEARD_DAMAGE, "", heard)
         for plc, ticks in window.ends.items():
-            for name in (plc, *(n for n in places if n.startswith(f"{plc}."))):
-                if name in places:
+            for name in (plc, *(n for n in lane_of if n.startswith(f"{plc}."))):
+                if name in lane_of:
                     for tick in ticks:
-                        self.mark(places[name], tick, END, f"END of {plc}")
+                        self.mark(lane_of[name], tick, END, f"END of {plc}")
 
     def _frame(self, lane: int, frame: FrameRecord) -> None:
         of = "" if frame.station is None else f", station {frame.station}"
@@ -287,7 +287,7 @@ def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int,
     per_char = CharFormat.parse(frame.format).bits
     for char in sorted({min(bit // per_char, number - 1) for bit in bits}):
         span = frame.end - frame.start
-        start, end = (frame.start + span * place // number for place in (char, char + 1))
+        start, end = (frame.start + span * edge // number for edge in (char, char + 1))
         yield start, end, f"character {char + 1} of {number}"
 
 

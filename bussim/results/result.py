@@ -183,10 +183,10 @@ class Result:
             f"{node}: {master['ok']} of {master['transactions']} transactions ok"
             for node, master in _masters(summary).items()
         ]
-        place = f" in {self.folder}" if self.folder is not None else ""
+        folder = f" in {self.folder}" if self.folder is not None else ""
         return (
             f"<Result of {summary['scenario']!r}, seed {summary['seed']}, {summary['duration_s']:g} s"
-            f"{place}: {'; '.join(parts) or 'no N:N link'}>"
+            f"{folder}: {'; '.join(parts) or 'no N:N link'}>"
         )
 
     def _repr_html_(self) -> str:

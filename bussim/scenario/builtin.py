@@ -11,14 +11,14 @@ from bussim.wording import shorten, suggest
 DEFAULT = "press_line"
 
 # In a wheel the files lie beside this module, in a checkout in the repository's own folder.
-_PLACES = (Path(__file__).with_name("builtin"), Path(__file__).parents[2] / "scenarios")
+_FOLDERS = (Path(__file__).with_name("builtin"), Path(__file__).parents[2] / "scenarios")
 
 
 def folder() -> Path:
     """Where they lie; their programs are in ``programs`` below. Raises UsageError if they are missing."""
-    for place in _PLACES:
-        if (place / f"{DEFAULT}.yaml").is_file():
-            return place
+    for folder in _FOLDERS:
+        if (folder / f"{DEFAULT}.yaml").is_file():
+            return folder
     raise UsageError("the built-in scenarios are missing from this installation of bussim")
 
 

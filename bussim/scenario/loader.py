@@ -74,14 +74,14 @@ def from_data(
 
 
 def examine(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_code: bool = False) -> Examined:
-    """Like :func:`load`, but mistakes are returned, and warnings with their places."""
-    place, shown = builtin.locate(os.fspath(path))
+    """Like :func:`load`, but mistakes are returned, and warnings with their positions."""
+    file, shown = builtin.locate(os.fspath(path))
     try:
-        raw = _bytes(place, shown)
+        raw = _bytes(file, shown)
     except ScenarioError as error:
         return Examined(None, error.problems, ())
-    code = Code(allowed=allow_code, folder=place.parent)
-    return _check(*yaml.read(raw, shown), overrides, code, Files(place.parent))
+    code = Code(allowed=allow_code, folder=file.parent)
+    return _check(*yaml.read(raw, shown), overrides, code, Files(file.parent))
 
 
 def _bytes(path: Path, shown: str) -> bytes:
@@ -144,7 +144,7 @@ def _check(
         for entry, path in zip(draft.latency, signal_paths(scenario), strict=True):
             if path.unmeasured:
                 report.warn((*entry.path, "to"), path.unmeasured)
-    # Without their places, two may be the same.
+    # Without their positions, two may be the same.
     warnings = tuple(dict.fromkeys(report.plain.get(each, each.message) for each in report.warnings))
     scenario = replace(scenario, warnings=warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

@@ -214,7 +214,7 @@ class LoseChar(_OfNode):
 class InsertChar(_OfNode):
     """A character too many: in what a station sends (tx) or only in its receiver (rx).
 
-    It stands before the character ``index`` (None: a random place) and has ``value`` (None: random).
+    It stands before the character ``index`` (None: a random one) and has ``value`` (None: random).
     """
 
     direction: Direction

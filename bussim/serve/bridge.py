@@ -213,10 +213,10 @@ class Bridge:
         ]
         fault = (tx.rx_chars or {}).get(port.position)
         if fault is not None:
-            place, value = fault
-            read[place : place + 1] = [] if value is None else [RxChar(value), *read[place : place + 1]]
+            index, value = fault
+            read[index : index + 1] = [] if value is None else [RxChar(value), *read[index : index + 1]]
         last = len(chars) - 1
-        return [(char, *chars[min(place, last)][1:]) for place, char in enumerate(read)]
+        return [(char, *chars[min(index, last)][1:]) for index, char in enumerate(read)]
 
 
 def read_transmission(tx: Transmission, position: int, timing: LineTiming) -> list[Sampled]:

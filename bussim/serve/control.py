@@ -59,7 +59,7 @@ def control_folder() -> Path:
     except OSError as error:
         raise UsageError(f"{folder} cannot be used for control sockets: {error.strerror or error}") from error
     if not stat.S_ISDIR(found.st_mode):
-        raise UsageError(f"{folder} is no folder: control sockets have no place")
+        raise UsageError(f"{folder} is no folder: control sockets cannot lie there")
     if sys.platform != "win32" and (found.st_uid != os.getuid() or found.st_mode & 0o077):
         raise UsageError(f"{folder} is not this user's alone: control sockets would not be safe there")
     return folder

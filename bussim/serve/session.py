@@ -40,12 +40,12 @@ class _Bridges:
     """The external lines of a simulation; see :class:`bussim.sim.runner.ExternalLines`."""
 
     def __init__(self, targets: Sequence[Target], wires: Sequence[Wire]) -> None:
-        self._line_of = {node.node: place.name for place in targets for node in place.nodes}
-        self._wires = {place.name: wire for place, wire in zip(targets, wires, strict=True)}
+        self._line_of = {node.node: target.name for target in targets for node in target.nodes}
+        self._wires = {target.name: wire for target, wire in zip(targets, wires, strict=True)}
         self.lateness = max((wire.options.tolerance for wire in wires), default=0)
         self.bridges: list[Bridge] = []
 
-    def place(self, node: str) -> str | None:
+    def line_of(self, node: str) -> str | None:
         """The external line that a node is on."""
         return self._line_of.get(node)
 
@@ -131,8 +131,8 @@ class Session:
         self.clock = Clock()
         options = options or PortOptions()
         self.wires = tuple(
-            Wire(place.url, _nominal(place.timing), options, clock=self.clock, report=report)
-            for place in targets
+            Wire(target.url, _nominal(target.timing), options, clock=self.clock, report=report)
+            for target in targets
         )
         header = session_header(self.scenario, targets)
         bus_of = {
@@ -164,19 +164,19 @@ class Session:
     @property
     def devices(self) -> dict[str, str]:
         """What the other side opens, by the names of lines: a device, or the port's URL."""
-        return {place.name: wire.name for place, wire in zip(self.targets, self.wires, strict=True)}
+        return {target.name: wire.name for target, wire in zip(self.targets, self.wires, strict=True)}
 
     def described(self) -> tuple[str, ...]:
         """What is served where, a line each node: ``drive: Modbus RTU slave … on /dev/pts/3``."""
         lines = []
-        for place, wire in zip(self.targets, self.wires, strict=True):
-            for node in place.nodes:
+        for target, wire in zip(self.targets, self.wires, strict=True):
+            for node in target.nodes:
                 number = (
                     f", station {node.station}"
                     if node.station is not None and node.protocol is not BusProtocol.NN
                     else ""
                 )
-                line = f"{place.timing.baud} {place.timing.format}"
+                line = f"{target.timing.baud} {target.timing.format}"
                 lines.append(f"{node.node}: {node.what}{number}, {line}, on {wire.name}")
         return tuple(lines)
 
@@ -221,13 +221,13 @@ class Session:
 
     def _warnings(self) -> list[str]:
         warnings = []
-        for place, wire in zip(self.targets, self.wires, strict=True):
-            warnings.append(f"{place.name} leads to {place.url}: its times are the operating system's")
+        for target, wire in zip(self.targets, self.wires, strict=True):
+            warnings.append(f"{target.name} leads to {target.url}: its times are the operating system's")
             counts = wire.counts
             if counts.losses:
-                warnings.append(f"{place.url} was lost {counts.losses} times")
+                warnings.append(f"{target.url} was lost {counts.losses} times")
             if counts.dropped:
-                warnings.append(f"{place.url} did not take {counts.dropped} bytes: no program read them")
+                warnings.append(f"{target.url} did not take {counts.dropped} bytes: no program read them")
         late = self.loop.lateness
         if late.worst > _LATE:
             warnings.append(
@@ -246,13 +246,13 @@ class Session:
         late = self.loop.lateness
         return {
             "lines": {
-                place.name: {
-                    "bus": place.bus,
-                    "url": place.url,
-                    "nodes": [node.node for node in place.nodes],
+                target.name: {
+                    "bus": target.bus,
+                    "url": target.url,
+                    "nodes": [node.node for node in target.nodes],
                     **asdict(wire.counts),
                 }
-                for place, wire in zip(self.targets, self.wires, strict=True)
+                for target, wire in zip(self.targets, self.wires, strict=True)
             },
             "late_ms": {
                 "mean": round(milliseconds(late.mean), 6),
@@ -267,14 +267,16 @@ def session_header(scenario: model.Scenario, targets: Sequence[Target]) -> Trace
     header = trace_header(scenario)
     buses: list[TraceBus] = []
     for bus in header.buses:
-        own = [place for place in targets if place.bus == bus.name]
-        away = {node.node for place in own for node in place.nodes}
+        own = [target for target in targets if target.bus == bus.name]
+        away = {node.node for target in own for node in target.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
-        for place in own:
-            nodes = bus.nodes if bus.protocol is BusProtocol.NN else tuple(node.node for node in place.nodes)
+        for target in own:
+            nodes = bus.nodes if bus.protocol is BusProtocol.NN else tuple(node.node for node in target.nodes)
             stations = dict(bus.stations) if bus.protocol is BusProtocol.NN else _only(bus.stations, nodes)
-            timing = place.timing
-            buses.append(TraceBus(place.name, bus.protocol, timing.baud, str(timing.format), nodes, stations))
+            timing = target.timing
+            buses.append(
+                TraceBus(target.name, bus.protocol, timing.baud, str(timing.format), nodes, stations)
+            )
         if (
             left and bus.protocol is not BusProtocol.NN
         ) or not own:  # after what is served, which is looked at first

@@ -153,7 +153,7 @@ def _lines(
         if url != DEFAULT_URL and url in taken:
             raise UsageError(f"{url} cannot be the wire of {taken[url]} and of {bus} at once")
         taken[url] = bus
-        same = [place for place in found if place.bus == bus]
+        same = [one for one in found if one.bus == bus]
         first = nodes[0]
         alone = first.protocol is BusProtocol.NN and sum(one == bus for one, _ in groups) == 1
         number = f" {len(same) + 1}" if same else ""

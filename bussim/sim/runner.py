@@ -44,7 +44,7 @@ class ExternalLines(Protocol):
 
     lateness: int  # ticks by which characters from there may be late
 
-    def place(self, node: str) -> str | None:
+    def line_of(self, node: str) -> str | None:
         """The name of the external line that a node is on in place of its bus; None: it stays on its bus."""
 
     def serial_bus(
@@ -111,17 +111,17 @@ class Simulation:
         """PLCs that take no part in their link: it is external, and they are not on an external line."""
         if self._external is None:
             return set()
-        place = self._external.place
+        line_of = self._external.line_of
         plc_names = {spec.name: spec.link.bus for spec in self._scenario.plcs if spec.link is not None}
-        away = {bus for name, bus in plc_names.items() if place(name) is not None}
-        return {name for name, bus in plc_names.items() if bus in away and place(name) is None}
+        away = {bus for name, bus in plc_names.items() if line_of(name) is not None}
+        return {name for name, bus in plc_names.items() if bus in away and line_of(name) is None}
 
     def _parts(self, names: Sequence[str]) -> dict[str | None, list[str]]:
         """Nodes of a bus by the external line that they are on, None the bus itself."""
-        place = self._external.place if self._external is not None else None
+        line_of = self._external.line_of if self._external is not None else None
         parts: dict[str | None, list[str]] = {}
         for name in names:
-            parts.setdefault(place(name) if place is not None else None, []).append(name)
+            parts.setdefault(line_of(name) if line_of is not None else None, []).append(name)
         return parts or {None: []}
 
     def _build_link(self, spec: model.Bus) -> None:

@@ -170,7 +170,7 @@ def _flatten(prefix: str, data: Any, found: dict[str, Number | None]) -> None:
 def in_order(names: Iterable[str], buses: Sequence[str]) -> list[str]:
     """Names of figures in the order of the columns, the links in the order of ``buses``."""
     ranks = {name: rank for rank, name in enumerate(LINK_FIGURES)}
-    order = {bus: place for place, bus in enumerate(buses)}
+    order = {bus: index for index, bus in enumerate(buses)}
 
     def rank(name: str) -> tuple[int, int, int, str]:
         bus, _, figure = name.partition(".")

@@ -1,4 +1,4 @@
-"""The folder of a sweep: made beside its place, gone on with after any interruption, moved when whole."""
+"""The folder of a sweep: made beside its target, gone on with after any interruption, moved when whole."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class SweepFolder:
             raise UsageError(f"{self.target}: cannot be written: {reason(error)}") from error
 
     def finish(self, write: Callable[[Path], None]) -> None:
-        """Let ``write`` write the results into the folder, and move it to its place."""
+        """Let ``write`` write the results into the folder, and move it to its target."""
         part, old = _part(self.target), self.target.with_name(self.target.name + _OLD)
         self.journal.close()
         for entry in part.iterdir():  # of an earlier process that was killed here
@@ -139,7 +139,7 @@ class SweepFolder:
         self.state = "whole"
 
     def _tidy(self) -> None:
-        """What is left to do when everything is in its place; the marker goes last."""
+        """What is left to do when everything is at its target; the marker goes last."""
         old = self.target.with_name(self.target.name + _OLD)
         (self.target / JOURNAL).unlink(missing_ok=True)
         if old.exists():
@@ -169,7 +169,7 @@ class SweepFolder:
         if target.exists():
             same = self._check(target, target)
             if (target / MARKER).exists() and same:
-                # Killed when it was in its place but for the last steps.
+                # Killed when it was at its target but for the last steps.
                 _check_free(target)
                 self._tidy()
                 return "whole"

@@ -85,8 +85,8 @@ def _unequal(here: Any, there: Any, path: str) -> Iterator[tuple[str, Any, Any]]
         for key in [*here, *(key for key in there if key not in here)]:
             yield from _unequal(here.get(key, _NOTHING), there.get(key, _NOTHING), f"{path}.{key}".strip("."))
     elif isinstance(here, list) and isinstance(there, list) and len(here) == len(there):
-        for place, (ours, theirs) in enumerate(zip(here, there, strict=True)):
-            yield from _unequal(ours, theirs, f"{path}.{place}".strip("."))
+        for index, (ours, theirs) in enumerate(zip(here, there, strict=True)):
+            yield from _unequal(ours, theirs, f"{path}.{index}".strip("."))
     elif here != there:
         yield path, here, there
 

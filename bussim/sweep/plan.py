@@ -76,7 +76,7 @@ class Plan:
         """The scenario's name."""
         return self.base.name
 
-    def place(self, run: int) -> tuple[int, int]:
+    def point_of(self, run: int) -> tuple[int, int]:
         """The point (from 0) and the repeat (from 1) of a run."""
         point, repeat = divmod(run, self.repeat)
         return point, repeat + 1
@@ -85,7 +85,7 @@ class Plan:
         """The seed of a run, None where the point itself sets it."""
         if self._own_seeds:
             return None
-        point, repeat = self.place(run)
+        point, repeat = self.point_of(run)
         return run_seed(
             self.base.seed,
             self.axes,
@@ -96,7 +96,7 @@ class Plan:
 
     def job(self, run: int) -> Job:
         """The task of a run."""
-        point, _ = self.place(run)
+        point, _ = self.point_of(run)
         return Job(
             run,
             self._text,
@@ -118,7 +118,7 @@ class Plan:
 
     def in_words(self, run: int) -> str:
         """A run, for messages."""
-        point, repeat = self.place(run)
+        point, repeat = self.point_of(run)
         return f"{_at(self.axes, self.points[point])}, repeat {repeat}"
 
     def manifest(self) -> dict[str, Any]:
@@ -187,11 +187,11 @@ class Plan:
 
     def _said(self, problem: Problem, points: list[Point]) -> bool:
         """Whether a problem occurs at exactly the points with the value that its label names."""
-        for place, axis in enumerate(self.axes):
+        for index, axis in enumerate(self.axes):
             for value in axis.values:
                 if axis.override(value).label == problem.file:
                     return len(points) * len(axis.values) == len(self.points) and all(
-                        point[place] == value for point in points
+                        point[index] == value for point in points
                     )
         return False
 

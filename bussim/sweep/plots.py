@@ -90,7 +90,7 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
     With the longest latency goes what it may be at worst without error.
     """
     axis = plan.axes[0]
-    positions, logarithmic = _places(axis)
+    positions, logarithmic = _positions(axis)
     bounded = False
     with style():
         picture = _new(plan)
@@ -184,7 +184,7 @@ def _numbers(column: Sequence[object]) -> list[float]:
     return [float(value) if isinstance(value, int | float) else nan for value in column]
 
 
-def _places(axis: Axis) -> tuple[list[float], bool]:
+def _positions(axis: Axis) -> tuple[list[float], bool]:
     """Where the values of an axis lie on it, and whether it is logarithmic.
 
     Texts, and numbers over many decades with a 0 among them, lie side by side.
@@ -205,8 +205,8 @@ def _label_positions(panel: Axes, axis: Axis, side: str, offset: float = 0.0) ->
     """The values of an axis as labels of positions 0, 1, 2…, as many as there is room for."""
     step = -(-len(axis.values) // _MOST_TICKS)
     chosen = range(0, len(axis.values), step)
-    texts = [_tick(axis, place) for place in chosen]
-    ticks = [place + offset for place in chosen]
+    texts = [_tick(axis, index) for index in chosen]
+    ticks = [index + offset for index in chosen]
     if side == "y":
         panel.set_yticks(ticks, texts)
         return
@@ -214,8 +214,8 @@ def _label_positions(panel: Axes, axis: Axis, side: str, offset: float = 0.0) ->
     panel.set_xticks(ticks, texts, rotation=35 if crowded else 0, ha="right" if crowded else "center")
 
 
-def _tick(axis: Axis, place: int) -> str:
-    value = axis.values[place]
+def _tick(axis: Axis, index: int) -> str:
+    value = axis.values[index]
     if value.number is not None and (axis.unit or len(value.text) > _LONGEST_NUMBER):
         return f"{value.number:.3g}" if abs(value.number) < 1000 else f"{value.number:g}"
     return shorten(value.text, _LONGEST_TICK)

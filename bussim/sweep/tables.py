@@ -41,7 +41,7 @@ def runs_table(plan: Plan, entries: Iterable[tuple[int, Mapping[str, Number | No
     axes = [axis.column for axis in plan.axes]
     table: Table = {name: [] for name in ("run", "point", *axes, "repeat", "seed")}
     for run in range(plan.runs):
-        point, repeat = plan.place(run)
+        point, repeat = plan.point_of(run)
         numbers = {"run": run + 1, "point": point + 1, "repeat": repeat, "seed": plan.seed(run)}
         for name, cell_ in {**numbers, **_at(plan, point)}.items():
             table[name].append(cell_)

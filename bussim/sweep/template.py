@@ -23,7 +23,7 @@ class Template:
     def __init__(self, text: str, name: str, files: Files | None = None, code: Code | None = None) -> None:
         self._files = files
         self._code = code
-        self._data, self._places, self._problems = yaml.read(text, name)
+        self._data, self._source_map, self._problems = yaml.read(text, name)
 
     def data(self, overrides: Iterable[Override]) -> Any:
         """The plain data with values set, unchecked. Raises UsageError as :meth:`examine`."""
@@ -46,7 +46,7 @@ class Template:
         return examined
 
     def _copy_of_source_map(self) -> SourceMap:
-        known = self._places
+        known = self._source_map
         return SourceMap(
             known.file, dict(known.keys), dict(known.values), {}, dict(known.blocks), data=known.data
         )

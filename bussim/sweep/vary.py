@@ -92,7 +92,7 @@ class Axis:
         return Override(self.key, value.text, label)
 
 
-#: A place in the grid: a value for every axis.
+#: A point of the grid: a value for every axis.
 Point = tuple[Value, ...]
 
 
@@ -148,7 +148,7 @@ def _label(text: str) -> str:
 def _items(given: str, label: str) -> list[str]:
     """The items of a list, split at the commas that are outside of brackets and quotes."""
     items, depth, quote, start = [], 0, "", 0
-    for place, char in enumerate(given):
+    for index, char in enumerate(given):
         if quote:
             quote = "" if char == quote else quote
         elif char in "\"'":
@@ -158,8 +158,8 @@ def _items(given: str, label: str) -> list[str]:
         elif char in "]}":
             depth -= 1
         elif char == "," and depth == 0:
-            items.append(given[start:place])
-            start = place + 1
+            items.append(given[start:index])
+            start = index + 1
             _check_count(len(items), label)
     items.append(given[start:])
     if any(not item.strip() for item in items):

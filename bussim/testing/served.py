@@ -32,8 +32,8 @@ class Items:
         if isinstance(address, slice):
             if isinstance(value, int):
                 raise TypeError("a slice takes as many values as it has addresses")
-            for place, each in enumerate(value, address.start or 0):
-                self[place] = each
+            for number, each in enumerate(value, address.start or 0):
+                self[number] = each
         elif isinstance(value, int):
             self._device.set(self._space, self._checked(address), value)
         else:

@@ -105,11 +105,11 @@ _REQUIRED: Any = object()
 
 
 class _Field(NamedTuple):
-    """One field of a record: its key, its place among the fields, and its value where the key is missing."""
+    """One field of a record: its key, its position in the record, and its value where the key is missing."""
 
     name: str
     key: str
-    place: int
+    position: int
     read: Callable[[Any], Any]
     write: Callable[[Any], Any] | None  # None: as it is
     default: Any  # _REQUIRED: the key may not be missing
@@ -122,12 +122,12 @@ def _fields_of(record: type[Any], apart: str = "") -> list[_Field]:
         _Field(
             name,
             _KEYS.get((name, hints[name]), name),
-            place,
+            position,
             _READERS[hints[name]],
             _WRITERS.get(hints[name]),
             defaults.get(name, _REQUIRED),
         )
-        for place, name in enumerate(record._fields)
+        for position, name in enumerate(record._fields)
         if name != apart
     ]
 
@@ -137,7 +137,7 @@ _RECORDS = {_TYPES[record]: record for record in _FIELDS}
 # What is written of each record, in this order; the clock error and what a frame's bus has only if needed.
 _WRITTEN = {
     record: [
-        (field.key, field.place, field.write)
+        (field.key, field.position, field.write)
         for field in sorted(fields, key=lambda field: field.key != "tick")
         if record is not records.FrameRecord or field.name not in (*_OF_THE_BUS, "ppm")
     ]
@@ -154,8 +154,8 @@ def to_line(record: Record, buses: Mapping[str, TraceBus]) -> Line:
     """A record as a line; ``buses`` are those of the trace's header."""
     kind = type(record)
     line: Line = {"type": _TYPES[kind]}
-    for key, place, write in _WRITTEN[kind]:
-        value = record[place]
+    for key, position, write in _WRITTEN[kind]:
+        value = record[position]
         line[key] = value if write is None else write(value)
     if isinstance(record, records.FrameRecord):
         bus = buses.get(record.bus)
@@ -241,6 +241,6 @@ def header_of(line: Line) -> TraceHeader:
 
 def _written(record: tuple[Any, ...], fields: Collection[_Field]) -> Line:
     return {
-        field.key: record[field.place] if field.write is None else field.write(record[field.place])
+        field.key: record[field.position] if field.write is None else field.write(record[field.position])
         for field in fields
     }

@@ -145,12 +145,12 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
     Raises UsageError if there is none or it is damaged; a damaged line raises when it is reached. A
     last line that was cut off, as of a recording that was killed, is left out.
     """
-    place = Path(path)
-    if place.is_dir():
-        if not (place / TRACE).is_file():
-            raise UsageError(f"{place} has no {TRACE}: it was run without a trace (--trace)")
-        place /= TRACE
-    file = _File(place)
+    location = Path(path)
+    if location.is_dir():
+        if not (location / TRACE).is_file():
+            raise UsageError(f"{location} has no {TRACE}: it was run without a trace (--trace)")
+        location /= TRACE
+    file = _File(location)
     return Trace(file.header, file.records)
 
 
@@ -240,8 +240,8 @@ def _concerns(record: Record, bus: TraceBus) -> bool:
         case EndsRecord() | DeviceValueRecord() | InputRecord():
             return record.plc in bus.plcs
         case NoteRecord():
-            places = {record.where, record.detail.get("bus"), record.detail.get("node")}
-            return not places.isdisjoint({bus.name, *bus.nodes, *bus.plcs})
+            names = {record.where, record.detail.get("bus"), record.detail.get("node")}
+            return not names.isdisjoint({bus.name, *bus.nodes, *bus.plcs})
         case _:  # of one bus: mypy refuses a record without
             return record.bus == bus.name
 

@@ -119,9 +119,9 @@ def test_current_values_and_index_registers(tmp_path: Path, capsys: pytest.Captu
         (["--devices", " "], "--devices is empty; write such as line.D8201"),
         (
             ["--devices", "line.D0,,line.D1"],
-            "--devices: place 2 of 3 is empty behind line.D0; remove a comma",
+            "--devices: entry 2 of 3 is empty behind line.D0; remove a comma",
         ),
-        (["--devices", ",line.D1"], "--devices: place 1 of 2 is empty; remove a comma"),
+        (["--devices", ",line.D1"], "--devices: entry 1 of 2 is empty; remove a comma"),
         (
             ["--devices", "line.tnO"],
             "--devices: the device of line is 'tnO', not a device; did you mean TN0?",

@@ -80,13 +80,11 @@ class Player:
 
     def _wire(self, sender: int) -> tuple[NoiseSource, ...]:
         return tuple(
-            s
-            for s in self.model.noise.sources
-            if s.place == "bus" or (s.place == "tx" and s.station == sender)
+            s for s in self.model.noise.sources if s.part == "bus" or (s.part == "tx" and s.station == sender)
         )
 
     def _ear(self, receiver: int) -> tuple[NoiseSource, ...]:
-        return tuple(s for s in self.model.noise.sources if s.place == "rx" and s.station == receiver)
+        return tuple(s for s in self.model.noise.sources if s.part == "rx" and s.station == receiver)
 
     def _turnaround(self, station: Station) -> float:
         distribution = station.turnaround

@@ -150,7 +150,7 @@ def test_noise_becomes_sources() -> None:
             {"bus": "link", "ber": 0},
         ]
     )
-    assert [(s.place, s.station, s.good, s.bad, s.chain) for s in link.noise.sources] == [
+    assert [(s.part, s.station, s.good, s.bad, s.chain) for s in link.noise.sources] == [
         ("bus", None, 1e-6, 0.0, None),
         ("rx", 1, 1e-5, 0.0, None),
         ("tx", 2, 1e-4, 0.0, None),

@@ -109,7 +109,7 @@ def test_laws_are_shared_only_where_they_are_the_same() -> None:
     assert np.max(np.abs(every[1, 0].distribution.tail(x) - every[4, 0].distribution.tail(x))) > 1e-2
     # One for the master's frame, two for each slave's: heard by the master and by a listener.
     assert len({id(gap.distribution) for gap in every.values()}) == 9
-    assert len({id(gap.distribution) for gap in gap_distributions(solved, by_place=False).values()}) == 3
+    assert len({id(gap.distribution) for gap in gap_distributions(solved, by_position=False).values()}) == 3
 
 
 PLAYED = {

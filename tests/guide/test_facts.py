@@ -81,14 +81,14 @@ def test_the_blocks_of_the_stations() -> None:
     assert [(int(row[1].replace("none", "0")), int(row[2])) for row in rows] == [
         (block.bits, block.words) for block in MODES
     ]
-    places = {name: LinkRegisters(profile, Memory()).place_of(1, 2) for name, profile in PROFILES.items()}
-    assert (places["pw10"].bit, places["pw10"].bits, places["pw10"].word, places["pw10"].words) == (
+    blocks = {name: LinkRegisters(profile, Memory()).range_of(1, 2) for name, profile in PROFILES.items()}
+    assert (blocks["pw10"].bit, blocks["pw10"].bits, blocks["pw10"].word, blocks["pw10"].words) == (
         1064,
         64,
         32,
         8,
     )
-    assert {places[name].word for name in ("fx2n", "fx3u", "fx1s")} == {10}
+    assert {blocks[name].word for name in ("fx2n", "fx3u", "fx1s")} == {10}
     assert {name for name, profile in PROFILES.items() if 3 in profile.modes} == {"pw10"}
 
 

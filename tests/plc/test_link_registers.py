@@ -14,7 +14,7 @@ from bussim.plc.link_registers import (
     setting_values,
     worst_turnaround,
 )
-from bussim.plc.memory import BlockPlace, Device, Memory
+from bussim.plc.memory import BlockRange, Device, Memory
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply
 
 MS = 72_000
@@ -82,14 +82,14 @@ def test_a_master_mirrors_its_settings_and_a_slave_those_of_its_master() -> None
     tested, memory = board(D8177=2, D8178=1)
     assert isinstance(tested.take_over(0, traced=False), Master)
     assert [memory.word("D", n) for n in (8173, 8174, 8175)] == [0, 2, 1]
-    assert tested.place == BlockPlace(1000, 32, 0, 4)
+    assert tested.block == BlockRange(1000, 32, 0, 4)
     tested, memory = board(D8176=3)
     assert isinstance(tested.take_over(0, traced=False), Slave)
     assert [memory.word("D", n) for n in (8173, 8174, 8175)] == [3, 0, 0]
-    assert (tested.place, tested.mode) == (None, None)
+    assert (tested.block, tested.mode) == (None, None)
     tested.parameters(LinkSettings(5, 2, 3, 10))
     assert [memory.word("D", n) for n in (8173, 8174, 8175)] == [3, 5, 2]
-    assert (tested.place, tested.mode) == (BlockPlace(1192, 64, 96, 8), 2)
+    assert (tested.block, tested.mode) == (BlockRange(1192, 64, 96, 8), 2)
     tested.release()
     assert [memory.word("D", n) for n in (8173, 8174, 8175)] == [3, 0, 0]
 

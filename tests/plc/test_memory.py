@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.plc.memory import BlockPlace, Device, Memory, block_place, parse_device
+from bussim.plc.memory import BlockRange, Device, Memory, block_range, parse_device
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_long_counters_have_32_bits_and_t_and_c_have_a_contact_beside_the_value(
 
 
 PLACES = st.builds(
-    block_place,
+    block_range,
     station=st.integers(0, 7),
     bits=st.sampled_from([0, 32, 64]),
     words=st.sampled_from([4, 8, 16, 32]),
@@ -139,7 +139,7 @@ PLACES = st.builds(
 
 
 @given(PLACES, st.data())
-def test_an_image_is_what_its_layout_says_and_comes_back(place: BlockPlace, draw: st.DataObject) -> None:
+def test_an_image_is_what_its_layout_says_and_comes_back(place: BlockRange, draw: st.DataObject) -> None:
     memory = Memory()
     bits = draw.draw(st.lists(st.integers(0, 1), min_size=place.bits, max_size=place.bits))
     words = draw.draw(st.lists(st.integers(0, 65535), min_size=place.words, max_size=place.words))
@@ -161,7 +161,7 @@ def test_an_image_is_what_its_layout_says_and_comes_back(place: BlockPlace, draw
 
 
 @given(PLACES)
-def test_storing_touches_nothing_beside_the_block(place: BlockPlace) -> None:
+def test_storing_touches_nothing_beside_the_block(place: BlockRange) -> None:
     memory = Memory()
     memory.store_block(place, b"\xff" * (place.bits // 8 + 2 * place.words))
     points = [n for n in range(3072) if memory.get(Device("M", n))]
@@ -175,4 +175,4 @@ def test_storing_touches_nothing_beside_the_block(place: BlockPlace) -> None:
     [(0, 32, 1000, 0), (1, 32, 1064, 32), (3, 32, 1192, 96), (7, 32, 1448, 224), (7, 10, 1448, 70)],
 )
 def test_blocks_lie_where_the_manual_says(station: int, spacing: int, bit: int, word: int) -> None:
-    assert block_place(station, 64, 8, spacing) == BlockPlace(bit, 64, word, 8)
+    assert block_range(station, 64, 8, spacing) == BlockRange(bit, 64, word, 8)

@@ -107,4 +107,4 @@ def test_the_wheel_carries_the_same_folder() -> None:
     settings = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))
     included = settings["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     assert included == {"scenarios": "bussim/scenario/builtin"}
-    assert builtin._PLACES[0] == Path(builtin.__file__).parent / "builtin"
+    assert builtin._FOLDERS[0] == Path(builtin.__file__).parent / "builtin"

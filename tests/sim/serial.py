@@ -25,7 +25,7 @@ from bussim.plc.ports.cpavl import (
     START,
     STATION,
     TIMEOUT,
-    default_places,
+    default_devices,
 )
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import PROFILES
@@ -106,7 +106,7 @@ def port(
     name: str, protocol: str, bus: str = "bus", *, station: int = 1, timeout: int = 10, **words: int
 ) -> tuple[PortSpec, dict[str, int]]:
     """A port and the registers that set it up; ``timeout`` is CPAVL +9 (× 10 ms)."""
-    first, bits = default_places(name)
+    first, bits = default_devices(name)
     values = {PROTOCOL: PROTOCOL_CODES[protocol], STATION: station, TIMEOUT: timeout}
     offsets = {"form": FORMAT, "interval": INTERVAL, "start": START, "end": END}
     values |= {offsets[key]: value for key, value in words.items()}

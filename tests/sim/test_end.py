@@ -225,7 +225,7 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
                 words.setdefault((position, source), []).append((tick, value))
         for position, spec in enumerate(scenario.plcs):
             plc = simulation.plcs[spec.name]
-            if plc.master is None and plc.link_registers.place is None:
+            if plc.master is None and plc.link_registers.block is None:
                 continue
             plc.sync(now)
             end = plc.cycle.latest_end(now)

@@ -21,7 +21,7 @@ def results(plan: Plan, *, rare: bool = False) -> Table:
     rng = random.Random(1)
 
     def figures(run: int) -> dict[str, Any]:
-        point, _ = plan.place(run)
+        point, _ = plan.point_of(run)
         return {
             "link.scans": 100,
             "link.scan_time_mean_ms": 40 + 2 * point + rng.uniform(-1, 1),
@@ -43,7 +43,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_heat_map_has_each_mean_at_its_place(scenario: Path) -> None:
+def test_a_heat_map_has_each_mean_at_its_point(scenario: Path) -> None:
     plan = Plan(scenario, [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"], repeat=3)
     points = results(plan)
     picture = heat_maps(plan, points, "link")

@@ -46,7 +46,7 @@ def traced_again(folder: Path) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file beside its place and move it there. Raises UsageError where that fails."""
+    """Write a file beside its target and move it there. Raises UsageError where that fails."""
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
 

@@ -252,7 +252,7 @@ def _span(ticks: int) -> str:
     return f"{float(ticks / UNIT_TICKS['ms']):g} ms"
 
 
-def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, place: Path) -> list[Path]:
+def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, folder: Path) -> list[Path]:
     import numpy as np
 
     from bussim import api
@@ -273,6 +273,6 @@ def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, p
         about = f"{scenario.name}, seed {scenario.seed}, bussim {__version__}"
         simulated = result.record.links[bus].scan_times.histogram
         picture = distribution_and_histogram(bus, x, distribution.tail(x), simulated, about, lowest)
-        place.mkdir(parents=True, exist_ok=True)
-        paths += picture.save_both(place / f"law_{stem}")
+        folder.mkdir(parents=True, exist_ok=True)
+        paths += picture.save_both(folder / f"law_{stem}")
     return paths

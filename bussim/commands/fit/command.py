@@ -137,13 +137,13 @@ def _simulated(scenario: Scenario, fitted: Fitted, *, wanted: bool) -> RunRecord
     return record if link is not None and link.scan_times.histogram.count else None
 
 
-def _plot(place: Path, fitted: Fitted, simulated: RunRecord | None) -> None:
+def _plot(folder: Path, fitted: Fitted, simulated: RunRecord | None) -> None:
     from bussim.results.plots.scan_times import scan_time_histogram
     from bussim.results.store.safe_names import file_name
 
     if simulated is None:
         raise UsageError("there are no link scans to draw")
-    place.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     picture = scan_time_histogram([fitted.measured, simulated], fitted.bus, ["measured", "simulated"])
-    for path in picture.save_both(place / f"fit_{file_name(fitted.bus)}"):
+    for path in picture.save_both(folder / f"fit_{file_name(fitted.bus)}"):
         click.echo(f"picture: {path}", err=True)

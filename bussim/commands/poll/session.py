@@ -201,7 +201,7 @@ def _line(turn: Turn, planned: Planned) -> str:
     width = 1 if planned.form is None else planned.form.registers
     values = _values(turn, planned)
     if values:
-        shown = "  ".join(f"[{planned.first + place * width}] {value}" for place, value in enumerate(values))
+        shown = "  ".join(f"[{planned.first + index * width}] {value}" for index, value in enumerate(values))
     else:
         shown = f"written: {planned.poll.request.quantity} from [{planned.first}]"
     time = "" if turn.response is None else f"  ({milliseconds(turn.response):.3f} ms{tries})"

@@ -132,15 +132,15 @@ def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verification]:
     return [verify(scenario, bus, retries, timeout, loss) for retries, timeout in sizing.neighbours()]
 
 
-def _write(scenario: Scenario, found: dict[str, Sizing], text: str, place: Path) -> list[Path]:
+def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path) -> list[Path]:
     from bussim.exact.sizing.trade_off import trade_off
     from bussim.results.plots.trade_off import trade_off_picture
     from bussim.results.store.safe_names import file_names
     from bussim.units import TICKS_PER_MS
     from bussim.version import __version__
 
-    place.mkdir(parents=True, exist_ok=True)
-    paths = [place / "size.json"]
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / "size.json"]
     paths[0].write_text(text + "\n", encoding="utf-8")
     for bus, stem in file_names(found).items():
         sizing = found[bus]
@@ -157,5 +157,5 @@ def _write(scenario: Scenario, found: dict[str, Sizing], text: str, place: Path)
             chosen=None if best is None else (points.chosen_for, best.retries),
             description=f"{scenario.name}, bussim {__version__}",
         )
-        paths += picture.save_both(place / f"size_{stem}")
+        paths += picture.save_both(folder / f"size_{stem}")
     return paths

@@ -1,4 +1,4 @@
-"""Modbus frames as characters on the wire (ADUs), RTU and ASCII: the only place that knows the layout.
+"""Modbus frames as characters on the wire (ADUs), RTU and ASCII: the only module that knows the layout.
 
 =====  ============================================================  ===================
 mode   layout                                                        characters

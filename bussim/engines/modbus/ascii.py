@@ -7,7 +7,7 @@ from bussim.engines.modbus.adu import ASCII_MAX, COLON, CR, HEX_DIGITS, LF, Adu,
 from bussim.engines.modbus.codes import Rejection
 from bussim.engines.modbus.reader import AduReader
 
-# What may follow the colon; whether it is in the right place is checked at the end.
+# What may follow the colon; whether it is where it may be is checked at the end.
 _CHARACTERS = HEX_DIGITS | {CR, LF}
 
 

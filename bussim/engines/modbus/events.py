@@ -82,7 +82,7 @@ class PollEnded:
     """Poll list: a turn of a poll is over, all its retries included."""
 
     tick: int
-    index: int  # place in the list, from 0
+    index: int  # in the list, from 0
     start: int  # when its first attempt was begun
     attempts: int
     error: PortError | None  # of the last attempt; None: answered

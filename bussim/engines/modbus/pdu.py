@@ -58,11 +58,11 @@ class Limits(NamedTuple):
 
     def of(self, function: int) -> int:
         """The most that a request of a function (one of :data:`FUNCTIONS`) may name."""
-        place = _LIMIT_PLACES[function]
-        return 1 if place is None else self[place]
+        index = _LIMIT_INDEX[function]
+        return 1 if index is None else self[index]
 
 
-_LIMIT_PLACES: Final[dict[int, int | None]] = {1: 0, 2: 1, 3: 2, 4: 3, 5: None, 6: None, 15: 4, 16: 5}
+_LIMIT_INDEX: Final[dict[int, int | None]] = {1: 0, 2: 1, 3: 2, 4: 3, 5: None, 6: None, 15: 4, 16: 5}
 
 STANDARD_LIMITS: Final = Limits()
 

@@ -115,8 +115,8 @@ class Line:
             if source.chain is None:
                 own = np.full(self.states, source.good)
             else:
-                place = len(self.noise.chains) - 1 - source.chain
-                bad = (np.arange(self.states) >> place) & 1
+                bit = len(self.noise.chains) - 1 - source.chain
+                bad = (np.arange(self.states) >> bit) & 1
                 own = np.where(bad == 1, source.bad, source.good)
             rates = rates + own - 2 * rates * own
         return rates
@@ -179,7 +179,7 @@ class Line:
         both = (1 - c) * m * r + c * (1 - m) * (1 - r)
         s, step = self.states, self.after(self.bit)
         walk = np.zeros((4 * s, 4 * s))
-        hits = (fine, only_r, only_m, both)  # by the two bits (master, listener) of their place
+        hits = (fine, only_r, only_m, both)  # by the two bits (master, listener) of their index
         for old in range(4):
             for new, rates in enumerate(hits):
                 rows, columns = slice(old * s, old * s + s), slice((old | new) * s, (old | new) * s + s)

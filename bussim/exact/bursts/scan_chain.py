@@ -52,7 +52,7 @@ class ScanChain:
         self._attempts = {s.number: attempt_at(self.line, model, s) for s in model.stations}
         self._exchanges: dict[tuple[int, int], Exchange] = {}
         self._terms: dict[tuple[int, int], StateTerms] = {}
-        # Places of the flags that a scan's start depends on.
+        # Indices of the flags that a scan's start depends on.
         remembered = model.alive if model.absent.probes else ()
         self._bits = {station.number: bit for bit, station in enumerate(remembered)}
         self.configurations = 1 << len(self._bits)
@@ -140,14 +140,14 @@ class ScanChain:
         passed = self._pass(self.start)
         errors, onsets = passed.errors, passed.onsets
         found = []
-        for place, station in enumerate(self.model.stations):
+        for index, station in enumerate(self.model.stations):
             if not station.alive:
                 found.append(Fails(1.0, 0.0, 0.0))
             elif station.number in self._bits:
-                found.append(Fails.of(errors[place], onsets[place]))
+                found.append(Fails.of(errors[index], onsets[index]))
             else:
                 without = self._pass(self.start, spared=station.number).end
-                found.append(Fails.of(errors[place], self._pass(without).errors[place]))
+                found.append(Fails.of(errors[index], self._pass(without).errors[index]))
         return tuple(found)
 
     # -- the distribution -----------------------------------------------------------------------------------
@@ -208,12 +208,12 @@ class ScanChain:
     def begun_exchange(self, station: Station) -> StateMixture:
         """Stationary components, of no length, at the start of an exchange, marked as the scan left them."""
         passed = self._pass(self.start)
-        place = self.model.stations.index(station)
+        index = self.model.stations.index(station)
         if self._bits:
-            weight = passed.before[place]
+            weight = passed.before[index]
             flags = np.nonzero(weight.sum(axis=1) >= FLOOR)[0]
             return StateMixture(np.zeros(flags.size), flags * MARK, weight[flags][:, None, :])
-        weight = np.stack((passed.before[place] - passed.marked[place], passed.marked[place]))
+        weight = np.stack((passed.before[index] - passed.marked[index], passed.marked[index]))
         return StateMixture(np.zeros(2), np.array([0, MARK]), weight)
 
     def distribution(self) -> Distribution:

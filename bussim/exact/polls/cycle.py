@@ -111,9 +111,9 @@ class Round:
             else None
         )
 
-    def age(self, place: int) -> int:
+    def age(self, index: int) -> int:
         """How old what a poll read can become before the next values replace it."""
-        cost, master_timing = self._costs[place], self._master_timing
+        cost, master_timing = self._costs[index], self._master_timing
         served, taken = cost.poll.served.least, master_timing.taken(cost.need).most
         if self.continuous:
             others = sum(other.turn(master_timing).most for other in self._costs if other is not cost)
@@ -122,8 +122,8 @@ class Round:
         if not cost.poll.every:
             return self.all + taken - served
         if self._simultaneous and self._ordered:
-            until = sum(span.most for span in self._alone[: place + 1])
-            before = sum(other.own(master_timing) + self._late for other in self._costs[:place])
+            until = sum(span.most for span in self._alone[: index + 1])
+            before = sum(other.own(master_timing) + self._late for other in self._costs[:index])
             return cost.poll.every + master_timing.idle + until - before - begun
         return cost.poll.every + master_timing.idle + self.all - begun
 

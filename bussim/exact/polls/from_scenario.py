@@ -227,8 +227,8 @@ class _Reader:
             fault.name
             for fault in self.scenario.faults
             if not isinstance(fault.kind, Slow)
-            and _place(fault) in nodes | {bus}
-            and _place(fault) not in gone
+            and _owner(fault) in nodes | {bus}
+            and _owner(fault) not in gone
         ]
         found += [noise.name for noise in self.scenario.noise if noise.target.bus == bus]
         return [f"left out of the figures without errors: {names(found)}"] if found else []
@@ -311,7 +311,7 @@ def _line(timing: LineTiming) -> str:
     return f"{timing.baud} {timing.format}"
 
 
-def _place(fault: Fault) -> str:
+def _owner(fault: Fault) -> str:
     """The node or bus that a fault sits on."""
     kind = fault.kind
     return str(getattr(kind, "node", getattr(kind, "bus", "")))

@@ -97,11 +97,11 @@ class Distribution:
         upper = self.upper
         for begin in range(0, x.size, step := max(1, _PAIRS // self.shift.size)):
             block = x[begin : begin + step, None]
-            places, components = np.nonzero((self.shift <= block) & (block < upper))
+            rows, components = np.nonzero((self.shift <= block) & (block < upper))
             codes = self.code[components]
             for code in set(codes.tolist()):
                 chosen = codes == code
-                at, component = places[chosen] + begin, components[chosen]
+                at, component = rows[chosen] + begin, components[chosen]
                 values = self.weight[component] * part(code, x[at] - self.shift[component])
                 total += np.bincount(at, weights=values, minlength=x.size)
         return total
@@ -127,16 +127,16 @@ class Distribution:
             near = self._stretch(left, right, upper, heavy)
             cuts = left + (right - left) * _ENDS
             tails = near.tail(cuts)
-            place = int(np.count_nonzero(tails > q))
-            if place == 0 and left > low:
+            index = int(np.count_nonzero(tails > q))
+            if index == 0 and left > low:
                 left, right = low, left
-            elif place == cuts.size and right < high:
+            elif index == cuts.size and right < high:
                 left, right = right, high
-            elif place in (0, cuts.size):
-                return float(left if place == 0 else right)
+            elif index in (0, cuts.size):
+                return float(left if index == 0 else right)
             else:
-                left, right = float(cuts[place - 1]), float(cuts[place])
-                above, below = float(tails[place - 1]), float(tails[place])
+                left, right = float(cuts[index - 1]), float(cuts[index])
+                above, below = float(tails[index - 1]), float(tails[index])
                 if self.sums.smooth and above - below <= _STRAIGHT * above:
                     return left + (right - left) * (above - q) / (above - below)
                 if right - left <= max(_NARROW, 4 * np.spacing(right)):
@@ -182,9 +182,9 @@ class _Segment(NamedTuple):
             cuts = left + (right - left) * _CUTS
             parts = self.sums.rough_tail(self.code, cuts[:, None] - self.shift)
             tails = self.whole + np.einsum("ij,j->i", parts, self.weight)
-            place = int(np.count_nonzero(tails > q))  # the tail never rises: all before it are above
-            left = float(cuts[place - 1]) if place else left
-            right = float(cuts[place]) if place < cuts.size else right
+            index = int(np.count_nonzero(tails > q))  # the tail never rises: all before it are above
+            left = float(cuts[index - 1]) if index else left
+            right = float(cuts[index]) if index < cuts.size else right
         return max(low, left - _REACH * width), min(high, right + _REACH * width)
 
     def tail(self, x: Floats) -> Floats:

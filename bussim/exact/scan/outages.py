@@ -126,10 +126,10 @@ def _residual(distribution: Distribution, level: float, least: int) -> float:
     while high - low > 1.0:
         cuts = np.linspace(low, high, 34)[1:-1]
         above = distribution.excess(cuts) > level * mean
-        place = int(np.count_nonzero(above))
+        index = int(np.count_nonzero(above))
         low, high = (
-            (float(cuts[place - 1]) if place else low),
-            (float(cuts[place]) if place < cuts.size else high),
+            (float(cuts[index - 1]) if index else low),
+            (float(cuts[index]) if index < cuts.size else high),
         )
     return max(high, float(least))
 

@@ -137,7 +137,7 @@ class TurnaroundSums:
         self._kinds = _kinds_of(distributions)
         if len(self._kinds) > MAX_KINDS:
             raise ValueError(f"{len(self._kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
-        self._units = {kind: 1 << (DIGIT * place) for place, kind in enumerate(self._kinds)}
+        self._units = {kind: 1 << (DIGIT * digit) for digit, kind in enumerate(self._kinds)}
         self._grid: _Grid | None = None
 
     def unit(self, distribution: Turnaround) -> int:
@@ -146,7 +146,7 @@ class TurnaroundSums:
 
     def counts(self, codes: Codes) -> list[Codes]:
         """How often each kind occurs."""
-        return [(codes >> (DIGIT * place)) & _MASK for place in range(len(self._kinds))]
+        return [(codes >> (DIGIT * digit)) & _MASK for digit in range(len(self._kinds))]
 
     def _linear(self, codes: Codes, factors: list[float]) -> Floats:
         total = np.zeros(codes.shape, dtype=np.float64)
@@ -198,12 +198,12 @@ class TurnaroundSums:
         most = int(codes.max(initial=0))
         if width and most <= TABLE_COUNTS:
             table = _table(next(size for size in (12, 24, TABLE_COUNTS) if most <= size))
-            place = np.clip(y * (_TABLE_POINTS / width), 0.0, table.shape[1] - 2.0)
-            index = place.astype(np.int64)
+            position = np.clip(y * (_TABLE_POINTS / width), 0.0, table.shape[1] - 2.0)
+            index = position.astype(np.int64)
             at = codes * table.shape[1] + index
             flat = table.reshape(-1)
             low = flat[at]
-            return np.asarray(np.where(y < 0, 1.0, low + (place - index) * (flat[at + 1] - low)))
+            return np.asarray(np.where(y < 0, 1.0, low + (position - index) * (flat[at + 1] - low)))
         codes, y = np.broadcast_arrays(codes, y)
         result = np.empty(y.shape)
         for code in np.unique(codes).tolist():
@@ -267,9 +267,9 @@ class _Grid:
     def _sum(self, code: int) -> tuple[float, Floats]:
         found = self._sums.get(code)
         if found is None:
-            place = max(p for p in range(len(self._kinds)) if code >> (DIGIT * p) & _MASK)
-            offset, masses = self._sum(code - (1 << (DIGIT * place)))
-            more, single = self._singles[place]
+            digit = max(p for p in range(len(self._kinds)) if code >> (DIGIT * p) & _MASK)
+            offset, masses = self._sum(code - (1 << (DIGIT * digit)))
+            more, single = self._singles[digit]
             found = self._sums[code] = (offset + more, np.convolve(masses, single))
         return found
 
@@ -285,13 +285,13 @@ class _Grid:
     def tail(self, code: int, y: Floats) -> Floats:
         """P(sum > y)."""
         offset, tail = self._tail_of(code)
-        place = (y - offset) / self._step
+        position = (y - offset) / self._step
         if self._stepwise:
-            index = np.clip(np.floor(place + 1e-9).astype(np.int64) + 1, 0, tail.size - 1)
+            index = np.clip(np.floor(position + 1e-9).astype(np.int64) + 1, 0, tail.size - 1)
             return np.asarray(tail[index], dtype=np.float64)
         # A cell's mass is spread over the cell: half of it lies above its middle.
         edges = np.arange(tail.size) - 0.5
-        return np.asarray(np.interp(place, edges, tail), dtype=np.float64)
+        return np.asarray(np.interp(position, edges, tail), dtype=np.float64)
 
     def excess(self, code: int, y: Floats) -> Floats:
         """E[max(0, sum - y)]."""

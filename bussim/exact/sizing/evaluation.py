@@ -117,7 +117,7 @@ class Checked:
         names = tuple(names)
         met = self.candidates(names)
         found = [(row, int(np.argmax(met[row]))) for row in dict.fromkeys(rows) if met[row].any()]
-        return any("heartbeat" not in names or self.heartbeat_met(*place) for place in found)
+        return any("heartbeat" not in names or self.heartbeat_met(*setting) for setting in found)
 
 
 def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | None:
@@ -135,8 +135,8 @@ def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | N
         worst = np.max(np.stack([getattr(view.grid, values)[list(rows)] for view, rows in views]), axis=0)
         # Times that differ by rounding only are equal: with probe more attempts cost a dead station nothing.
         keys.append((worst if values == "errors" else np.round(worst))[retries, columns])
-    for place in np.lexsort((columns, retries, *reversed(keys))).tolist():
-        chosen = int(retries[place]), int(columns[place])
+    for index in np.lexsort((columns, retries, *reversed(keys))).tolist():
+        chosen = int(retries[index]), int(columns[index])
         if all(view.heartbeat_met(rows[chosen[0]], chosen[1]) for view, rows in views):
             return chosen
     return None
@@ -194,7 +194,7 @@ def _gaps(model: LinkModel) -> tuple[tuple[Distribution, int, float], ...]:
     solved = Solved(model)
     year = YEAR / solved.distribution.mean
     found = {}
-    for gap in gap_distributions(solved, _GAP_FLOOR, by_place=False).values():
+    for gap in gap_distributions(solved, _GAP_FLOOR, by_position=False).values():
         scans = model.scans_between(gap.source, gap.receiver)
         found[id(gap.distribution), scans] = (gap.distribution, scans, year * gap.per_scan)
     return tuple(found.values())

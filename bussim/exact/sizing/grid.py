@@ -198,14 +198,14 @@ class _Rows:
         step = max(_STEP, (last - first) * count / _CELLS)
         cells = int((last - first) / step) + 3
         masses = np.zeros(count * cells)
-        place = (terms.fixed - first) / step
-        index = np.floor(place)
+        position = (terms.fixed - first) / step
+        index = np.floor(position)
         widths = terms.sums.widths(terms.code)
         for code in np.unique(terms.code).tolist():
             chosen = np.nonzero(terms.code == code)[0]
             reach = int(widths[chosen[0]] / step) + 2
             # Weight in each cell that a component touches: differences of its tail at the cells' edges.
-            edges = (np.arange(reach + 1) - (place[chosen] - index[chosen])[:, None]) * step
+            edges = (np.arange(reach + 1) - (position[chosen] - index[chosen])[:, None]) * step
             beyond = terms.sums.rough_tail(terms.code[chosen][:, None], edges)
             parts = (beyond[:, :-1] - beyond[:, 1:]) * terms.weight[chosen][:, None]
             at = (terms.waits[chosen] * cells + index[chosen].astype(np.int64))[:, None] + np.arange(reach)
@@ -217,12 +217,12 @@ class _Rows:
         """P(scan > x) for pairs of x and timeout."""
         count, cells = self.tails.shape
         waits = np.arange(count)
-        place = np.clip((x[:, None] - self.first - waits * tau[:, None]) / self.step, 0.0, cells - 2.0)
-        index = place.astype(np.int64)
+        position = np.clip((x[:, None] - self.first - waits * tau[:, None]) / self.step, 0.0, cells - 2.0)
+        index = position.astype(np.int64)
         at = index + waits * cells
         flat = self.tails.reshape(-1)
         low = flat[at]
-        beyond = (low + (place - index) * (flat[at + 1] - low)).sum(axis=1)
+        beyond = (low + (position - index) * (flat[at + 1] - low)).sum(axis=1)
         return np.asarray(np.minimum(beyond, 1.0), dtype=np.float64)
 
 

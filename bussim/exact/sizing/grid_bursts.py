@@ -99,7 +99,7 @@ class BurstStacks:
             good, bad = good.then(answered), bad.then(answered) + (good + bad).then(error)
         scan = good.then(short) + bad.then(long)
         counted = [] if dead is not None else [i for i, s in enumerate(model.stations) if s.alive]
-        each = np.array([self._fails(model, place, ends, start, before[place]) for place in counted])
+        each = np.array([self._fails(model, index, ends, start, before[index]) for index in counted])
         errors, onsets = np.minimum(each, 1.0).reshape(len(counted), 2, self.tau.size).swapaxes(0, 1)
         return Moments(scan.one.sum(axis=(1, 2)), scan.two.sum(axis=(1, 2)), errors, onsets)
 
@@ -151,39 +151,39 @@ class BurstStacks:
     # -- a station's flag --------------------------------------------------------------------------
 
     def _fails(
-        self, model: LinkModel, place: int, ends: list[_Exchange], start: Floats, before: Stack
+        self, model: LinkModel, index: int, ends: list[_Exchange], start: Floats, before: Stack
     ) -> tuple[Floats, Floats]:
         """The chances that a station is in error and that its error begins, by timeout.
 
         Its flag is followed together with the line's state.
         """
         probed = model.absent.probes
-        flagged = self.exchange(model, model.stations[place], 1) if probed else ends[place]
+        flagged = self.exchange(model, model.stations[index], 1) if probed else ends[index]
         states = self.line.states
         chain = np.empty((self.tau.size, 2 * states, 2 * states))
-        for flag, own in enumerate((ends[place], flagged)):
+        for flag, own in enumerate((ends[index], flagged)):
             for outcome in (0, 1):
                 rows = slice(flag * states, (flag + 1) * states)
                 columns = slice(outcome * states, (outcome + 1) * states)
                 chain[:, rows, columns] = self._scan(
-                    model, [*ends[:place], own, *ends[place + 1 :]], (place, outcome)
+                    model, [*ends[:index], own, *ends[index + 1 :]], (index, outcome)
                 )
         both = _stationary(chain)
-        onset = np.einsum("ts,tsu,tuv->t", both[:, :states], before, ends[place].error.zero)
+        onset = np.einsum("ts,tsu,tuv->t", both[:, :states], before, ends[index].error.zero)
         if probed:
             return np.asarray(both[:, states:].sum(axis=1), dtype=np.float64), onset
-        return np.einsum("ts,tsu,tuv->t", start, before, ends[place].error.zero), onset
+        return np.einsum("ts,tsu,tuv->t", start, before, ends[index].error.zero), onset
 
     def _scan(self, model: LinkModel, ends: list[_Exchange], only: tuple[int, int]) -> Stack:
-        """The states' transitions over a whole scan in which the exchange at a place had one outcome.
+        """The states' transitions over a whole scan in which the exchange at an index had one outcome.
 
-        ``only`` is the place and 0 for answered, 1 for in error.
+        ``only`` is the index and 0 for answered, 1 for in error.
         """
         clean = self._fixed(model.data).zero
         marked = np.zeros_like(clean)
-        for place, (answered, error) in enumerate(ends):
-            good = answered.zero if (place, 1) != only else np.zeros_like(clean)
-            bad = error.zero if (place, 0) != only else np.zeros_like(clean)
+        for index, (answered, error) in enumerate(ends):
+            good = answered.zero if (index, 1) != only else np.zeros_like(clean)
+            bad = error.zero if (index, 0) != only else np.zeros_like(clean)
             clean, marked = clean @ good, marked @ good + (clean + marked) @ bad
         plain = model.overhead + model.gap
         return clean @ self._fixed(plain).zero + marked @ self._fixed(plain + model.parameters_cost).zero

@@ -90,8 +90,8 @@ def best_value(
     values = np.where(among, every[list(index)], np.nan)
     if np.isnan(values).all():
         return None
-    place = int(np.nanargmax(values) if name == "ride" else np.nanargmin(values))
-    row, column = divmod(place, values.shape[1])
+    best = int(np.nanargmax(values) if name == "ride" else np.nanargmin(values))
+    row, column = divmod(best, values.shape[1])
     return float(values[row, column]), row, column
 
 
@@ -195,8 +195,8 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change 
 
     if not works(steps):
         return None
-    for place, kind in enumerate(kinds):
-        tried = ([*steps[:place], step, *steps[place + 1 :]] for step in range(len(kind.steps)))
+    for index, kind in enumerate(kinds):
+        tried = ([*steps[:index], step, *steps[index + 1 :]] for step in range(len(kind.steps)))
         steps = next(at for at in tried if works(at))
     now = changed(steps)
     for kind in kinds:

@@ -89,7 +89,7 @@ def decode_format(word: int) -> tuple[LineTiming, bool]:
     return LineTiming(baud, fmt), bool(word & _EIGHT_BIT)
 
 
-def default_places(port: str) -> tuple[Device, Device]:
+def default_devices(port: str) -> tuple[Device, Device]:
     """Where a scenario keeps a port's words and bits if it does not say: COM2 D7900 and M2900, and so on."""
     offset = 20 * (int(port[3:]) - 2)
     return Device("D", 7900 + offset), Device("M", 2900 + offset)

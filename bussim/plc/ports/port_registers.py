@@ -56,7 +56,7 @@ class PortRegisters:
         self.engine: PortEngine | None = None
         #: Whether a transaction or reception was under way at the latest END: it costs execution time.
         self.active = False
-        self._places = (spec.words, spec.bits)
+        self._devices = (spec.words, spec.bits)
         self._check(spec.words, spec.bits)
         self._polls = [poll for poll in polls if isinstance(poll, PollSpec)]
         self._free = [poll for poll in polls if isinstance(poll, FreeSpec)]
@@ -80,7 +80,7 @@ class PortRegisters:
         Raises ValueError if they do not lie in memory.
         """
         self._check(words, bits)
-        self._places = (words, bits)
+        self._devices = (words, bits)
 
     # -- RUN and STOP ------------------------------------------------------------------------------
 
@@ -93,9 +93,9 @@ class PortRegisters:
         self.engine = self.settings = None
         self._side = Side()
         self.active = False
-        status = PortStatus(self.spec.name, memory, self._places, errors, self._events)
+        status = PortStatus(self.spec.name, memory, self._devices, errors, self._events)
         status.good()
-        settings = read_settings(self.spec.name, memory, self._places[0])
+        settings = read_settings(self.spec.name, memory, self._devices[0])
         if isinstance(settings, BadSettings):
             status.failed(settings.error, now, settings.text)
             return None

@@ -92,8 +92,8 @@ def port_of(operands: Rs2, memory: Memory) -> str | None:
 def modbus_call(operands: Rs2, memory: Memory) -> Call:
     """What the operands mean on a port that is a Modbus master."""
     head = memory.get(operands.s)
-    place = operands.n if isinstance(operands.n, Device) else Device("D", operands.n & 0xFFFF)
-    return Call(head >> 8, head & 0xFF, value_of(operands.m, memory), memory.get(operands.d), place)
+    n = operands.n if isinstance(operands.n, Device) else Device("D", operands.n & 0xFFFF)
+    return Call(head >> 8, head & 0xFF, value_of(operands.m, memory), memory.get(operands.d), n)
 
 
 def free_call(operands: Rs2, memory: Memory) -> FreeCall:

@@ -19,7 +19,7 @@ class PortStatus:
         self,
         port: str,
         memory: Memory,
-        places: tuple[Device, Device],
+        devices: tuple[Device, Device],
         errors: SerialErrors,
         events: deque[PortEvent],
     ) -> None:
@@ -27,7 +27,7 @@ class PortStatus:
         self.memory = memory
         #: Events that wait to be reported.
         self.events = events
-        self._words, self._bits = places
+        self._words, self._bits = devices
         self._shown = memory.bits(self._bits.letter)
         self._errors = errors
 

@@ -27,7 +27,7 @@ class OperationFault(NamedTuple):
     def text(self, program: Program | None) -> str:
         """In words; the instruction is that of the program."""
         meaning = MEANINGS.get(self.code, "operation error")
-        return f"M8067 on, D8067 = {self.code} ({meaning}) {place(program, self.step)}"
+        return f"M8067 on, D8067 = {self.code} ({meaning}) {location(program, self.step)}"
 
 
 class Halt(NamedTuple):
@@ -51,7 +51,7 @@ class Halt(NamedTuple):
         return f"{why}, M8061 on, D8061 = {self.code}"
 
 
-def place(program: Program | None, step: int) -> str:
+def location(program: Program | None, step: int) -> str:
     """``at step 12 (line 5 of the program: DIV D0 D1 D2)``."""
     found = None if program is None else next((at for at in program.instructions if at.step == step), None)
     if found is None:

@@ -206,5 +206,5 @@ class LinkMeter:
             end = None if None in (last.end, span.end) else max(last.end or 0, span.end or 0)
             stations = (*last.stations, name) if name and name not in last.stations else last.stations
             found.append(MasterLost(last.start, end, stations, int(without // usual) if usual else 0))
-        order = {name: place for place, name in enumerate(self.lost)}
+        order = {name: index for index, name in enumerate(self.lost)}
         return [each._replace(stations=tuple(sorted(each.stations, key=order.__getitem__))) for each in found]

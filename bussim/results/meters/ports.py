@@ -181,7 +181,7 @@ class PortMeter:
         """Every node that a record has come from, in the order of the totals."""
         timeouts = {port.node: port.timeout for port in totals.ports}
         timeouts |= {device.name: device.timeout for device in totals.devices}
-        order = {name: place for place, name in enumerate(timeouts)}
+        order = {name: index for index, name in enumerate(timeouts)}
         names = sorted(self._nodes, key=lambda name: order.get(name, len(order)))
         for name in names:
             self._nodes[name].timeout = timeouts.get(name)

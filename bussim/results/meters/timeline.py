@@ -40,19 +40,19 @@ class Timeline:
 
     def add(self, start: int, duration: int) -> None:
         """Take in a scan; starts never decrease."""
-        place = start // self._width
-        while place >= MOST_CELLS:
+        column = start // self._width
+        while column >= MOST_CELLS:
             self._double()
-            place = start // self._width
-        self._put(place, Cell(start, 1, duration, duration, duration))
+            column = start // self._width
+        self._put(column, Cell(start, 1, duration, duration, duration))
 
     @property
     def cells(self) -> list[Cell]:
         """The cells that have scans, in time order."""
         return list(self._cells.values())
 
-    def _put(self, place: int, new: Cell) -> None:
-        old = self._cells.get(place)
+    def _put(self, column: int, new: Cell) -> None:
+        old = self._cells.get(column)
         if old is not None:
             new = Cell(
                 old.start,
@@ -61,13 +61,13 @@ class Timeline:
                 min(old.shortest, new.shortest),
                 max(old.longest, new.longest),
             )
-        self._cells[place] = new
+        self._cells[column] = new
 
     def _double(self) -> None:
         self._width *= 2
         cells, self._cells = self._cells, {}
-        for place, cell in cells.items():
-            self._put(place // 2, cell)
+        for column, cell in cells.items():
+            self._put(column // 2, cell)
 
 
 class Span(NamedTuple):
@@ -130,16 +130,16 @@ class Spans:
                 self._append(self._spans[what], span)
 
 
-def fault_spans(notes: Iterable[NoteRecord], places: Collection[str]) -> list[tuple[str, Span]]:
+def fault_spans(notes: Iterable[NoteRecord], subjects: Collection[str]) -> list[tuple[str, Span]]:
     """Each fault's text and when it acted, from its notes "fault" and "fault_over" of one name.
 
-    Of notes that name a PLC or bus only those count that name one of ``places``.
+    Of notes that name a PLC or bus only those count that name one of ``subjects``.
     """
     spans: list[tuple[str, Span]] = []
     acting: dict[str, int] = {}
     for note in notes:
-        place = note.detail.get("node", note.detail.get("bus"))
-        if note.kind not in ("fault", "fault_over") or (place is not None and place not in places):
+        subject = note.detail.get("node", note.detail.get("bus"))
+        if note.kind not in ("fault", "fault_over") or (subject is not None and subject not in subjects):
             continue
         if note.kind == "fault":
             # Of a fault that hits a number of frames only its beginning is known.

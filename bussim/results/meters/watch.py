@@ -62,12 +62,12 @@ class Watch:
         values = [each.at(begin) for each in self.watched]
         yield begin, list(values)
         changes = sorted(
-            (tick, place, value)
-            for place, each in enumerate(self.watched)
+            (tick, index, value)
+            for index, each in enumerate(self.watched)
             for tick, value in each.between(begin, end)
         )
-        for number, (tick, place, value) in enumerate(changes):
-            values[place] = value
+        for number, (tick, index, value) in enumerate(changes):
+            values[index] = value
             if number + 1 == len(changes) or changes[number + 1][0] != tick:
                 yield tick, list(values)
 

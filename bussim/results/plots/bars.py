@@ -44,16 +44,16 @@ def usual_range(histograms: Sequence[Histogram]) -> tuple[int, int]:
 def _densest(histogram: Histogram, tenths: int) -> tuple[int, int]:
     """First and last bin of the shortest range that holds so many tenths of the samples."""
     needed = tenths * histogram.count
-    places = sorted(histogram.bins)
-    best = (places[0], places[-1])
+    numbers = sorted(histogram.bins)
+    best = (numbers[0], numbers[-1])
     held, tail = 0, 0
-    for place in places:
-        held += histogram.bins[place]
-        while 10 * (held - histogram.bins[places[tail]]) >= needed:
-            held -= histogram.bins[places[tail]]
+    for number in numbers:
+        held += histogram.bins[number]
+        while 10 * (held - histogram.bins[numbers[tail]]) >= needed:
+            held -= histogram.bins[numbers[tail]]
             tail += 1
-        if 10 * held >= needed and place - places[tail] < best[1] - best[0]:
-            best = (places[tail], place)
+        if 10 * held >= needed and number - numbers[tail] < best[1] - best[0]:
+            best = (numbers[tail], number)
     return best
 
 

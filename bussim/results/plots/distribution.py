@@ -56,7 +56,7 @@ def distribution_and_histogram(
 
 def _frequencies(simulated: Histogram) -> tuple[Floats, Floats]:
     bins = sorted(simulated.bins.items())
-    times = np.array([place for place, _ in bins], dtype=np.float64) * BIN_TICKS
+    times = np.array([number for number, _ in bins], dtype=np.float64) * BIN_TICKS
     counts = np.array([count for _, count in bins], dtype=np.float64)
     beyond = counts.sum() - np.cumsum(counts)
     enough = beyond >= _LEAST

@@ -142,7 +142,7 @@ def _in_words(panel: _Panel) -> str:
 
 def _limit(column: Sequence[Axes], shown: tuple[int, int]) -> None:
     """Give a column one axis of time, its label below the last panel."""
-    low, high = (milliseconds(place * BIN_TICKS) for place in shown)
+    low, high = (milliseconds(number * BIN_TICKS) for number in shown)
     margin = max(0.03 * (high - low), 0.05)
     for axes in column[:-1]:
         axes.set_xlabel("")

@@ -104,7 +104,7 @@ class Picture(Figure):
     def save(self, path: Path) -> Path:
         """Write the picture as PNG or SVG, after the path's ending, and return the path.
 
-        Raises UsageError for another ending or a place that cannot be written.
+        Raises UsageError for another ending or a path that cannot be written.
         """
         kind = path.suffix.lower()
         if kind not in (".png", ".svg"):

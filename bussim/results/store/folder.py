@@ -1,4 +1,4 @@
-"""The folder that a run leaves: written beside its place, marked incomplete, and moved there when whole."""
+"""The folder that a run leaves: written beside its target, marked incomplete, and moved there when whole."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class RunFolder:
             raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
 
     def finish(self, record: RunRecord, scenario: str) -> Path:
-        """Write summary, histograms, scenario and pictures, and move the folder into its place.
+        """Write summary, histograms, scenario and pictures, and move the folder to its target.
 
         ``scenario`` is the text of the scenario as run. Returns the target.
         """

@@ -133,7 +133,7 @@ def own_line(given: PortIn, line: LineTiming) -> LineTiming:
 
 
 def is_set_up(name: str, port: PortIn) -> bool:
-    """Whether an entry sets up a port: by a protocol, by the place of its words, or as COM2's default."""
+    """Whether an entry sets up a port: by a protocol, by the device of its words, or as COM2's default."""
     return name in CPAVL_PORTS and (port.protocol is not None or port.cpavl is not None or name == "COM2")
 
 
@@ -151,10 +151,10 @@ def configure_port(
     """The meaning of a port's entry, and the registers that its friendly keys and their defaults add.
 
     ``raw`` are the PLC's other registers by their proper names, which win over defaults. A port
-    without a protocol is as ``raw`` describes it: nothing is filled in. ``programmed`` are the places of
+    without a protocol is as ``raw`` describes it: nothing is filled in. ``programmed`` are the devices of
     words and bits that the PLC's program gives them; ``com2_station`` is D8121 at power-on.
     """
-    words, bits = cpavl.default_places(name)
+    words, bits = cpavl.default_devices(name)
     if given.cpavl is not None:
         words, bits = given.cpavl.words or words, given.cpavl.bits or bits
     words, bits = programmed or (words, bits)

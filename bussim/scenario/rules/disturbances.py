@@ -84,8 +84,8 @@ def check_faults(resolved: Resolved, report: Report) -> None:
             _check_owner((*path, "plc"), fault.board_error.plc, nodes, report, plc_only=True)
         elif kind in OF_THE_OWNER:
             given: StationIn = getattr(fault, kind)
-            place = _place(entry, kind)
-            _check_owner(place, given.station, nodes, report, plc_only=kind == "stop")
+            subject = _subject(entry, kind)
+            _check_owner(subject, given.station, nodes, report, plc_only=kind == "stop")
         else:
             _check_node(entry, kind, fault, nodes, report)
 
@@ -138,25 +138,25 @@ def _check_cut(path: Path, cut: CableCutIn, resolved: Resolved, report: Report) 
         )
 
 
-def _place(entry: Entry[FaultIn], kind: str) -> Path:
-    """Where the fault names its station: in its mapping, or in place of it."""
+def _subject(entry: Entry[FaultIn], kind: str) -> Path:
+    """Where the fault names its station: in its mapping, or instead of it."""
     in_full = isinstance(entry.raw, dict) and isinstance(entry.raw.get(kind), dict)
     return (*entry.path, kind, "station") if in_full else (*entry.path, kind)
 
 
 def _check_node(entry: Entry[FaultIn], kind: str, fault: FaultIn, nodes: Directory, report: Report) -> None:
     given: StationIn = getattr(fault, kind)
-    path, place = (*entry.path, kind), _place(entry, kind)
+    path, subject = (*entry.path, kind), _subject(entry, kind)
     try:
         node = nodes.find(given.station)
     except Missing as problem:
         nothing = f": there is nothing for {kind} to act on" if str(problem).endswith("on no bus") else ""
-        report.error(place, f"{problem}{nothing}")
+        report.error(subject, f"{problem}{nothing}")
         return
     if node is None:
         return
     if kind in _OF_REPLIES and not node.answers:
-        report.warn(place, f"{_silence(node)} replies, and {kind} does nothing")
+        report.warn(subject, f"{_silence(node)} replies, and {kind} does nothing")
     wrong, right = fault.wrong_format, node.timing
     if wrong is not None and wrong.format in (None, right.format) and wrong.baud in (None, right.baud):
         report.warn(

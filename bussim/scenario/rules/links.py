@@ -15,7 +15,7 @@ from bussim.plc.link_registers import (
     refusal,
     worst_turnaround,
 )
-from bussim.plc.memory import BlockPlace, block_place, parse_device
+from bussim.plc.memory import BlockRange, block_range, parse_device
 from bussim.plc.profiles import MAX_SLAVES
 from bussim.scenario.resolve.members import NN_KEYS, Member
 from bussim.scenario.resolve.scenario import Resolved
@@ -157,24 +157,24 @@ def link_of(member: Member, members: Sequence[Member]) -> dict[int, Member]:
     return {other.station: other for other in reversed(on_link)} if member.takes_part else {}
 
 
-def blocks_of(member: Member, members: Sequence[Member]) -> dict[int, BlockPlace]:
+def blocks_of(member: Member, members: Sequence[Member]) -> dict[int, BlockRange]:
     """Where a PLC keeps the blocks of its link's stations, by station; none without a working master."""
     master = link_of(member, members).get(0)
     if master is None or master.refused or member.refused:
         return {}
     block, spacing = MODES[master.settings[D_MODE]], member.profile.word_spacing
     stations = sorted({*range(master.settings[D_SLAVES] + 1), member.station})
-    return {station: block_place(station, block.bits, block.words, spacing) for station in stations}
+    return {station: block_range(station, block.bits, block.words, spacing) for station in stations}
 
 
 def _check_sources(members: list[Member], report: Report) -> None:
     for member in members:
         blocks = blocks_of(member, members)
-        place = blocks.pop(member.station, None)
-        if place is None:
+        block = blocks.pop(member.station, None)
+        if block is None:
             continue
-        bits = f"M{place.bit} to M{place.bit + place.bits - 1} and " if place.bits else ""
-        own = f"{bits}D{place.word} to D{place.word + place.words - 1}"
+        bits = f"M{block.bit} to M{block.bit + block.bits - 1} and " if block.bits else ""
+        own = f"{bits}D{block.word} to D{block.word + block.words - 1}"
         for name in member.plc.sources:
             try:
                 device = parse_device(name)
@@ -182,7 +182,7 @@ def _check_sources(members: list[Member], report: Report) -> None:
                 continue
             if member.ports and not any(other.holds(device) for other in blocks.values()):
                 continue  # another port may send it
-            if not place.holds(device):
+            if not block.holds(device):
                 report.warn(
                     (*member.path, "sources", name),
                     f"{member.name} drives {name}, which is not in its own block ({own}): it is not sent, "

@@ -30,7 +30,7 @@ _COIL_LETTERS = "DMSY"
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PolledPort:
     """The PLC and the port that a poll belongs to, among all PLCs."""
 
     member: Member
@@ -46,8 +46,8 @@ def check_polls(resolved: Resolved, report: Report) -> None:
             if isinstance(poll, PollIn):
                 config = _config(entry, poll, member, resolved.nodes, report)
                 if config is not None:
-                    place = Placed(member, config, resolved.members)
-                    _check_poll(entry, poll, place, resolved.nodes, answers, report)
+                    port = PolledPort(member, config, resolved.members)
+                    _check_poll(entry, poll, port, resolved.nodes, answers, report)
     for node in resolved.nodes.nodes:
         if not isinstance(node.device, MasterIn):
             continue
@@ -84,26 +84,26 @@ def _config(
 def _check_poll(
     entry: Entry[TransactionIn],
     poll: PollIn,
-    place: Placed,
+    port: PolledPort,
     nodes: Directory,
     answers: Answers,
     report: Report,
 ) -> None:
-    free = place.config.protocol == FREE
+    free = port.config.protocol == FREE
     for key in _MODBUS_KEYS if free else _FREE_KEYS:
         if getattr(poll, key) is not None:
-            text = f"has no meaning on {poll.port}, whose protocol is {place.config.protocol}"
+            text = f"has no meaning on {poll.port}, whose protocol is {port.config.protocol}"
             report.error((*entry.path, key.rstrip("_")), text, key=True)
     if free:
-        _check_free_data(entry, poll, place, report)
+        _check_free_data(entry, poll, port, report)
         return
     _check_values(entry, poll, report)
     if not _check_request(entry, poll, report) or poll.function is None:
         return
-    node = next((node for node in nodes.nodes if node.config is place.config), None)
-    _check_operand(entry, poll, place, report)
+    node = next((node for node in nodes.nodes if node.config is port.config), None)
+    _check_operand(entry, poll, port, report)
     if node is not None:
-        answers.check(entry, poll, node, place.config.valid.timeout if place.config.valid is not None else 0)
+        answers.check(entry, poll, node, port.config.valid.timeout if port.config.valid is not None else 0)
 
 
 def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:
@@ -160,7 +160,7 @@ def _check_values(entry: Entry[TransactionIn], poll: TransactionIn, report: Repo
 # -- where the data lie in a PLC's memory ------------------------------------------------------------------
 
 
-def _check_operand(entry: Entry[TransactionIn], poll: PollIn, place: Placed, report: Report) -> None:
+def _check_operand(entry: Entry[TransactionIn], poll: PollIn, port: PolledPort, report: Report) -> None:
     """Registers lie in D, coils in bits or packed in D."""
     key, device = _operand(entry, poll, report)
     if device is None or poll.function is None:
@@ -174,7 +174,7 @@ def _check_operand(entry: Entry[TransactionIn], poll: PollIn, place: Placed, rep
     else:
         size = (count + 15) // 16 if bits and device.letter == "D" else count
         what = _some(count, "coil" if bits else "register")
-        _check_span(path, device, size, what, place, report, writes=key == "to" or bool(poll.values))
+        _check_span(path, device, size, what, port, report, writes=key == "to" or bool(poll.values))
 
 
 def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple[str, Device | None]:
@@ -198,7 +198,7 @@ def _some(count: int, what: str) -> str:
 
 
 def _check_span(
-    path: Path, first: Device, size: int, what: str, place: Placed, report: Report, *, writes: bool
+    path: Path, first: Device, size: int, what: str, port: PolledPort, report: Report, *, writes: bool
 ) -> None:
     """Where the data end, and what they overwrite if the poll writes there."""
     ranges = WORD_RANGES["D"] if first.letter == "D" else BIT_RANGES[first.letter]
@@ -209,24 +209,24 @@ def _check_span(
         return
     if not writes:
         return
-    name, until = place.member.name, Device(first.letter, end)
+    name, until = port.member.name, Device(first.letter, end)
     span = f"{first} to {until}" if size > 1 else f"{first}"
     if first.letter in "DM" and end >= FIRST_SPECIAL:
         report.warn(path, f"{name} writes {what} to {span}: devices from {first.letter}8000 on are special")
-    if any(_overlaps(first, end, bit, bits, word, words) for bit, bits, word, words in _blocks(place)):
+    if any(_overlaps(first, end, bit, bits, word, words) for bit, bits, word, words in _blocks(port)):
         report.warn(
             path,
             f"{name} writes {what} to {span}, into the shared block of another station: the link overwrites "
             "them",
         )
-    for config in place.member.ports:
+    for config in port.member.ports:
         if _overlaps(first, end, config.bits.address, cpavl.BITS, config.words.address, cpavl.WORDS):
             report.warn(path, f"{name} writes {what} to {span}, over the parameters (CPAVL) of {config.name}")
 
 
-def _blocks(place: Placed) -> list[tuple[int, int, int, int]]:
-    blocks = blocks_of(place.member, place.members)
-    return [(b.bit, b.bits, b.word, b.words) for at, b in blocks.items() if at != place.member.station]
+def _blocks(port: PolledPort) -> list[tuple[int, int, int, int]]:
+    blocks = blocks_of(port.member, port.members)
+    return [(b.bit, b.bits, b.word, b.words) for at, b in blocks.items() if at != port.member.station]
 
 
 def _overlaps(first: Device, end: int, bit: int, bits: int, word: int, words: int) -> bool:
@@ -238,7 +238,7 @@ def _overlaps(first: Device, end: int, bit: int, bits: int, word: int, words: in
 # -- free protocol -------------------------------------------------------------------------------------
 
 
-def _check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, report: Report) -> None:
+def _check_free_data(entry: Entry[TransactionIn], poll: PollIn, port: PolledPort, report: Report) -> None:
     """Bytes lie in D, one or two a word."""
     if poll.data is not None and poll.text is not None:
         report.error((*entry.path, "text"), "excludes data in the same entry")
@@ -254,7 +254,7 @@ def _check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, r
         )
     if not send_count and not count and not entry.lost("send_count", "count", "data", "text"):
         report.error(entry.path, "neither sends nor receives; expected send_count, data, text or count")
-    settings = place.config.valid
+    settings = port.config.valid
     eight_bit = settings is not None and settings.eight_bit
     for key, device, size in (("send", poll.send, send_count), ("to", poll.to, count)):
         if device is None:
@@ -267,11 +267,11 @@ def _check_free_data(entry: Entry[TransactionIn], poll: PollIn, place: Placed, r
             words = size if eight_bit else (size + 1) // 2
             path, what = (*entry.path, key), _some(size, "byte")
             writes = key == "to" or bool(data)
-            _check_span(path, device, words, what, place, report, writes=writes)
+            _check_span(path, device, words, what, port, report, writes=writes)
     timing = settings.timing if settings is not None else None
     if timing is not None and timing.format.data_bits == 7 and any(byte > 127 for byte in data):
         key = "data" if poll.data is not None else "text"
         report.warn(
             (*entry.path, key),
-            f"{place.config.node} sends 7 bits a character ({timing.format}): 80H on lose one",
+            f"{port.config.node} sends 7 bits a character ({timing.format}): 80H on lose one",
         )

@@ -76,7 +76,7 @@ def _check_member(entry: Entry[PlcIn], member: Member, lines: Mapping[str, Line]
             _check_config(entry, configs[name], member, line, report)
         elif not is_set_up(name, port):
             _check_bare(entry, path, member, port, line, report)
-    _check_places(member, report)
+    _check_positions(member, report)
 
 
 def _check_link_bus(path: Path, line: Line | None, report: Report) -> None:
@@ -263,7 +263,7 @@ def _check_line(config: PortConfiguration, member: Member, bus: Line, report: Re
     understood(config.path, config.node, timing, bus, report)
 
 
-def _check_places(member: Member, report: Report) -> None:
+def _check_positions(member: Member, report: Report) -> None:
     """CPAVL's words and bits must lie in the memory, and apart."""
     for kind, size in (("words", WORDS), ("bits", BITS)):
         taken: list[tuple[Device, PortConfiguration]] = []

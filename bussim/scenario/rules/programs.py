@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
-from bussim.plc.memory import BlockPlace, Device
+from bussim.plc.memory import BlockRange, Device
 from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of, link_of
@@ -119,8 +119,8 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
         for at in program.instructions
         for extent in extents(at, both_ways=turns)
         if extent.writes
-        for station, place in blocks.items()
-        if (shared := _shared(extent, place)) is not None
+        for station, block in blocks.items()
+        if (shared := _shared(extent, block)) is not None
     ]
     link = link_of(member, members)
     for at, (letter, first, last), station in found[:MAX_FOREIGN]:
@@ -136,10 +136,10 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
         _warn_at(member, found[MAX_FOREIGN][0], f"{more} more writes into blocks of other stations", report)
 
 
-def _shared(extent: Extent, place: BlockPlace) -> tuple[str, int, int] | None:
+def _shared(extent: Extent, block: BlockRange) -> tuple[str, int, int] | None:
     """The part of an extent in a shared block: its letter, first and last address."""
     if extent.letter != ("D" if extent.word else "M"):
         return None
-    begin, count = (place.word, place.words) if extent.word else (place.bit, place.bits)
+    begin, count = (block.word, block.words) if extent.word else (block.bit, block.bits)
     first, last = max(extent.first, begin), min(extent.last, begin + count - 1)
     return (extent.letter, first, last) if first <= last else None

@@ -15,7 +15,7 @@ from typing import assert_never
 
 from bussim.engines.nn.frames import MODES
 from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameters, setting_values
-from bussim.plc.memory import BlockPlace, Device, block_place
+from bussim.plc.memory import BlockRange, Device, block_range
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Rung, Saved
@@ -118,7 +118,7 @@ class Network:
         found = [extent for at in contacts for extent in extents(at)]
         return found + [self._levels[rung] for rung in rungs]
 
-    def block(self, owner: Plc, keeper: Plc) -> BlockPlace | None:
+    def block(self, owner: Plc, keeper: Plc) -> BlockRange | None:
         """Where one station keeps the block of another or its own; None if it never receives it."""
         number = self.numbers.get(owner.name)
         if self.mode is None or number is None or number > self.slaves or keeper.name not in self.numbers:
@@ -126,7 +126,7 @@ class Network:
         if self.mode not in owner.profile.modes or self.mode not in keeper.profile.modes:
             return None
         kind = MODES[self.mode]
-        return block_place(number, kind.bits, kind.words, keeper.profile.word_spacing)
+        return block_range(number, kind.bits, kind.words, keeper.profile.word_spacing)
 
     def shared(self, plc: Plc) -> str:
         """What a station shares with the others, in words."""

@@ -1,4 +1,4 @@
-"""YAML as plain data with the place of every key and value: no tags, no code, bounded in every way.
+"""YAML as plain data with the position of every key and value: no tags, no code, bounded in every way.
 
 The parser's events are turned into data here, because that is where nesting and the expansion of
 aliases can be bounded before either costs anything. Plain scalars are read by the core schema of
@@ -281,7 +281,7 @@ class _Reader:
                 self._complain(key.mark, "a key must be text, not a list or mapping")
             node = self._node(next(self._events), (*path, key.text or ""))
             if node.text == "":
-                node.mark = key.mark  # of nothing, the parser's place is that of whatever comes next
+                node.mark = key.mark  # of nothing, the parser's position is that of whatever comes next
             if key.text == "<<" and getattr(event, "style", "") is None:
                 sources = [node] if node.items is None else node.items
                 if any(source.entries is None for source in sources):

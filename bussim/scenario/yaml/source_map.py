@@ -35,7 +35,7 @@ class SourceMap:
     def problem(self, path: Path, predicate: str, *, key: bool = False) -> Problem:
         """A problem with the value at ``path`` (with its key: ``key``): its name, then ``predicate``.
 
-        Where the path itself has no mark, the nearest enclosing value's place is given.
+        Where the path itself has no mark, the nearest enclosing value's position is given.
         """
         subject = self.short_name(path) if self._locate(path, key=key)[1] else self.full_name(path)
         return self.remark(path, f"{subject} {predicate}".strip(), key=key)
@@ -45,7 +45,7 @@ class SourceMap:
         return Problem(*self._locate(path, key=key), text)
 
     def where(self, path: Path) -> str:
-        """The place of a value, for a message about another one: its line, or its path."""
+        """The position of a value, for a message about another one: its line, or its path."""
         _, line, _ = self._locate(path, key=False)
         return f"in line {line}" if line else ".".join(map(str, path))
 
@@ -122,7 +122,7 @@ class Report:
         self.add(self.source_map.remark(path, text, key=key), fatal=False)
 
     def where(self, path: Path) -> str:
-        """The place of a value, for a message about another one: its line, or its path."""
+        """The position of a value, for a message about another one: its line, or its path."""
         return self.source_map.where(path)
 
     def add(self, problem: Problem, *, fatal: bool) -> None:

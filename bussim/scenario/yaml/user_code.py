@@ -23,7 +23,7 @@ class Code:
         self.allowed = allowed
         if folders is None:
             here = (folder, Path.cwd()) if allowed else ()
-            folders = tuple(str(place.resolve()) for place in here if place is not None)
+            folders = tuple(str(folder.resolve()) for folder in here if folder is not None)
         self.folders = folders
         self._found: dict[str, Callable[[int], int]] = {}
 
@@ -63,11 +63,11 @@ class Code:
 
     @contextmanager
     def _path(self) -> Iterator[None]:
-        added = [place for place in self.folders if place not in sys.path]
+        added = [folder for folder in self.folders if folder not in sys.path]
         sys.path[:0] = added
         try:
             yield
         finally:
-            for place in added:
-                if place in sys.path:
-                    sys.path.remove(place)
+            for folder in added:
+                if folder in sys.path:
+                    sys.path.remove(folder)

@@ -255,9 +255,9 @@ class Transmission:
 
     def drop(self, port: LineNode) -> bool:
         """A node does not receive this as a whole frame after all; returns whether it would have."""
-        for place, (listener, _) in enumerate(self.listeners):
+        for index, (listener, _) in enumerate(self.listeners):
             if listener is port:
-                self.listeners = self.listeners[:place] + self.listeners[place + 1 :]
+                self.listeners = self.listeners[:index] + self.listeners[index + 1 :]
                 return True
         return False
 

@@ -11,7 +11,7 @@ from bussim.engines.contract import OPEN, RxChar
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.plc import Plc
-from bussim.plc.ports.cpavl import FORMAT, PROTOCOL, PROTOCOL_CODES, STATION, default_places, format_word
+from bussim.plc.ports.cpavl import FORMAT, PROTOCOL, PROTOCOL_CODES, STATION, default_devices, format_word
 from bussim.plc.ports.events import PortErrorRaised, PortEvent, TransactionTaken
 from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
@@ -33,7 +33,7 @@ Program = Callable[["Bench", int], None]
 
 def words(port: str, protocol: str, line: LineTiming = LINE, **offsets: int) -> dict[str, int]:
     """Registers that set a port up; ``w9=3`` is word +9."""
-    first = default_places(port)[0].address
+    first = default_devices(port)[0].address
     values = {FORMAT: format_word(line, eight_bit=False), PROTOCOL: PROTOCOL_CODES[protocol]}
     values |= {int(name[1:]): value for name, value in offsets.items()}
     if protocol.endswith("slave") and port != "COM2":
@@ -105,7 +105,7 @@ class Bench:
             sources=sources or {},
             linked=linked,
             streams=Streams(1),
-            ports=[PortSpec(port, "bus", *default_places(port))],
+            ports=[PortSpec(port, "bus", *default_devices(port))],
             polls=polls,
             maps=LxMap,
         )
@@ -194,8 +194,8 @@ class Bench:
 
     def bit(self, offset: int) -> int:
         return self.plc.memory.get(
-            default_places(self.port)[1]._replace(address=default_places(self.port)[1].address + offset)
+            default_devices(self.port)[1]._replace(address=default_devices(self.port)[1].address + offset)
         )
 
     def word(self, offset: int) -> int:
-        return self.plc.memory.word("D", default_places(self.port)[0].address + offset)
+        return self.plc.memory.word("D", default_devices(self.port)[0].address + offset)

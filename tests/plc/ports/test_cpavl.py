@@ -13,7 +13,7 @@ from bussim.plc.ports.cpavl import (
     BadSettings,
     PortSettings,
     decode_format,
-    default_places,
+    default_devices,
     format_word,
     read_settings,
 )
@@ -66,9 +66,9 @@ def test_every_other_word_is_impossible() -> None:
                 decode_format(word)
 
 
-def test_default_places_do_not_overlap() -> None:
-    assert default_places("COM2") == (Device("D", 7900), Device("M", 2900))
-    assert default_places("COM6") == (Device("D", 7980), Device("M", 2980))
+def test_default_devices_do_not_overlap() -> None:
+    assert default_devices("COM2") == (Device("D", 7900), Device("M", 2900))
+    assert default_devices("COM6") == (Device("D", 7980), Device("M", 2980))
     assert WORDS == BITS == 20
 
 

@@ -20,7 +20,7 @@ from bussim.plc.ports.cpavl import (
     TIMED_OUT,
     TO_SEND,
     WAITING,
-    default_places,
+    default_devices,
 )
 from bussim.plc.ports.events import FreeReceived, FreeSent
 from bussim.plc.ports.rs2 import Drive, Rs2
@@ -30,7 +30,7 @@ from tests.plc.ports.bench import LINE, MS, PHASE, SCAN, Bench
 
 D = {number: Device("D", number) for number in (200, 500, 600, 8255)}
 CHAR = LINE.characters(1)
-BITS = default_places("COM3")[1].address
+BITS = default_devices("COM3")[1].address
 RECEIVER = FreeSpec("code", "COM3", device=D[500], count=20)
 
 
@@ -105,7 +105,7 @@ def test_the_manuals_example_sends_01_02_03_04_05() -> None:
 
 def test_eight_bit_mode_sends_one_byte_a_word() -> None:
     program = Program(rs2(3), {20: send})
-    registers = {f"D{default_places('COM3')[0].address + FORMAT}": 0x8081, **MANUAL}
+    registers = {f"D{default_devices('COM3')[0].address + FORMAT}": 0x8081, **MANUAL}
     bench = Bench("COM3", "free", program=program, registers=registers)
     bench.run(100 * MS)
     assert bench.requests()[0][1] == bytes((1, 3, 5))

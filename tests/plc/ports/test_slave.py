@@ -16,7 +16,7 @@ from bussim.engines.modbus.slave import Slave
 from bussim.line.random_streams import Streams
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc
-from bussim.plc.ports.cpavl import default_places
+from bussim.plc.ports.cpavl import default_devices
 from bussim.plc.ports.port_registers import PortRegisters
 from bussim.plc.ports.spec import PortSpec
 from bussim.plc.profiles import PROFILES
@@ -120,7 +120,7 @@ def test_stop_forgets_a_request() -> None:
 
 
 def test_two_ports_share_the_plcs_scan_and_memory() -> None:
-    places = {port: default_places(port) for port in ("COM3", "COM5")}
+    places = {port: default_devices(port) for port in ("COM3", "COM5")}
     registers = {}
     for words, _ in places.values():
         registers |= {f"D{words.address + 1}": 3, f"D{words.address + 6}": 2}
@@ -156,11 +156,11 @@ def test_two_ports_share_the_plcs_scan_and_memory() -> None:
 def test_misuse() -> None:
     with pytest.raises(ValueError, match="20 words from D8250"):
         PortRegisters(
-            PortSpec("COM3", "b", Device("D", 8250), default_places("COM3")[1]), [], PROFILES["pw10"]
+            PortSpec("COM3", "b", Device("D", 8250), default_devices("COM3")[1]), [], PROFILES["pw10"]
         )
     with pytest.raises(ValueError, match="20 bits from M3060"):
         PortRegisters(
-            PortSpec("COM3", "b", default_places("COM3")[0], Device("M", 3060)), [], PROFILES["pw10"]
+            PortSpec("COM3", "b", default_devices("COM3")[0], Device("M", 3060)), [], PROFILES["pw10"]
         )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bussim.plc.memory import BlockPlace, Memory, block_place, parse_device
+from bussim.plc.memory import BlockRange, Memory, block_range, parse_device
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.units import TICKS_PER_MS
@@ -60,7 +60,7 @@ def test_settings_stand_after_the_first_scan(name: str, registers: dict[str, int
 class Pair:
     """Master and slave, whose shared blocks are exchanged by hand after every scan, as mode 2 does."""
 
-    PLACES: tuple[BlockPlace, BlockPlace] = (block_place(0, 64, 8, 32), block_place(1, 64, 8, 32))
+    PLACES: tuple[BlockRange, BlockRange] = (block_range(0, 64, 8, 32), block_range(1, 64, 8, 32))
 
     def __init__(self) -> None:
         self.memories = (Memory(), Memory())

@@ -19,7 +19,7 @@ Writer = Callable[[int], None]
 
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
 #: The eight bits of each byte, lowest first, one byte each.
-_BITS_OF = [bytes(value >> place & 1 for place in range(8)) for value in range(256)]
+_BITS_OF = [bytes(value >> bit & 1 for bit in range(8)) for value in range(256)]
 # Reading four or eight bits as one number and looking up what they mean is the fastest way there is.
 _FOUR, _EIGHT = Struct("=I"), Struct("=Q")
 _OF_FOUR = {_FOUR.unpack(pattern[:4]): value for value, pattern in enumerate(_BITS_OF[:16])}
@@ -59,13 +59,13 @@ def locate(machine: Machine, operand: Operand, span: int, *, word: bool) -> Call
     """The same for a number of devices that never changes."""
     find = finder(machine, operand, word=word)
     if operand.index is None:
-        place = find(span)
-        return lambda: place
+        index = find(span)
+        return lambda: index
     return lambda: find(span)
 
 
 def word_of(machine: Machine, operand: Operand) -> tuple[array[int], int]:
-    """The array and place of a 16-bit word that never moves: a device without index, or a constant."""
+    """The array and index of a 16-bit word that never moves: a device without index, or a constant."""
     if operand.index is not None or operand.groups:
         raise ValueError(f"{operand.text} is no single word")
     if operand.kind == "K":
@@ -193,7 +193,7 @@ def spread(value: int, count: int) -> bytes:
     """The lowest bits of a number, the lowest first."""
     if count <= 8:
         return _BITS_OF[value & 0xFF][:count]
-    found = b"".join([_BITS_OF[value >> place & 0xFF] for place in range(0, count, 8)])
+    found = b"".join([_BITS_OF[value >> bit & 0xFF] for bit in range(0, count, 8)])
     return found[:count]
 
 
@@ -225,17 +225,17 @@ def _group_writer(machine: Machine, operand: Operand) -> Writer:
     count = 4 * operand.groups
     if operand.index is None:
         # A view's slice takes bytes in a fifth of the time that the array's own takes.
-        view, place = memoryview(bits), slice(at, at + count)
+        view, group = memoryview(bits), slice(at, at + count)
         if count <= 8:
             table = [pattern[:count] for pattern in _BITS_OF]
 
             def write_few(value: int) -> None:
-                view[place] = table[value & 0xFF]
+                view[group] = table[value & 0xFF]
 
             return write_few
 
         def write(value: int) -> None:
-            view[place] = spread(value, count)
+            view[group] = spread(value, count)
 
         return write
     find = locate(machine, operand, count, word=False)

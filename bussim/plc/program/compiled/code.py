@@ -85,12 +85,12 @@ class _Writer:
     def __init__(self, program: Program, times: InstructionTimes) -> None:
         self.lines: list[str] = []
         self._times = times
-        #: The places of the conditions that other rungs use again.
-        self._places: dict[int, int] = {}
+        #: The indices of the conditions that other rungs use again.
+        self._saved: dict[int, int] = {}
         for block in program.blocks:
             for item in (*block.rungs, block.exit):
                 for rung in () if item is None or item.condition is None else _used_again(item.condition):
-                    self._places.setdefault(id(rung), len(self._places))
+                    self._saved.setdefault(id(rung), len(self._saved))
         last = len(program.blocks) - 1
         for number, block in enumerate(program.blocks):
             self._block(number, block, END if number == last else number + 1)
@@ -145,8 +145,8 @@ class _Writer:
 
     def _rung(self, rung: Rung) -> None:
         self._condition(rung.condition, rung.level)
-        if (place := self._places.get(id(rung))) is not None:
-            self._write(f"saved[{place}] = on")
+        if (index := self._saved.get(id(rung))) is not None:
+            self._write(f"saved[{index}] = on")
         for at in rung.outputs:
             self._output(at)
 
@@ -159,15 +159,15 @@ class _Writer:
             return
         device = at.operands[0]
         array = WORD_ARRAYS[device.letter] if device.kind in ("D", "V", "Z") else device.letter
-        place = f"{array}[{device.address}]"
+        bit = f"{array}[{device.address}]"
         match at.spec.name:
             case "SET" | "RST":
-                self._write(f"if on: {place} = {STORED[at.spec.name]}")
+                self._write(f"if on: {bit} = {STORED[at.spec.name]}")
             case "PLS" | "PLF":
                 sign = ">" if at.spec.name == "PLS" else "<"
-                self._write(f"{place} = on {sign} earlier[{at.number}]", f"earlier[{at.number}] = on")
+                self._write(f"{bit} = on {sign} earlier[{at.number}]", f"earlier[{at.number}] = on")
             case "OUT":
-                self._write(f"{place} = on")
+                self._write(f"{bit} = on")
             case name:
                 raise ValueError(f"{name} is no coil that is written out")
 
@@ -200,7 +200,7 @@ class _Writer:
             case Contact(at):
                 return self._contact(at)
             case Saved(rung):
-                return f"saved[{self._places[id(rung)]}]"
+                return f"saved[{self._saved[id(rung)]}]"
             case Not(part):
                 return f"not {self._enclosed(part, (Both, Either))}"
             case Both(first, second):

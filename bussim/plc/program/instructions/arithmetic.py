@@ -29,7 +29,7 @@ def add(machine: Machine, at: Instruction) -> Act:
 
     def act() -> None:
         total = first() + sign * second()
-        write(_kept(total, most))  # where it has no place, the flags stay as they are
+        write(_kept(total, most))  # where it does not fit, the flags stay as they are
         stored(flags, total, most)
 
     return act
@@ -113,9 +113,9 @@ def _double_writer(machine: Machine, target: Operand, *, wide: bool) -> Writer:
     find = locate(machine, target, count, word=True)
 
     def write(pattern: int) -> None:
-        place = find()
+        at = find()
         for number in range(count):
-            words[place + number] = pattern >> size * number & mask
+            words[at + number] = pattern >> size * number & mask
 
     return write
 
@@ -154,7 +154,7 @@ def _three_bits(machine: Machine, target: Operand) -> Callable[[int, int, int], 
     find = locate(machine, target, 3, word=False)
 
     def set_bits(first: int, second: int, third: int) -> None:
-        place = find()
-        bits[place], bits[place + 1], bits[place + 2] = first, second, third
+        first_bit = find()
+        bits[first_bit], bits[first_bit + 1], bits[first_bit + 2] = first, second, third
 
     return set_bits

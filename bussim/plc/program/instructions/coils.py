@@ -85,7 +85,7 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
     contacts, values = machine.bits["T"], machine.words["T"]
     driven, pulses, held = machine.timer_scan, machine.timer_pulse, machine.held["T"]
     now, scan = machine.now, machine.scan
-    presets, place = word_of(machine, preset)
+    presets, index = word_of(machine, preset)
     unit = unit_of(number)
     retentive = number >= FIRST_RETENTIVE_TIMER
     # A timer that was driven less than so many scans ago has not paused.
@@ -105,7 +105,7 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
         driven[number] = this = scan[0]
         gone = pulse - pulses[number] if last and this - last <= patience else 0
         pulses[number] = pulse
-        limit = (presets[place] ^ 0x8000) - 0x8000
+        limit = (presets[index] ^ 0x8000) - 0x8000
         value = values[number] + gone
         if value >= limit:
             # What a program wrote beyond the preset stays; the clock stops at the preset.
@@ -120,7 +120,7 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
 def _counter(machine: Machine, number: int, preset: Operand) -> Take:
     contacts, values = machine.bits["C"], machine.words["C"]
     earlier, held = machine.counter_input, machine.held["C"]
-    presets, place = word_of(machine, preset)
+    presets, index = word_of(machine, preset)
 
     def take(on: int) -> None:
         if on > earlier[number] and not contacts[number] and not held[number]:
@@ -128,7 +128,7 @@ def _counter(machine: Machine, number: int, preset: Operand) -> Take:
             if value < 0x7FFF:
                 value += 1
                 values[number] = value
-            if value >= (presets[place] ^ 0x8000) - 0x8000:
+            if value >= (presets[index] ^ 0x8000) - 0x8000:
                 contacts[number] = 1
         earlier[number] = on
 

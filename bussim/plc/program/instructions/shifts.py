@@ -46,12 +46,12 @@ def shift(machine: Machine, at: Instruction) -> Act:
     spent, time = machine.spent, machine.times.each * count
 
     def act() -> None:
-        first, place = find_source(), find_row()
+        first, begin = find_source(), find_row()
         new = entering[first : first + by]
         if right:
-            row[place : place + count] = row[place + by : place + count] + new
+            row[begin : begin + count] = row[begin + by : begin + count] + new
         else:
-            row[place : place + count] = new + row[place : place + count - by]
+            row[begin : begin + count] = new + row[begin : begin + count - by]
         spent[0] += time
 
     return act
@@ -64,8 +64,8 @@ def alternate(machine: Machine, at: Instruction) -> Act:
     find = locate(machine, target, 1, word=False)
 
     def act() -> None:
-        place = find()
-        bits[place] ^= 1
+        bit = find()
+        bits[bit] ^= 1
 
     return act
 

@@ -126,7 +126,7 @@ class Form:
 
 @dataclass(frozen=True, slots=True)
 class Instruction:
-    """One instruction of a program: its number (from 0), its first program step, its place."""
+    """One instruction of a program: its number (from 0), its first program step, its position in the text."""
 
     number: int
     step: int

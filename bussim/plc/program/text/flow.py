@@ -38,9 +38,9 @@ class FlowCheck:
         end = next((at.number for at in program if at.spec.flow is Flow.END), None)
         if end is None:
             last = program[-1] if program else None
-            place = (last.line, last.column) if last is not None else (1, 1)
+            position = (last.line, last.column) if last is not None else (1, 1)
             message = "the program has no END; it must be its last instruction"
-            self.problems.append(Problem(self._name, *place, message))
+            self.problems.append(Problem(self._name, *position, message))
         elif end + 1 < len(program):
             self._wrong(
                 program[end + 1], f"{program[end + 1].name} after END; END must be the last instruction"
@@ -78,11 +78,11 @@ class FlowCheck:
                 self._subroutine(at, target)
 
     def _subroutine(self, call: Instruction, label: Instruction) -> None:
-        place = f"{call.name} P{call.operands[0].address}: the subroutine at line {label.line}"
+        what = f"{call.name} P{call.operands[0].address}: the subroutine at line {label.line}"
         if self._main_end is None or label.number < self._main_end:
-            self._wrong(call, f"{place} must stand between FEND and END")
+            self._wrong(call, f"{what} must stand between FEND and END")
         elif all(at.spec.flow is not Flow.SRET for at in self._instructions[label.number :]):
-            self._wrong(call, f"{place} has no SRET")
+            self._wrong(call, f"{what} has no SRET")
 
     def _loops(self) -> None:
         loops: list[Instruction] = []

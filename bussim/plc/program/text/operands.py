@@ -37,7 +37,7 @@ _OCTAL = "XY"
 
 @dataclass(frozen=True, slots=True)
 class Operand:
-    """One operand and its place in the file.
+    """One operand and its position in the file.
 
     ``kind`` is what instructions accept: K (a constant, K or H), KnX KnY KnM KnS (a group), X Y M S T C
     D V Z (a device), P (a label) or N (a level). ``address`` is the constant's value or the first

@@ -55,7 +55,7 @@ _COMMON = _COMMON_NAMES.split()
 
 
 class _Word(NamedTuple):
-    """A word of the text and its place."""
+    """A word of the text and its position."""
 
     text: str
     line: int
