@@ -35,7 +35,7 @@ def _options(function: click.Command) -> click.Command:
 @click.argument("node", metavar="[NODE]", required=False)
 @click.argument("kind", metavar="[FAULT]", required=False)
 @click.option("--process", metavar="N", type=int, help="Of several that serve, the process of this number.")
-@click.option("--json", "as_json", is_flag=True, help="Print the answer as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the reply as JSON.")
 def command(
     node: str | None, kind: str | None, *, process: int | None, as_json: bool, **values: str | None
 ) -> None:
@@ -63,25 +63,25 @@ def command(
         raise UsageError(f"several processes serve: choose with --process one of {those}")
     given = {name.removeprefix("value_"): text for name, text in values.items() if text is not None}
     try:
-        answer = chosen[0].ask(do="inject", node=node, kind=kind, values=given)
+        reply = chosen[0].ask(do="inject", node=node, kind=kind, values=given)
     except OSError as error:
-        raise UsageError(f"process {chosen[0].process} does not answer: {error.strerror or error}") from error
+        raise UsageError(f"process {chosen[0].process} gives no reply: {error.strerror or error}") from error
     if as_json:
-        print_json(answer)
+        print_json(reply)
         return
-    click.echo(answer["text"])
-    for odd in answer["odd"]:
+    click.echo(reply["text"])
+    for odd in reply["odd"]:
         click.echo(f"note: {odd}", err=True)
 
 
 def _list(found: list, *, as_json: bool) -> None:  # type: ignore[type-arg] # the class is imported lazily
-    answers = [{"process": one.process, **one.ask(do="list")} for one in found]
+    replies = [{"process": one.process, **one.ask(do="list")} for one in found]
     if as_json:
-        print_json(answers)
+        print_json(replies)
         return
-    if not answers:
+    if not replies:
         click.echo("nothing is being served")
-    for answer in answers:
-        click.echo(f"process {answer['process']}: {answer['scenario']}, for {answer['now_s']:.0f} s")
-        for served in answer["nodes"]:
+    for reply in replies:
+        click.echo(f"process {reply['process']}: {reply['scenario']}, for {reply['now_s']:.0f} s")
+        for served in reply["nodes"]:
             click.echo(f"  {served}")

@@ -114,7 +114,7 @@ def _subject(option: str) -> _Subject:
             scan_time_histogram,
         ),
         "port": _Subject(
-            "Modbus master with an answer",
+            "Modbus master with a response",
             "masters",
             "response_time",
             lambda run: [name for name, port in run.ports.items() if port.polls],

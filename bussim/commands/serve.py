@@ -125,13 +125,13 @@ def _folder(
 
 def _serve(session: Session, stop: Any, folder: Path, *, allow_code: bool) -> None:
     from bussim.serve.control import ControlServer
-    from bussim.serve.requests import Answers
+    from bussim.serve.requests import SessionRequests
 
     for text in session.described():  # for people and, by its last word, for programs
         click.echo(text, err=True)
     click.echo("Ctrl-C ends it.", err=True)
-    answers = Answers(session, allow_code=allow_code, folder=folder)
-    control = ControlServer(session.scenario.name, answers)
+    requests = SessionRequests(session, allow_code=allow_code, folder=folder)
+    control = ControlServer(session.scenario.name, requests)
     interval = sys.getswitchinterval()
     # What is injected is checked in another thread, which must not keep this one waiting.
     sys.setswitchinterval(0.0005)

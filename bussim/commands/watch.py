@@ -96,7 +96,7 @@ def command(
         about = f"{loaded.name}, seed {loaded.seed}, bussim {__version__}"
         watch_picture(watch, begin, end, f"{loaded.name}: devices over time", about).save(picture)
     if as_json:
-        answer = {
+        found = {
             "schema": 1,
             "scenario": loaded.name,
             "seed": loaded.seed,
@@ -104,7 +104,7 @@ def command(
             "to_s": round(seconds(end), 9),
             "devices": watch.to_json(begin, end),
         }
-        print_json(answer, indent=1)
+        print_json(found, indent=1)
         return
     for path in (table, picture):
         if path is not None:

@@ -81,7 +81,7 @@ class SlaveSettings(DeviceSettings):
         """A new map with its addresses, functions, limits and values at power-on."""
 
     def plc_scan(self) -> Scan | None:
-        """The scan of a PLC, which answers at END; None for what answers by itself."""
+        """The scan of a PLC, which responds at END; None for what responds by itself."""
         return None
 
     def behaviour(self, device: BusDevice, streams: Streams) -> Behaviour:

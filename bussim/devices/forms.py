@@ -120,7 +120,7 @@ class SlaveIn(DeviceIn):
         if self.least_delay < port.delay:
             report.error(
                 (*entry.path, "delay"),
-                f"is {format_time(self.least_delay)}, but a {port.name} answers no sooner than "
+                f"is {format_time(self.least_delay)}, but a {port.name} responds no sooner than "
                 f"{format_time(port.delay)}",
             )
 

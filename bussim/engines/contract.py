@@ -41,7 +41,7 @@ class Transmit(NamedTuple):
     """The engine wants to send. Its bytes are asked for when the first bit leaves.
 
     ``at`` is the earliest tick. ``reply``: the driver adds the device's own turnaround to it.
-    ``counter`` names the request that is answered (0 where not a reply) and goes back to
+    ``counter`` names the request that it is the reply to (0 where not a reply) and goes back to
     :meth:`Engine.begin_transmit` with it, since several replies may be pending.
     """
 

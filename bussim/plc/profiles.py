@@ -66,7 +66,7 @@ class ErrorCount(StrEnum):
 class Reply(StrEnum):
     """When a slave's reply starts (assumed)."""
 
-    INTERRUPT = "interrupt"  # the board answers on its own, after its turnaround
+    INTERRUPT = "interrupt"  # the board replies on its own, after its turnaround
     END = "end"  # at the first END at or after the poll's end plus the turnaround
 
     @property

@@ -135,7 +135,7 @@ def bounds(source: Source) -> Table:
     ]
     note = (
         "In closed form, for the parts of a run without faults. No error: nor is an error flag still on at "
-        "the change. Every retry spent: the source is in error for one link scan and answers the last "
+        "the change. Every retry spent: the source is in error for one link scan and replies to the last "
         "attempt of the next, any reply of all others may be lost. A frame that only the target misses adds "
         "to it."
     )

@@ -62,7 +62,7 @@ class BoxStyle(NamedTuple):
 #: Frames have the colours of :data:`bussim.results.plots.style.FRAMES`.
 BOX_STYLES = {
     SCAN: BoxStyle("#e4e4e4", 0.7, meaning="link scan"),
-    GOOD: BoxStyle("#c8c8c8", 0.5, meaning="answered attempt"),
+    GOOD: BoxStyle("#c8c8c8", 0.5, meaning="attempt with a reply"),
     WAIT: BoxStyle(IN_ERROR, 0.7, "////", filled=False, meaning="failed attempt, until it was decided"),
     DAMAGE: BoxStyle(IN_ERROR, 0.8, meaning="damaged character"),
     HEARD_DAMAGE: BoxStyle(IN_ERROR, 0.3, filled=False, meaning="damaged in this receiver only"),

@@ -125,7 +125,7 @@ class _Painter:
                 self.box(lane, a.start, a.end, WAIT, f"attempt {a.number}: {a.outcome} ({a.code:02X})", text)
             else:
                 late = "" if a.turnaround is None else f", turnaround {ms(a.turnaround)}"
-                self.box(lane, a.start, a.end, GOOD, f"to {a.station}", f"{where}: answered{late}")
+                self.box(lane, a.start, a.end, GOOD, f"to {a.station}", f"{where}: reply{late}")
 
     def transactions(self, transactions: Sequence[TransactionRecord]) -> None:
         masters = dict.fromkeys(t.master for t in transactions)
@@ -137,7 +137,7 @@ class _Painter:
                 what = f"{t.poll or 'request'}: function {t.function} at station {t.station}, "
                 what += f"address {t.address}, quantity {t.quantity}, attempt {t.attempt}"
                 if t.outcome == "ok":
-                    self.box(lane, t.sent, t.end, GOOD, t.poll, f"{what}: answered")
+                    self.box(lane, t.sent, t.end, GOOD, t.poll, f"{what}: response")
                 else:
                     text = f"{what}: {t.outcome}"
                     self.box(lane, t.sent, t.end, WAIT, f"attempt {t.attempt}: {t.outcome}", text)

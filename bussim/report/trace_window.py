@@ -30,7 +30,7 @@ _MARGIN = 20
 _LEAST = 200 * TICKS_PER_MS
 _KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, records.NoteRecord, records.EndsRecord)
 #: How the text of a part ends that is an ordinary exchange.
-ANSWERED = "answered"
+REPLY = "reply"
 
 C = TypeVar("C", DeviceValueRecord, InputRecord)
 
@@ -162,9 +162,9 @@ class Part:
         return self.end - self.start
 
     @property
-    def answered(self) -> bool:
+    def ordinary(self) -> bool:
         """Whether it is an ordinary exchange."""
-        return self.what.endswith(ANSWERED)
+        return self.what.endswith(REPLY)
 
 
 def parts_of_scan(window: TraceWindow, scan: ScanRecord) -> list[Part]:
@@ -205,7 +205,7 @@ def _outcome(window: TraceWindow, attempt: AttemptRecord) -> str:
     shortest = min((a.turnaround for a in window.attempts if a.turnaround is not None), default=0)
     if attempt.turnaround is not None and attempt.turnaround > _LATE * shortest:
         return f"{where}reply {format_ms(attempt.turnaround)} after the poll"
-    return f"{where}{ANSWERED}"
+    return f"{where}{REPLY}"
 
 
 def in_words(parts: Sequence[Part]) -> list[str]:
@@ -219,9 +219,9 @@ def in_words(parts: Sequence[Part]) -> list[str]:
             attempts = f"attempts {first.attempt} to {group[-1].attempt}"
             words.append(f"{len(group)} × {ms(first.ticks)} ({attempts} {first.what})")
         else:
-            answered = sum(part.answered for part in group)
-            names = [_named(part) for part in group if not part.answered]
-            names += [f"{answered} answered poll{'s' if answered > 1 else ''}"] if answered else []
+            ordinary = sum(part.ordinary for part in group)
+            names = [_named(part) for part in group if not part.ordinary]
+            names += [f"{ordinary} poll{'s' if ordinary > 1 else ''} with a reply"] if ordinary else []
             words.append(f"{total} ({', '.join(names)})")
     return words
 

@@ -159,7 +159,7 @@ class DropReply(_OfNode):
 
 @dataclass(frozen=True, slots=True)
 class Slow(_OfNode):
-    """A slave answers ``extra`` ticks later than its turnaround."""
+    """A slave replies ``extra`` ticks later than its turnaround."""
 
     extra: int
 

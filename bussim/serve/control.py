@@ -1,17 +1,17 @@
-"""Control of a serving process while it runs: a request is one line of JSON, and so is the answer.
+"""Control of a serving process while it runs: a request is one line of JSON, and so is the reply.
 
 It listens on a Unix socket in a folder that only its user may enter, or, where there are no such
 sockets (Windows), on a port of the loopback interface that wants a token from a file there. Nothing
 is ever reachable from another computer.
 
 ===========  ==================================================  ==================================
-``do``       more of the request                                 answer
+``do``       more of the request                                 reply
 ===========  ==================================================  ==================================
 ``list``     —                                                   ``scenario``, ``nodes``, ``now_s``
 ``inject``   ``node``, ``kind``, ``values`` (texts by option)    ``text``, ``odd`` (list)
 ===========  ==================================================  ==================================
 
-Every answer has ``ok``; where it is false, ``error`` says why in words.
+Every reply has ``ok``; where it is false, ``error`` says why in words.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from typing import Any
 
 from bussim.errors import BussimError, UsageError
 
-#: Bytes of a request or an answer at most.
+#: Bytes of a request or a reply at most.
 _LONGEST = 256 * 1024
 #: Seconds that a peer may take for its line, and between two checks whether to end.
 _LONGEST_WAIT, _CHECK_EVERY = 2.0, 0.2
 _UNIX = sys.platform != "win32" and hasattr(socket, "AF_UNIX")
 
-Answer = Callable[[dict[str, Any]], dict[str, Any]]
+Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 def control_folder() -> Path:
@@ -66,10 +66,10 @@ def control_folder() -> Path:
 
 
 class ControlServer:
-    """Answers requests in a thread of its own until :meth:`close`. ``answer`` may raise BussimError."""
+    """Serves requests in a thread of its own until :meth:`close`. ``handle`` may raise BussimError."""
 
-    def __init__(self, scenario: str, answer: Answer) -> None:
-        self._answer = answer
+    def __init__(self, scenario: str, handle: Handler) -> None:
+        self._handle = handle
         self._token = secrets.token_hex(16)
         folder = control_folder()
         self._note = folder / f"{os.getpid()}.json"
@@ -125,9 +125,9 @@ class ControlServer:
                 return
             with peer, contextlib.suppress(OSError):
                 peer.settimeout(_LONGEST_WAIT)
-                peer.sendall(_line(self._answered(_read(peer))))
+                peer.sendall(_line(self._reply(_read(peer))))
 
-    def _answered(self, text: bytes) -> dict[str, Any]:
+    def _reply(self, text: bytes) -> dict[str, Any]:
         try:
             request = json.loads(text)
         except (ValueError, RecursionError):
@@ -136,7 +136,7 @@ class ControlServer:
         if not isinstance(token, str) or not _same(token, self._token):
             return {"ok": False, "error": "this has not the token of this process"}
         try:
-            return {"ok": True, **self._answer(request)}
+            return {"ok": True, **self._handle(request)}
         except BussimError as error:
             return {"ok": False, "error": str(error)}
 
@@ -176,17 +176,17 @@ class Running:
         self._socket, self._port = note.get("socket"), note.get("port")
 
     def ask(self, **request: Any) -> dict[str, Any]:
-        """Its answer. Raises UsageError where it refuses, OSError where it is not there any more."""
+        """Its reply. Raises UsageError where it refuses, OSError where it is not there any more."""
         with self._connected() as peer:
             peer.sendall(_line({"token": self._token, **request}))
             text = _read(peer)
         try:
-            answer: dict[str, Any] = json.loads(text)
+            reply: dict[str, Any] = json.loads(text)
         except ValueError as error:
-            raise UsageError(f"process {self.process} did not answer") from error
-        if not answer.get("ok"):
-            raise UsageError(str(answer.get("error")))
-        return answer
+            raise UsageError(f"process {self.process} gave no reply") from error
+        if not reply.get("ok"):
+            raise UsageError(str(reply.get("error")))
+        return reply
 
     def _connected(self) -> socket.socket:
         if _UNIX and isinstance(self._socket, str):

@@ -100,7 +100,7 @@ class ExternalSerialBus(BridgedLine, SerialBus):
         bridge.attach(self, kernel)
 
     def kind_of_external(self, chars: bytes) -> str:
-        """Requests where a node of this bus answers, else responses."""
+        """Requests where a node of this bus is a slave, else responses."""
         return "request" if any(node.kind == "response" for node in self.ports) else "response"
 
 

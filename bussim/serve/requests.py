@@ -1,4 +1,4 @@
-"""The answers of a running session to requests; see :mod:`bussim.serve.control`."""
+"""The replies of a running session to requests; see :mod:`bussim.serve.control`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from bussim.units import format_time, seconds
 _LONGEST_WAIT = 5.0
 
 
-class Answers:
-    """Called from the control server's thread."""
+class SessionRequests:
+    """Carries out requests to a session; called from the control server's thread."""
 
     def __init__(self, session: Session, *, allow_code: bool = False, folder: Path | None = None) -> None:
         self._session = session
@@ -25,7 +25,7 @@ class Answers:
         self._number = 0
 
     def __call__(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The answer to a request. Raises UsageError."""
+        """The reply to a request. Raises UsageError."""
         asked = request.get("do")
         if asked == "list":
             session = self._session

@@ -22,7 +22,7 @@ from bussim.sweep.jobs import Job, Outcome, run_job
 #: A worker process without work ends after so many seconds; so often it looks for its parent.
 _IDLE_SECONDS = 30
 _WATCH_SECONDS = 0.5
-#: Seconds in which a scheduler must answer, and in which it must have its first worker.
+#: Seconds in which a scheduler must respond, and in which it must have its first worker.
 _CONNECT_SECONDS = 10
 _WORKER_SECONDS = 60
 #: Jobs that wait at a scheduler: at least so many, and this many for each of its threads.
@@ -138,7 +138,7 @@ class DaskExecutor(Executor):
         except Exception as error:
             why = str(error) or "it does not speak Dask's protocol"  # its own timeout has no text
             raise UsageError(
-                f"--scheduler {self._address}: no Dask scheduler answers there ({why}); start one with "
+                f"--scheduler {self._address}: no Dask scheduler responds there ({why}); start one with "
                 "dask scheduler, or leave --scheduler out to use this machine"
             ) from error
         try:

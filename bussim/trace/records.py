@@ -263,7 +263,7 @@ class LinkTotals:
     frames: int
     collisions: int
     undetected: int
-    healthy_at: int | None  # first instant at which every slave had answered and no flag was on
+    healthy_at: int | None  # first instant at which every slave had replied and no flag was on
     #: Frames begun while another node's driver was on: by that node, and by what its driver did
     #: (:data:`OVERLAPS`).
     overlaps: dict[str, dict[str, int]] = field(default_factory=dict)

@@ -190,7 +190,7 @@ def test_mistakes(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) ->
         ([seed1, "--port", "press1.COM3"], "no Modbus master 'press1.COM3'; it has none"),
         (
             [seed1, "--kind", "responses"],
-            "no Modbus master with an answer in this run (masters: seed1: none)",
+            "no Modbus master with a response in this run (masters: seed1: none)",
         ),
         (
             [seed1, "--kind", "responses", "--bus", "link"],

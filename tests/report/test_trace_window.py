@@ -49,7 +49,7 @@ def test_the_sentence_names_station_attempt_code_and_time() -> None:
     assert "took 2" in sentence
     assert "no reply, code 01" in sentence
     assert "101.720 ms" in sentence
-    assert "answered polls" in sentence
+    assert "polls with a reply" in sentence
 
 
 def test_attempts_that_failed_alike_are_told_once(tmp_path) -> None:  # type: ignore[no-untyped-def]
@@ -67,17 +67,17 @@ def test_attempts_that_failed_alike_are_told_once(tmp_path) -> None:  # type: ig
 def test_parts_that_differ_are_told_apart() -> None:
     parts = [
         Part(0, 72_000, "data frame of a"),
-        Part(72_000, 144_000, "at station 1: answered", 1),
+        Part(72_000, 144_000, "at station 1: reply", 1),
         Part(144_000, 216_000, "at station 2: damaged, code 04", 1, lost=True),
         Part(216_000, 360_000, "at station 2: damaged, code 04", 2, lost=True),
-        Part(360_000, 432_000, "at station 2: answered", 3),
+        Part(360_000, 432_000, "at station 2: reply", 3),
         Part(432_000, 504_000, "overhead of the scan"),
     ]
     assert in_words(parts) == [
-        "2.000 ms (data frame of a, 1 answered poll)",
+        "2.000 ms (data frame of a, 1 poll with a reply)",
         "1.000 ms (attempt 1 at station 2: damaged, code 04)",
         "2.000 ms (attempt 2 at station 2: damaged, code 04)",
-        "2.000 ms (overhead of the scan, 1 answered poll)",
+        "2.000 ms (overhead of the scan, 1 poll with a reply)",
     ]
 
 

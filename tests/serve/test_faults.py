@@ -19,7 +19,7 @@ from bussim.engines.modbus.adu import Mode
 from bussim.errors import UsageError
 from bussim.serve import control
 from bussim.serve.control import ControlServer, control_folder, running
-from bussim.serve.requests import Answers
+from bussim.serve.requests import SessionRequests
 from tests.serve.serving import PATIENCE, SLAVES, Serving
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
@@ -53,7 +53,7 @@ def serving() -> Iterator[Serving]:
 
 @pytest.fixture
 def controlled(serving: Serving) -> Iterator[Serving]:
-    server = ControlServer("test", Answers(serving.session))
+    server = ControlServer("test", SessionRequests(serving.session))
     yield serving
     server.close()
 
@@ -165,7 +165,7 @@ def test_mistakes_are_reported_and_nothing_happens(
 def test_what_is_served_is_listed_and_gone_afterwards(
     serving: Serving, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    server = ControlServer("test", Answers(serving.session))
+    server = ControlServer("test", SessionRequests(serving.session))
     assert main(["inject", "--json"]) == 0
     (listed,) = json.loads(capsys.readouterr().out)
     assert listed["scenario"] == "test"
@@ -179,7 +179,7 @@ def test_what_is_served_is_listed_and_gone_afterwards(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no Unix sockets")
 def test_rubbish_on_the_control_socket_does_not_end_it(serving: Serving) -> None:
-    server = ControlServer("test", Answers(serving.session))
+    server = ControlServer("test", SessionRequests(serving.session))
     try:
         (note,) = control_folder().glob("*.json")
         place = note.with_suffix(".sock")
@@ -220,7 +220,7 @@ def test_nothing_listens_on_the_network(serving: Serving) -> None:
         return [row[1] for row in rows if row[3] in ("0A", "07") and f"socket:[{row[9]}]" in own]
 
     before = listening()
-    server = ControlServer("test", Answers(serving.session))
+    server = ControlServer("test", SessionRequests(serving.session))
     try:
         assert listening() == before
         with socket.create_server(("127.0.0.1", 0)):  # it would be seen
@@ -238,7 +238,7 @@ def test_without_unix_sockets_a_token_is_wanted_on_the_loopback(
     serving: Serving, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(control, "_UNIX", False)
-    server = ControlServer("test", Answers(serving.session))
+    server = ControlServer("test", SessionRequests(serving.session))
     try:
         (note,) = control_folder().glob("*.json")
         assert note.stat().st_mode & 0o077 == 0

@@ -118,8 +118,8 @@ def test_where_no_scheduler_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     scenario = noisy(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         for address, message in (
-            (f"tcp://127.0.0.1:{silent.getsockname()[1]}", r"no Dask scheduler answers there \("),
-            ("tcp://127.0.0.1:1", r"no Dask scheduler answers there \("),
+            (f"tcp://127.0.0.1:{silent.getsockname()[1]}", r"no Dask scheduler responds there \("),
+            ("tcp://127.0.0.1:1", r"no Dask scheduler responds there \("),
             ("127.0.0.1:8786", "expected an address such as tcp://"),
             ("tcp://127.0.0.1", "expected an address such as tcp://"),
         ):

@@ -46,8 +46,8 @@ def show_bounds(console: Console, bounds: Mapping[str, LatencyBound]) -> None:
             Text(
                 "  no error: nor is a station's error flag still on at the change, which would cost "
                 f"{flag} ms. every retry: the source is in error "
-                "for one link scan and answers the last attempt of the next, any reply of all others may be "
-                f"lost. A frame that only the target misses adds up to {longest} ms. None holds "
+                "for one link scan and replies to the last attempt of the next, any reply of all others may "
+                f"be lost. A frame that only the target misses adds up to {longest} ms. None holds "
                 "for a change before the link has formed."
             )
         )

@@ -99,10 +99,10 @@ def command(
                 {**period.to_json(TICKS_PER_SECOND), **figures.to_json()} for period, figures in each
             ]
         lists = {node: figures.to_json() for node, figures in polls.items()}
-        answer: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
+        result: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
         if bounds:
-            answer["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
-        print_json(answer)
+            result["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
+        print_json(result)
     else:
         from bussim.commands.common.console import wide_console
 

@@ -217,9 +217,9 @@ def _rows(fitted: Fitted) -> list[tuple[str, str, str, str]]:
                 span = f"90 % in {milliseconds(poll.low):.3f} … {milliseconds(poll.high):.3f}"
             rows.append((f"  every {name}", every, span, f"{poll.turns:,}"))
         for slave in ports.slaves:
-            time(f"answer of station {slave.station} after", slave.delay)
+            time(f"response of station {slave.station} after", slave.delay)
             _add_distribution(rows, slave.distribution)
-            rate(f"no answer of station {slave.station}", slave.loss)
+            rate(f"no response of station {slave.station}", slave.loss)
         rate("bit error rate", ports.ber)
         for name, ticks in (("pause before a request", ports.interval), ("timeout", ports.timeout)):
             if ticks is not None:

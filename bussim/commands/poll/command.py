@@ -166,7 +166,7 @@ def _polls(
     if address + request.quantity > 0x10000:
         raise UsageError(f"-r is {reference}: {request.quantity} items from there lie beyond the last one")
     if not values and 0 in stations:
-        raise UsageError("-a has 0, the broadcast, which no station answers: it can only be written to")
+        raise UsageError("-a has 0, the broadcast, to which no station responds: it can only be written to")
     return tuple(
         Planned(
             Poll(station, request, 0 if values else every, retries), f"station {station}", first, form, big

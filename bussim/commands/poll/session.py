@@ -229,7 +229,7 @@ def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
     for line in bars(everything):
         console.print(line, markup=False)
     for reason, count in summary["rejected_frames"].items():
-        click.echo(f"frames that were no answers: {count} × {reason}")
+        click.echo(f"frames that were no responses: {count} × {reason}")
     port = summary["port"]
     if port["losses"] or port["dropped"]:
         click.echo(f"port: lost {port['losses']} times, {port['dropped']} bytes not sent")

@@ -21,7 +21,7 @@ _MOST = 12
 
 
 def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Sequence[Verification]) -> None:
-    """Print the answer for one link."""
+    """Print the sizing of one link."""
 
     def line(text: str, indent: int = 2, style: str = "") -> None:
         console.print(Text(" " * indent + text, style))

@@ -51,7 +51,7 @@ def _data(given: BytesIn) -> bytes:
 
 
 class HeardIn(BytesIn):
-    """Bytes that are answered."""
+    """Bytes to which a message is the reply."""
 
     example = 'a text, or {bytes: "02 41 03"}'
     shorthand = "text"

@@ -19,7 +19,7 @@ from bussim.plc.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class LxSettings(SlaveSettings):
-    """A PLC that answers at END. ``registers`` are its devices at power-on by name."""
+    """A PLC that responds at END. ``registers`` are its devices at power-on by name."""
 
     port = LX_PORT
 

@@ -38,7 +38,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class ValueFailed:
-    """The function behind an item failed: the read was answered with exception 04."""
+    """The function behind an item failed: the response to the read was exception 04."""
 
     tick: int
     name: str

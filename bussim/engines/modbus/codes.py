@@ -7,7 +7,7 @@ from typing import Final
 
 
 class ExceptionCode(IntEnum):
-    """Exception codes that a slave answers with (Modbus application protocol, section 7)."""
+    """Exception codes that a slave responds with (Modbus application protocol, section 7)."""
 
     ILLEGAL_FUNCTION = 1
     ILLEGAL_ADDRESS = 2

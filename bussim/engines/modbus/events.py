@@ -85,7 +85,7 @@ class PollEnded:
     index: int  # in the list, from 0
     start: int  # when its first attempt was begun
     attempts: int
-    error: PortError | None  # of the last attempt; None: answered
+    error: PortError | None  # of the last attempt; None: a response was taken
     late: int  # ticks from the moment it was due to ``start``
 
 

@@ -324,7 +324,7 @@ class Master:
 
 
 def _checked(decoded: Response | ExceptionResponse | Malformed, request: Request) -> Response | PortError:
-    """The response, or how a sound frame of the right station fails to answer its request.
+    """The response, or how a sound frame of the right station fails to be its response.
 
     Impossible length: 1; a write's echo with another address: 2, with another value or quantity, or
     another function altogether: 6 (assumed; nothing else carries what was asked).

@@ -111,7 +111,7 @@ class Flaw(StrEnum):
     COUNT = "byte count and quantity disagree"
 
 
-#: What a server answers to each flaw; 0: nothing, the frame is ignored.
+#: What a server replies to each flaw; 0: nothing, the frame is ignored.
 FLAW_EXCEPTIONS: Final[dict[Flaw, int]] = {
     Flaw.EMPTY: 0,
     Flaw.FUNCTION: ExceptionCode.ILLEGAL_FUNCTION,
@@ -273,7 +273,7 @@ def encode_exception(function: int, code: int) -> bytes:
 
 
 def response_size(request: Request) -> int:
-    """Bytes of the PDU that answers a request normally."""
+    """Bytes of the PDU of a normal response."""
     if request.function in _READ_BITS:
         return 2 + (request.quantity + 7) // 8
     if request.function in _READ_WORDS:

@@ -32,7 +32,7 @@ class SlaveConfig:
 
     ``delay`` is the least time from the request's last stop bit to the reply's first edge.
     ``driven``: requests are carried out when the driver says so (a PLC: at END), else as soon as they
-    are complete. ``backlog`` is how many requests wait while another one is being answered; more are
+    are complete. ``backlog`` is how many requests wait while another one is being served; more are
     lost, as is everything that arrives while the slave itself sends.
     """
 
@@ -56,7 +56,7 @@ class Slave:
     """One port as Modbus slave. See :mod:`bussim.engines.contract` for the methods.
 
     ``maps`` are the devices by station number (1–247). Damaged frames and those of other stations
-    are ignored in silence; a broadcast is carried out by every device and answered by none.
+    are ignored in silence; a broadcast is carried out by every device, without a response.
     """
 
     def __init__(self, config: SlaveConfig, maps: Mapping[int, RegisterMap]) -> None:
@@ -202,7 +202,7 @@ class Slave:
         number, station, request, start, end = asked
         broadcast = station == BROADCAST
         for own in sorted(self.maps) if broadcast else (station,):
-            exception, pdu = self._answer(own, request, now)
+            exception, pdu = self._response(own, request, now)
             self._events.append(
                 RequestServed(
                     now,
@@ -225,8 +225,8 @@ class Slave:
         self.due_counter = number
         return EVENTS | TRANSMIT
 
-    def _answer(self, station: int, request: Request | Malformed, now: int) -> tuple[int, bytes]:
-        """Exception code (0: none) and PDU of one station's answer."""
+    def _response(self, station: int, request: Request | Malformed, now: int) -> tuple[int, bytes]:
+        """Exception code (0: none) and PDU of one station's response."""
         if isinstance(request, Malformed):
             code = FLAW_EXCEPTIONS[request.flaw]
             return code, encode_exception(request.function, code)
@@ -244,7 +244,7 @@ class Slave:
 
     def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The reply that is due. Raises RuntimeError if none is."""
-        if self._reply is None or self.state is not SlaveState.ANSWERING:
+        if self._reply is None or self.state is not SlaveState.RESPONDING:
             raise RuntimeError(f"the slave is {self.state.value}: no reply is due")
         self._move(SlaveInput.BEGUN)
         self._reader.reset()
@@ -259,7 +259,7 @@ class Slave:
 
     def give_up_reply(self, now: int) -> int:
         """The reply that is due will not be sent (a fault drops it); returns hints."""
-        if self.state is not SlaveState.ANSWERING:
+        if self.state is not SlaveState.RESPONDING:
             return 0
         self._move(SlaveInput.LOST)
         return self._finished(now)
@@ -268,7 +268,7 @@ class Slave:
         """The next event, then the reply that is due."""
         if self._events:
             return self._events.popleft()
-        if self.due >= 0 and self.state is SlaveState.ANSWERING:
+        if self.due >= 0 and self.state is SlaveState.RESPONDING:
             at, self.due = self.due, -1
             return Transmit(at, reply=True, counter=self.due_counter)
         return None

@@ -28,7 +28,7 @@ class MasterInput(StrEnum):
     BEGUN = "first edge"
     REQUESTED = "request sent"
     BROADCAST = "broadcast sent"
-    DECIDED = "answered, failed or timed out"
+    DECIDED = "response taken, failed or timed out"
     TURNED = "turnaround over"
 
 
@@ -51,7 +51,7 @@ class SlaveState(StrEnum):
     REFUSING = "refusing"  # its station number is impossible: silent until STOP
     LISTENING = "listening"
     SERVING = "serving"  # a request waits to be carried out
-    ANSWERING = "answering"  # a reply is due
+    RESPONDING = "responding"  # a response is due
     SENDING = "sending"
 
 
@@ -73,10 +73,10 @@ SLAVE: dict[tuple[SlaveState, SlaveInput], SlaveState] = {
     (SlaveState.STOPPED, SlaveInput.START): SlaveState.LISTENING,
     (SlaveState.STOPPED, SlaveInput.BAD_STATION): SlaveState.REFUSING,
     (SlaveState.LISTENING, SlaveInput.REQUEST): SlaveState.SERVING,
-    (SlaveState.SERVING, SlaveInput.SERVED): SlaveState.ANSWERING,
+    (SlaveState.SERVING, SlaveInput.SERVED): SlaveState.RESPONDING,
     (SlaveState.SERVING, SlaveInput.SERVED_ALL): SlaveState.LISTENING,
-    (SlaveState.ANSWERING, SlaveInput.BEGUN): SlaveState.SENDING,
-    (SlaveState.ANSWERING, SlaveInput.LOST): SlaveState.LISTENING,
+    (SlaveState.RESPONDING, SlaveInput.BEGUN): SlaveState.SENDING,
+    (SlaveState.RESPONDING, SlaveInput.LOST): SlaveState.LISTENING,
     (SlaveState.SENDING, SlaveInput.SENT): SlaveState.LISTENING,
     **{(state, SlaveInput.STOP): SlaveState.STOPPED for state in SlaveState},
 }

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import Final
 
-NO_REPLY: Final = 0x01  # master, about a slave: no answer within the timeout
+NO_REPLY: Final = 0x01  # master, about a slave: no reply within the timeout
 WRONG_STATION: Final = 0x02  # master, about a slave: the station number does not agree
 WRONG_COUNTER: Final = 0x03  # master, about a slave: the communication counter does not agree
 DAMAGED: Final = 0x04  # master and slaves, about a slave: the reply's format is wrong
 MASTER_SILENT: Final = 0x11  # slave, about the master: its requests stopped
 MASTER_DAMAGED: Final = 0x14  # slave, about the master: its message format is wrong
-NOT_IN_NETWORK: Final = 0x21  # slave, about another: its poll got no answer
+NOT_IN_NETWORK: Final = 0x21  # slave, about another: its poll got no reply
 HEARD_WRONG_STATION: Final = 0x22  # slave, about another: the station number disagrees
 HEARD_WRONG_COUNTER: Final = 0x23  # slave, about another: the counter disagrees
 NO_PARAMETERS: Final = 0x31  # slave, about itself: polled before it received parameters

@@ -18,7 +18,7 @@ class ScanEnded:
     failures: tuple[tuple[int, int], ...]  # (station, code) of each failed attempt, in order
     in_error: tuple[int, ...]  # stations whose flag was on at its end
     parameters: bool  # the interval ended with a parameter frame
-    slowest: tuple[int, int]  # (station, ticks from its poll's end to its reply) of the slowest answer
+    slowest: tuple[int, int]  # (station, ticks from its poll's end to its reply) of the slowest reply
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class AttemptEnded:
     end: int
     station: int
     number: int
-    code: int  # 0 = answered
+    code: int  # 0: a good reply
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class StationBack:
 
 @dataclass(frozen=True, slots=True)
 class AllHealthy:
-    """Master: every slave has answered and no flag is on, for the first time or again."""
+    """Master: every slave has replied and no flag is on, for the first time or again."""
 
     tick: int
 

@@ -62,7 +62,7 @@ class MasterConfig:
 class Master:
     """The station 0 of a link. See :mod:`bussim.engines.contract` for the methods.
 
-    A poll is answered by a valid data frame of the polled station with the scan's counter whose last
+    The reply to a poll is a valid data frame of the polled station with the scan's counter whose last
     stop bit ends at or before the deadline, ``timeout`` after the end of the poll. It receives only
     while an attempt runs.
     """

@@ -19,11 +19,11 @@ from bussim.engines.nn.events import MasterWatchdog, SlaveEvent, StationBack, St
 from bussim.engines.nn.frames import ENQ, SOH, STX, Damage, Frame, LinkSettings, data_chars
 from bussim.engines.nn.status import LinkStatus
 
-#: No poll is without a reply, and none was answered since the parameters arrived.
+#: No poll is without a reply, and none had one since the parameters arrived.
 NONE_PENDING = -1
 #: Timeouts of silence that a slave grants the master, beyond the slowest reply (assumed).
 _WATCHDOG_TIMEOUTS = 2
-_ANSWERED = 0  # no code: an earlier attempt of the same exchange was answered
+_REPLIED = 0  # no code: an earlier attempt of the same exchange had a reply
 _MASTERS_DIGIT = ord("0")
 
 
@@ -159,8 +159,8 @@ class LinkMonitor(Reception):
         hints = 0
         if pending >= 0 and not (same and station == pending):
             hints = self._no_reply(end)
-        if same and (station == ~pending or (station == pending and self._outcome == _ANSWERED)):
-            self._outcome = _ANSWERED  # the master missed a reply that was received here
+        if same and (station == ~pending or (station == pending and self._outcome == _REPLIED)):
+            self._outcome = _REPLIED  # the master missed a reply that was received here
         else:
             self._outcome = codes.NOT_IN_NETWORK
         self._counter = self._pending_counter = counter
@@ -174,14 +174,14 @@ class LinkMonitor(Reception):
 
     def _failed(self, code: int) -> int:
         """Note the outcome of the pending poll's attempt, as received here."""
-        if self._outcome != _ANSWERED:
+        if self._outcome != _REPLIED:
             self._outcome = code
         return 0
 
     def _no_reply(self, now: int) -> int:
         """The master has moved past the polled station, whose reply was never received here."""
         station = self.pending
-        if station == self.config.station or self._outcome == _ANSWERED:
+        if station == self.config.station or self._outcome == _REPLIED:
             return 0
         status = self.status
         count = not (status.flags[station] and self.config.count_on_edge)

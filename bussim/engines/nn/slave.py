@@ -1,4 +1,4 @@
-"""The N:N slave: answers its polls, and notes what it receives of all other stations.
+"""The N:N slave: replies to its polls, and notes what it receives of all other stations.
 
 Parameters and codes: PW10 board manual, section 7.5; FX communication manual JY992D69901, chapters 4
 and 12.2. That a slave without the master's mode reports 7348/7448 and stays silent until STOP is assumed.
@@ -175,7 +175,7 @@ class Slave(LinkMonitor):
         return frame
 
     def transmit_done(self, now: int) -> int:
-        """The reply has left: its poll is answered, as far as this station knows."""
+        """The reply has left: its poll has its reply, as far as this station knows."""
         if self.state is SlaveState.LINKED:
             if self.pending == self.config.station and self._pending_counter == self._sent_counter:
                 self.pending = ~self.pending

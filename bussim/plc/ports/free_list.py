@@ -35,7 +35,7 @@ class FreeList:
         self._receptions = listener.times if listener is not None else 0  # that are left, None: no limit
         self._turns = PollList([spec for spec in specs if spec.sends], now)
         self._turn: FreeSpec | None = None
-        self._limit: int | None = None  # when a turn's wait for an answer is over
+        self._limit: int | None = None  # when a turn's wait for a reply is over
         #: The instruction that is driven.
         self.current: FreeSpec | None = None
         self._took = False  # a reception was taken over for it

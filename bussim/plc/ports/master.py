@@ -7,7 +7,7 @@ transaction costs whole scans (PW10 board manual, section 5 and 6.2.2).
 
 Assumed, since the manual is silent: an instruction keeps the port as long as it is driven, and asks
 again each time; one that goes off before its request has left asks nothing; one that goes off later
-still takes its answer over. The request's operands are those of the latest execution before it leaves,
+still takes its response over. The request's operands are those of the latest execution before it leaves,
 a write's data those of the END at which it leaves.
 """
 

@@ -159,7 +159,7 @@ class PortRegisters:
 
     @property
     def shows_memory(self) -> bool:
-        """Whether the next END answers a request for what is in memory: special devices must be current."""
+        """Whether the next END serves a request for what is in memory: special devices must be current."""
         return isinstance(self.engine, Slave) and self.engine.waiting
 
     def at_end(self, end: int) -> int:

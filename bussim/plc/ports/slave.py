@@ -1,4 +1,4 @@
-"""A PLC's port as Modbus slave: its requests are carried out, and answered, at END (LX slave note)."""
+"""A PLC's port as Modbus slave: its requests are served at END (LX slave note)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from bussim.line.characters import LineTiming
 from bussim.plc.ports.side import Side
 from bussim.units import round_half_up
 
-_BUSY = frozenset((SlaveState.SERVING, SlaveState.ANSWERING, SlaveState.SENDING))
+_BUSY = frozenset((SlaveState.SERVING, SlaveState.RESPONDING, SlaveState.SENDING))
 
 
 class SlaveSide(Side):

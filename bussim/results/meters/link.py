@@ -133,7 +133,7 @@ class LinkMeter:
         self.failed[code] += 1
 
     def healthy(self, tick: int) -> None:
-        """Every slave answers; only the first time counts."""
+        """Every slave replies; only the first time counts."""
         if self.healthy_at is None:
             self.healthy_at = tick
 

@@ -27,8 +27,8 @@ def response_time(record: TransactionRecord) -> int | None:
 
     None without a response, and where the response is to another request.
     """
-    answered = record.outcome in _RESPONSES and not record.mismatched
-    if not answered or record.asked is None or record.answer_end is None:
+    own = record.outcome in _RESPONSES and not record.mismatched
+    if not own or record.asked is None or record.answer_end is None:
         return None
     return record.answer_end - record.asked
 

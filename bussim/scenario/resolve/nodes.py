@@ -52,7 +52,7 @@ class Node:
     device: DeviceIn | None = None
 
     @property
-    def answers(self) -> bool:
+    def replies(self) -> bool:
         """Whether it sends replies."""
         return self.role in (Role.LINK_SLAVE, Role.SLAVE)
 
@@ -88,7 +88,7 @@ def device_node(path: Path, device: DeviceIn, line: LineTiming) -> Node:
     return Node(device.name, device.name, device.bus, role, timing, mode, station, path, device=device)
 
 
-class Missing(Exception):  # noqa: N818 - an answer that the caller words
+class Missing(Exception):  # noqa: N818 - the caller words it
     """No node is meant by a name; the text follows the name's key."""
 
 

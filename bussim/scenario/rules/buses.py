@@ -59,7 +59,7 @@ def _check_stations(bus: str, slaves: list[Node], report: Report) -> None:
         if other is not node:
             report.warn(
                 (*node.path, "station"),
-                f"{other.name} and {node.name} on {bus} are both station {node.station}: they answer at once",
+                f"{other.name} and {node.name} on {bus} are both station {node.station}: they reply at once",
             )
 
 

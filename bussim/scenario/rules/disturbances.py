@@ -43,7 +43,7 @@ def check_noise(resolved: Resolved, report: Report) -> None:
         if noise.station is None or noise.bus not in resolved.lines:
             continue
         node = _find((*entry.path, "station"), noise.station, resolved.nodes, report, noise.bus)
-        if noise.reply_loss is not None and node is not None and not node.answers:
+        if noise.reply_loss is not None and node is not None and not node.replies:
             report.warn((*entry.path, "station"), f"{_silence(node)} replies that could be lost")
 
 
@@ -155,7 +155,7 @@ def _check_node(entry: Entry[FaultIn], kind: str, fault: FaultIn, nodes: Directo
         return
     if node is None:
         return
-    if kind in _OF_REPLIES and not node.answers:
+    if kind in _OF_REPLIES and not node.replies:
         report.warn(subject, f"{_silence(node)} replies, and {kind} does nothing")
     wrong, right = fault.wrong_format, node.timing
     if wrong is not None and wrong.format in (None, right.format) and wrong.baud in (None, right.baud):

@@ -1,4 +1,4 @@
-"""What is wrong or odd about polls: whether they can be sent, where their data lie, who answers them."""
+"""What is wrong or odd about polls: whether they can be sent, where their data lie, who responds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bussim.scenario.resolve.nodes import Directory
 from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL, FREE, PortConfiguration
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of
-from bussim.scenario.rules.responses import Answers
+from bussim.scenario.rules.responses import Responses
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Path, Report
@@ -40,21 +40,21 @@ class PolledPort:
 
 def check_polls(resolved: Resolved, report: Report) -> None:
     """Judge the polls of every PLC and of every device that is a master."""
-    answers = Answers(resolved.nodes, resolved.code, report)
+    responses = Responses(resolved.nodes, resolved.code, report)
     for member in resolved.members:
         for entry, poll in readable(resolved.draft.polls.get(member.path, ())):
             if isinstance(poll, PollIn):
                 config = _config(entry, poll, member, resolved.nodes, report)
                 if config is not None:
                     port = PolledPort(member, config, resolved.members)
-                    _check_poll(entry, poll, port, resolved.nodes, answers, report)
+                    _check_poll(entry, poll, port, resolved.nodes, responses, report)
     for node in resolved.nodes.nodes:
         if not isinstance(node.device, MasterIn):
             continue
         for entry, poll in readable(resolved.draft.polls.get(node.path, ())):
             _check_values(entry, poll, report)
             if _check_request(entry, poll, report):
-                answers.check(entry, poll, node, node.device.timeout)
+                responses.check(entry, poll, node, node.device.timeout)
 
 
 def _config(
@@ -86,7 +86,7 @@ def _check_poll(
     poll: PollIn,
     port: PolledPort,
     nodes: Directory,
-    answers: Answers,
+    responses: Responses,
     report: Report,
 ) -> None:
     free = port.config.protocol == FREE
@@ -103,7 +103,7 @@ def _check_poll(
     node = next((node for node in nodes.nodes if node.config is port.config), None)
     _check_operand(entry, poll, port, report)
     if node is not None:
-        answers.check(entry, poll, node, port.config.valid.timeout if port.config.valid is not None else 0)
+        responses.check(entry, poll, node, port.config.valid.timeout if port.config.valid is not None else 0)
 
 
 def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> bool:
@@ -129,7 +129,7 @@ def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Rep
     if poll.station == BROADCAST and function in READS:
         report.error(
             (*entry.path, "station"),
-            f"is 0, a broadcast, which no station answers; function {function} reads",
+            f"is 0, a broadcast, to which no station responds; function {function} reads",
         )
     whole = all(getattr(poll, key) is not None for key in ("station", "address"))
     return whole and len(report.errors) == before and function in FUNCTIONS

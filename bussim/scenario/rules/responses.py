@@ -1,4 +1,4 @@
-"""Which slave answers a poll, with what, and whether in time: warnings, as all of it happens in a run."""
+"""Which slave responds to a poll, with what, and whether in time: warnings, as all of it happens in a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bussim.scenario.yaml.user_code import Code
 from bussim.units import format_ms, format_time
 
 
-class Answers:
+class Responses:
     """Checks what comes back. Register maps are made once a device, when a poll asks it."""
 
     def __init__(self, nodes: Directory, code: Code, report: Report) -> None:
@@ -57,7 +57,7 @@ class Answers:
             refusal = _refusal(poll, registers)
             if refusal is not None:
                 key, why, code = refusal
-                text = f"{slave.name} {why}: it answers with exception {code:02}"
+                text = f"{slave.name} {why}: it responds with exception {code:02}"
                 self._report.warn((*entry.path, key), text)
             self._check_time(entry, poll, master, slave, settings, timeout, refused=refusal is not None)
 
@@ -83,7 +83,7 @@ class Answers:
         *,
         refused: bool,
     ) -> None:
-        """Check the timeout against the slave's answer, which is an exception where it is ``refused``."""
+        """Check the timeout against the slave's response, which is an exception where it is ``refused``."""
         if slave.mode is Mode.RTU and slave.timing.format.data_bits != 8:
             return  # it understands nothing anyway
         request = Request(poll.function or 0, poll.address or 0, poll.quantity)
@@ -133,7 +133,7 @@ def _name(mode: Mode | None) -> str:
 
 
 def _longest_scan(member: Member | None) -> Scan:
-    """The scan at whose END a PLC's port answers."""
+    """The scan at whose END a PLC's port responds."""
     if member is None:
         raise AssertionError("what is no device is the port of a PLC")
     scan = member.plc.scan

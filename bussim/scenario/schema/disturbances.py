@@ -137,7 +137,7 @@ class StationIn(Model):
 
 
 class SlowIn(StationIn):
-    """A slave that answers late."""
+    """A slave that replies late."""
 
     example = "{station: press1, extra: 60 ms}"
 

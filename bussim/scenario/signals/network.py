@@ -2,7 +2,7 @@
 
 The search follows each contact and operand to all that its rung or instruction may write. Nothing is carried
 out: it may find too much. Too little it finds only where a program's text does not say (jumps, index
-registers) or where no text is (serial ports): there the answer is :attr:`Reachability.UNKNOWN`, so that
+registers) or where no text is (serial ports): there it is :attr:`Reachability.UNKNOWN`, so that
 :attr:`Reachability.NONE` is never wrong.
 """
 

@@ -81,10 +81,10 @@ class FastPath:
                 took = tuple(receiver.position for receiver in receivers if receiver is not slave)
                 missed = tuple(position for position in others if position not in took)
                 reply = bus.timing.characters(data_chars(master.config.settings.mode))
-                answered = slave.longest_turnaround + reply
+                replied = slave.longest_turnaround + reply
                 # A reply that the timeout may cut short needs the master's deadline.
-                if answered <= master.config.timeout:
-                    longest = self._poll + answered
+                if replied <= master.config.timeout:
+                    longest = self._poll + replied
                     exchange = _Exchange(
                         slave, engine, slave.turnaround, missed, took if missed else None, longest
                     )

@@ -1,4 +1,4 @@
-"""A serial bus, and which request each reply on it answers, which RTU frames do not carry."""
+"""A serial bus, and which request each reply on it belongs to, which RTU frames do not carry."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bussim.trace.records import Sink
 
 #: Replies that are remembered: more than can lie between a reply and the END that takes it over.
 _REPLIES = 512
-#: Requests that were given up and may still be answered.
+#: Requests that were given up and may still get a reply.
 _GIVEN_UP = 64
 
 
@@ -97,7 +97,7 @@ class SerialBus(Line):
                     reading = reading._replace(sender=tx.sender)
         super().accepted(reading)
 
-    # -- which request a reply answers -------------------------------------------------------------
+    # -- which request a reply belongs to ----------------------------------------------------------
 
     def replied(self, reply: Reply) -> None:
         """Record a slave's reply that begins now."""

@@ -17,7 +17,7 @@ SerialEvent = MasterEvent | SlaveEvent | PollEvent | FreeEvent
 
 
 class Reply(NamedTuple):
-    """A slave's reply on the wire: which request it answers, and when its values were taken."""
+    """A slave's reply on the wire: which request it belongs to, and when its values were taken."""
 
     start: int
     end: int

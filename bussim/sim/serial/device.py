@@ -52,7 +52,7 @@ class DeviceNode(SerialNode):
         self._powered = False
         settings = spec.settings
         self._behaviour = settings.behaviour(spec, streams)
-        # Of a PLC as a slave: its scan, at whose END it answers.
+        # Of a PLC as a slave: its scan, at whose END it replies.
         self._scan = settings.plc_scan() if isinstance(settings, SlaveSettings) else None
         self._cycle = ScanCycle(streams.generator("scan", spec.name)) if self._scan is not None else None
         self._end_of_scan = kernel.timer(self._on_end_of_scan, END)

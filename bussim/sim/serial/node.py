@@ -159,6 +159,6 @@ class SerialNode(Node):
             asked = self._served.pop(counter, None)
             if asked is not None and tx is not None:
                 bus.replied(Reply(now, tx.end, *asked, len(frame.chars)))
-            self.reporter.answered(self)
+            self.reporter.replied(self)
         else:
             self.request_chars = len(frame.chars)

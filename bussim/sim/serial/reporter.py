@@ -70,7 +70,7 @@ class SerialReporter(Notes):
             case _:
                 assert_never(event)
 
-    def answered(self, node: SerialStation) -> None:
+    def replied(self, node: SerialStation) -> None:
         """A slave's reply begins."""
         self.counts(node.name).answered += 1
 
@@ -121,7 +121,7 @@ class SerialReporter(Notes):
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 
     def turn(self, node: SerialStation, turn: TurnEnded) -> None:
-        """A poll's turn is over, and its last answer taken over."""
+        """A poll's turn is over, and its last response taken over."""
         code = None if turn.error is None else int(turn.error)
         self._sink.take(
             PollRecord(

@@ -40,7 +40,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "delay": (
         spoilt((DRIVE, "{name: drive, model: stepper, bus: line, delay: 20 ms}")),
-        ["x.yaml:24:53: delay is 20 ms, but a stepper answers no sooner than 35 ms"],
+        ["x.yaml:24:53: delay is 20 ms, but a stepper responds no sooner than 35 ms"],
     ),
     "rtu 7": (
         spoilt((DRIVE, "{name: drive, model: stepper, bus: codes}")),

@@ -67,7 +67,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "broadcast": (
         spoilt((POLL, "{port: COM3, station: 0, function: 3, address: 0, count: 10, to: D0}")),
-        ["x.yaml:16:31: polls.0.station is 0, a broadcast, which no station answers; function 3 reads"],
+        ["x.yaml:16:31: polls.0.station is 0, a broadcast, to which no station responds; function 3 reads"],
     ),
     "missing": (
         spoilt((POLL, "{port: COM3}")),

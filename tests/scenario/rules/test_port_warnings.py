@@ -77,23 +77,23 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "stepper f1": (
         spoilt((POLL, "{port: COM3, station: 1, function: 1, address: 0, to: D400}")),
-        ["16:44: drive does not have function 1: it answers with exception 01"],
+        ["16:44: drive does not have function 1: it responds with exception 01"],
     ),
     "stepper map": (
         spoilt((POLL, "{port: COM3, station: 1, function: 3, address: 50, count: 12, to: D400}")),
-        ["16:56: drive does not have all of the registers 50 to 61: it answers with exception 02"],
+        ["16:56: drive does not have all of the registers 50 to 61: it responds with exception 02"],
     ),
     "stepper ro": (
         spoilt((POLL, "{port: COM3, station: 1, function: 6, address: 12, values: [1]}")),
-        ["16:56: drive does not let register 12 be written: it answers with exception 02"],
+        ["16:56: drive does not let register 12 be written: it responds with exception 02"],
     ),
     "lx limit": (
         spoilt((POLL, "{port: COM3, station: 2, function: 0x10, address: 0, count: 121, from: D400}")),
-        ["16:69: press2.COM3 takes at most 120 in function 16: it answers with exception 03"],
+        ["16:69: press2.COM3 takes at most 120 in function 16: it responds with exception 03"],
     ),
     "lx f2": (
         spoilt((POLL, "{port: COM3, station: 2, function: 2, address: 0, count: 12, to: M400}")),
-        ["16:44: press2.COM3 does not have function 2: it answers with exception 01"],
+        ["16:44: press2.COM3 does not have function 2: it responds with exception 01"],
     ),
     "no polls": (
         spoilt(
@@ -118,7 +118,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
             (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 50 ms}"),
             (POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 90, to: D400}"),
         ),
-        ["16:56: drive does not have all of the registers 0 to 89: it answers with exception 02"],
+        ["16:56: drive does not have all of the registers 0 to 89: it responds with exception 02"],
     ),
     "late timeout": (
         spoilt(
@@ -141,7 +141,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         spoilt((DRIVE, "{name: drive, model: stepper, bus: line, station: 2}")),
         [
             "16:31: press1.COM3 asks station 1, which is not on line (it has 2)",
-            "24:55: press2.COM3 and drive on line are both station 2: they answer at once",
+            "24:55: press2.COM3 and drive on line are both station 2: they reply at once",
         ],
     ),
     "other": (

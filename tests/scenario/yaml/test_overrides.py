@@ -186,7 +186,7 @@ def test_mistakes_of_ports_polls_and_devices_are_named_in_full() -> None:
 
     assert message("devices.driv.delay=50ms") == "devices has no driv; did you mean drive?"
     assert message("devices.drive.delay=20ms") == (
-        "devices.drive.delay is 20 ms, but a stepper answers no sooner than 35 ms"
+        "devices.drive.delay is 20 ms, but a stepper responds no sooner than 35 ms"
     )
     assert message("plcs.press1.ports.COM3.timeout=55 ms") == (
         "plcs.press1.ports.COM3.timeout is 55 ms, allowed are multiples of 10 ms, here 50 ms or 60 ms"
