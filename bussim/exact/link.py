@@ -178,20 +178,20 @@ class LinkModel:
         """Ticks of a scan without its exchanges: the master's data frame and the overhead."""
         return self.gap + self.data + self.overhead
 
-    def answered(self, station: Station) -> int:
-        """Ticks of an answered attempt at a station, its turnaround left out."""
+    def replied(self, station: Station) -> int:
+        """Ticks of an attempt with a reply at a station, its turnaround left out."""
         return self.gap + self.poll + station.extra + station.reply
 
     # -- stations ------------------------------------------------------------------------------
 
     @property
     def alive(self) -> tuple[Station, ...]:
-        """The slaves that answer."""
+        """The slaves that reply."""
         return tuple(station for station in self.stations if station.alive)
 
     @property
     def dead(self) -> tuple[Station, ...]:
-        """The slaves that are polled and never answer."""
+        """The slaves that are polled and never reply."""
         return tuple(station for station in self.stations if not station.alive)
 
     def station(self, number: int) -> Station:
@@ -278,7 +278,7 @@ class LinkModel:
             if reply > self.timeout:
                 found.append(
                     f"{station.label}: its longest reply takes {milliseconds(reply):.2f} ms, longer than the "
-                    f"timeout of {milliseconds(self.timeout):g} ms: late replies answer later attempts"
+                    f"timeout of {milliseconds(self.timeout):g} ms: late replies are taken for later attempts"
                 )
             elif self.noise.sources and reply + self.quiet > self.timeout:
                 found.append(

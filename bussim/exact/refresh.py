@@ -21,7 +21,7 @@ import numpy as np
 
 from bussim.exact.bursts.channel import Matrix
 from bussim.exact.bursts.exchange import poll_path
-from bussim.exact.bursts.state_mixture import StateMixture, StateTerms, failures
+from bussim.exact.bursts.state_mixture import StateMixture, StateTransitions, failures
 from bussim.exact.link import MASTER, LinkModel, Station
 from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import spread_of
@@ -49,18 +49,18 @@ class GapDistribution:
 
 
 class _Heard(NamedTuple):
-    """Attempts at the source by what the receiver and the master had of the reply, as terms.
+    """Attempts at the source by what the receiver and the master had of the reply.
 
     ``first``: heard, up to the reception; split by what follows: the exchange is over, or so many
-    more ticks and then the next attempt. ``missed``: not heard and answered. The rest fails unheard.
+    more ticks and then the next attempt. ``missed``: the master alone got it. The rest fails unheard.
     """
 
-    clean: StateTerms
-    torn: StateTerms
-    headless: StateTerms
-    after_torn: StateTerms
-    after_headless: StateTerms
-    missed: StateTerms
+    clean: StateTransitions
+    torn: StateTransitions
+    headless: StateTransitions
+    after_torn: StateTransitions
+    after_headless: StateTransitions
+    missed: StateTransitions
     fails: tuple[tuple[float, int, Matrix], tuple[float, int, Matrix]]
 
 
@@ -134,8 +134,8 @@ class _Chain:
         model = self.model
         outcome = self.line.outcome(poll_path(model, receiver), model.data_bits)
         missed, taken = (
-            StateTerms.single(model.data, outcome.hit),
-            StateTerms.single(model.data, outcome.clean),
+            StateTransitions.single(model.data, outcome.hit),
+            StateTransitions.single(model.data, outcome.clean),
         )
         heard = self.chain.begun().times(outcome.clean)
         scale = heard.total
@@ -236,7 +236,7 @@ class _Chain:
             )
         unit = self.sums.unit(station.turnaround)
         least, width = spread_of(station.turnaround)
-        whole = float(model.answered(station) + least)
+        whole = float(model.replied(station) + least)
         left = max(0.0, model.timeout - station.average - station.reply)
         wait = line.after(left)
         silent = (gap @ poll.hit + station.loss * polled) @ line.after(model.timeout)
@@ -245,14 +245,14 @@ class _Chain:
         rest = float(model.silent_cost) - whole
         mirrored = not station.turnaround.values and unit != 0
         return _Heard(
-            clean=StateTerms.single(whole, replied @ clean[0], unit),
-            torn=StateTerms.single(whole, replied @ torn[0], unit),
-            headless=StateTerms.single(whole, replied @ headless[0], unit),
-            after_torn=StateTerms.single(model.quiet, line.after(model.quiet)),
-            after_headless=StateTerms.single(
+            clean=StateTransitions.single(whole, replied @ clean[0], unit),
+            torn=StateTransitions.single(whole, replied @ torn[0], unit),
+            headless=StateTransitions.single(whole, replied @ headless[0], unit),
+            after_torn=StateTransitions.single(model.quiet, line.after(model.quiet)),
+            after_headless=StateTransitions.single(
                 rest - width if mirrored else rest, wait, unit if mirrored else 0
             ),
-            missed=StateTerms.single(whole, replied @ clean[1], unit),
+            missed=StateTransitions.single(whole, replied @ clean[1], unit),
             fails=((float(model.silent_cost), 0, silent), (whole + model.quiet, unit, torn_missed)),
         )
 
@@ -262,16 +262,18 @@ class _Chain:
         ended = ended + heard.headless.matrix[0] @ heard.after_headless.matrix[0]
         return np.asarray(ended + heard.fails[0][2] + heard.fails[1][2], dtype=np.float64)
 
-    def _unheard(self, heard: _Heard, attempts: int, mark: int) -> StateTerms:
-        """An exchange of which the receiver hears nothing: answered, or in error, which sets ``mark``."""
+    def _unheard(self, heard: _Heard, attempts: int, mark: int) -> StateTransitions:
+        """An exchange of which the receiver hears nothing: with a reply, or in error, which sets ``mark``."""
         levels = failures(*heard.fails, attempts)
         shift, code, matrix = float(heard.missed.shift[0]), int(heard.missed.code[0]), heard.missed.matrix[0]
         parts = [(s + shift, c + code, m @ matrix) for level in levels[:-1] for s, c, m in level]
-        return StateTerms.of(parts + [(s, c | mark, m) for s, c, m in levels[-1]])
+        return StateTransitions.of(parts + [(s, c | mark, m) for s, c, m in levels[-1]])
 
-    def _taken(self, heard: _Heard, attempts: int) -> StateTerms:
+    def _taken(self, heard: _Heard, attempts: int) -> StateTransitions:
         """An exchange up to the first reception."""
         levels = failures(*heard.fails, max(attempts - 1, 0))
         takes = heard.clean.matrix[0] + heard.torn.matrix[0] + heard.headless.matrix[0]
         shift, code = float(heard.clean.shift[0]), int(heard.clean.code[0])
-        return StateTerms.of([(s + shift, c + code, m @ takes) for level in levels for s, c, m in level])
+        return StateTransitions.of(
+            [(s + shift, c + code, m @ takes) for level in levels for s, c, m in level]
+        )

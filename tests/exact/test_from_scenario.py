@@ -293,7 +293,7 @@ def test_timeouts_that_are_too_short() -> None:
         data["plcs"][0]["nn"] |= {"timeout": "50 ms", "mode": 4}
 
     late = [{"at": "0 s", "slow": {"station": "one", "extra": "11 ms"}}]
-    assert "late replies answer later attempts" in read(slow, faults=late).reasons[0]
+    assert "late replies are taken for later attempts" in read(slow, faults=late).reasons[0]
     tight = [{"at": "0 s", "slow": {"station": "one", "extra": "10.3 ms"}}]
     assert read(slow, faults=tight).valid
     noisy = read(slow, faults=tight, noise=[{"bus": "link", "ber": 1e-6}])

@@ -95,7 +95,7 @@ def test_no_number_where_there_is_no_law() -> None:
     figures = figures_of(change(link(2), 1, extra=60 * MS))
     form = figures.to_json()
     assert form["valid"] is False
-    assert "late replies answer later attempts" in form["reasons"][0]  # type: ignore[index]
+    assert "late replies are taken for later attempts" in form["reasons"][0]  # type: ignore[index]
     assert form["mean_ms"] is None
     assert form["quantiles_ms"] == {}
     assert figures.in_words()[0].startswith("no exact law: station 1 (p1): its longest reply takes")

@@ -1,6 +1,6 @@
 """One attempt at a station, and all the attempts of one exchange, as matrices over the line's state.
 
-How an attempt ends (the engines' rules): answered, one character after the other undamaged; *torn*,
+How an attempt ends (the engines' rules): *replied*, one character after the other undamaged; *torn*,
 the reply's first character undamaged and a later one hit, which fails it two quiet characters after
 the reply's end; else *silent*: the poll was hit, the reply lost, or its first character hit, and the
 attempt runs to its deadline. What is neglected:
@@ -28,7 +28,7 @@ from bussim.exact.link import CHAR_BITS, MASTER, LinkModel, NoiseSource, Station
 class Attempt(NamedTuple):
     """The three ends of an attempt, from its start (the gap before the poll) to its end."""
 
-    answered: Matrix
+    replied: Matrix
     silent: Matrix
     torn: Matrix
 
@@ -39,9 +39,9 @@ class Attempt(NamedTuple):
 
 
 class Exchange(NamedTuple):
-    """The ends of an exchange: answered by some attempt, or the station in error."""
+    """The ends of an exchange: a reply to some attempt, or the station in error."""
 
-    answered: Matrix
+    replied: Matrix
     error: Matrix
 
 
@@ -90,9 +90,9 @@ def attempts_at(line: Line, model: LinkModel, station: Station, timeouts: Matrix
 def exchange_at(line: Line, attempt: Attempt, attempts: int) -> Exchange:
     """The ends of an exchange of so many attempts, each at once after the one before."""
     failed = np.eye(line.states)
-    answered = np.zeros_like(failed)
+    replied = np.zeros_like(failed)
     step = attempt.failed
     for _ in range(attempts):
-        answered = answered + failed @ attempt.answered
+        replied = replied + failed @ attempt.replied
         failed = failed @ step
-    return Exchange(answered, failed)
+    return Exchange(replied, failed)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bussim.exact.bursts.exchange import Attempt, Exchange, attempt_at, exchange_at, line_of
-from bussim.exact.bursts.state_mixture import MARK, StateMixture, StateTerms, exchange_terms
+from bussim.exact.bursts.state_mixture import MARK, StateMixture, StateTransitions, exchange_transitions
 from bussim.exact.link import LinkModel, Station
 from bussim.exact.scan.memoryless import Fails
 from bussim.exact.scan.mixture import Distribution
@@ -51,7 +51,7 @@ class ScanChain:
         self.sums = TurnaroundSums(station.turnaround for station in model.alive)
         self._attempts = {s.number: attempt_at(self.line, model, s) for s in model.stations}
         self._exchanges: dict[tuple[int, int], Exchange] = {}
-        self._terms: dict[tuple[int, int], StateTerms] = {}
+        self._transitions: dict[tuple[int, int], StateTransitions] = {}
         # Indices of the flags that a scan's start depends on.
         remembered = model.alive if model.absent.probes else ()
         self._bits = {station.number: bit for bit, station in enumerate(remembered)}
@@ -88,7 +88,7 @@ class ScanChain:
                 off, on = self.exchange(station, flagged=False), self.exchange(station, flagged=True)
                 split = self._split(both, station)
                 new, again = split[..., 0, :, :] @ off.error, split[..., 1, :, :] @ on.error
-                good = split[..., 0, :, :] @ off.answered + split[..., 1, :, :] @ on.answered
+                good = split[..., 0, :, :] @ off.replied + split[..., 1, :, :] @ on.replied
                 bad = new + again if station.number != spared else np.zeros_like(new)
                 clean, marked = np.stack((good, bad), axis=-3).reshape(both.shape), np.zeros_like(both)
                 onsets.append(float(new.sum()))
@@ -100,7 +100,7 @@ class ScanChain:
             onsets.append(0.0)
             if station.number == spared:
                 bad = np.zeros_like(bad)
-            clean, marked = clean @ exchange.answered, marked @ exchange.answered + bad
+            clean, marked = clean @ exchange.replied, marked @ exchange.replied + bad
         if self._bits:
             # The flags themselves tell which scans end without one.
             both, without = clean + marked, 0 if model.dead else 1
@@ -159,15 +159,15 @@ class ScanChain:
         """
         return MARK << self._bits.get(station.number, 0) if station.alive else 0
 
-    def terms(self, station: Station, *, flagged: bool) -> StateTerms:
+    def transitions(self, station: Station, *, flagged: bool) -> StateTransitions:
         """The components of an exchange with a station whose flag is on or off."""
         attempts = self.model.attempts_at(flagged=flagged)
         key = (station.number, attempts)
-        if key not in self._terms:
+        if key not in self._transitions:
             model = self.model
             unit = self.sums.unit(station.turnaround) if station.alive else 0
-            whole = float(model.answered(station) + spread_of(station.turnaround)[0])
-            self._terms[key] = exchange_terms(
+            whole = float(model.replied(station) + spread_of(station.turnaround)[0])
+            self._transitions[key] = exchange_transitions(
                 self._attempts[station.number],
                 model.silent_cost,
                 whole,
@@ -176,15 +176,15 @@ class ScanChain:
                 attempts,
                 self.mark(station),
             )
-        return self._terms[key]
+        return self._transitions[key]
 
     def followed(self, components: StateMixture, station: Station, floor: float) -> StateMixture:
         """Components followed by the exchange with a station, by its flag where that is remembered."""
         if station.number not in self._bits:
-            return components.then(self.terms(station, flagged=not station.alive), floor)
+            return components.then(self.transitions(station, flagged=not station.alive), floor)
         off, on = components.parted(self.mark(station))
         parts = [
-            part.then(self.terms(station, flagged=flagged), floor)
+            part.then(self.transitions(station, flagged=flagged), floor)
             for part, flagged in ((off, False), (on, True))
             if part.shift.size
         ]

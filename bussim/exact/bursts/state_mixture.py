@@ -30,7 +30,7 @@ _COUNTS = MARK - 1
 _MANY, _KEPT, _CELL, _CELLS = 1_500, 600, 7_200.0, 600
 
 
-class StateTerms(NamedTuple):
+class StateTransitions(NamedTuple):
     """What may follow: shift in ticks, code, and a matrix (state before, state after) each."""
 
     shift: Floats
@@ -38,13 +38,13 @@ class StateTerms(NamedTuple):
     matrix: NDArray[np.float64]
 
     @classmethod
-    def single(cls, shift: float, matrix: Matrix, code: int = 0) -> StateTerms:
-        """One term."""
+    def single(cls, shift: float, matrix: Matrix, code: int = 0) -> StateTransitions:
+        """A single transition."""
         return cls(np.full(1, float(shift)), np.full(1, code, dtype=np.int64), matrix[None])
 
     @classmethod
-    def of(cls, parts: Sequence[tuple[float, int, Matrix]]) -> StateTerms:
-        """StateTerms from (shift, code, matrix); those that cannot happen are left out."""
+    def of(cls, parts: Sequence[tuple[float, int, Matrix]]) -> StateTransitions:
+        """StateTransitions from (shift, code, matrix); those that cannot happen are left out."""
         kept = [part for part in parts if part[2].max(initial=0.0) > 0.0] or list(parts[:1])
         shifts, codes, matrices = zip(*kept, strict=True)
         return cls(np.array(shifts, dtype=np.float64), np.array(codes, dtype=np.int64), np.stack(matrices))
@@ -68,19 +68,19 @@ class StateMixture:
         """All weight."""
         return float(self.weight.sum())
 
-    def then(self, terms: StateTerms, floor: float) -> StateMixture:
-        """These components followed by terms; those lighter than ``floor`` are dropped."""
-        states = terms.matrix.shape[2]
+    def then(self, transitions: StateTransitions, floor: float) -> StateMixture:
+        """These components followed by transitions; those lighter than ``floor`` are dropped."""
+        states = transitions.matrix.shape[2]
         starts = self.weight.shape[1]
         if states == 1:
-            weight = (self.weight[:, None] * terms.matrix).reshape(-1, starts, 1)
+            weight = (self.weight[:, None] * transitions.matrix).reshape(-1, starts, 1)
         else:
-            weight = np.einsum("lzs,tsu->ltzu", self.weight, terms.matrix).reshape(-1, starts, states)
+            weight = np.einsum("lzs,tsu->ltzu", self.weight, transitions.matrix).reshape(-1, starts, states)
         keep = np.nonzero(weight.max(axis=(1, 2), initial=0.0) >= floor)[0]
-        i, j = np.divmod(keep, terms.shift.size)
-        one, two = self.code[i], terms.code[j]
+        i, j = np.divmod(keep, transitions.shift.size)
+        one, two = self.code[i], transitions.code[j]
         code = ((one & _COUNTS) + (two & _COUNTS)) | ((one | two) & ~_COUNTS)
-        return StateMixture(*merged(self.shift[i] + terms.shift[j], code, weight[keep]))
+        return StateMixture(*merged(self.shift[i] + transitions.shift[j], code, weight[keep]))
 
     def times(self, matrix: Matrix, shift: float = 0.0) -> StateMixture:
         """These components followed by something that always happens."""
@@ -161,20 +161,20 @@ def failures(
     return levels
 
 
-def exchange_terms(
+def exchange_transitions(
     attempt: Attempt, silent: float, whole: float, quiet: float, unit: int, attempts: int, mark: int
-) -> StateTerms:
-    """The components of an exchange: failed attempts, then an answer, or an error after all of them.
+) -> StateTransitions:
+    """The components of an exchange: failed attempts, then a reply, or an error after all of them.
 
-    Times in ticks: ``silent`` of an attempt that runs to its deadline, ``whole`` of an answered one
+    Times in ticks: ``silent`` of an attempt that runs to its deadline, ``whole`` of one with a reply
     without its spread (whose code is ``unit``), ``quiet`` what a torn one takes longer. An error
     sets ``mark``.
     """
     levels = failures((silent, 0, attempt.silent), (whole + quiet, unit, attempt.torn), attempts)
     parts = [
-        (shift + whole, code + unit, matrix @ attempt.answered)
+        (shift + whole, code + unit, matrix @ attempt.replied)
         for level in levels[:-1]
         for shift, code, matrix in level
     ]
     parts += [(shift, code | mark, matrix) for shift, code, matrix in levels[-1]]
-    return StateTerms.of(parts)
+    return StateTransitions.of(parts)

@@ -11,18 +11,18 @@ plain (:mod:`bussim.scenario.signals.paths`); else one reason why there is none.
 END that left it to the one that reads it). An attempt counts as a lost reply if it fails and any part of it,
 from the quiet time before its poll to its end, lies in the window. A station's *flag* is on from the end of
 an exchange that has spent all its attempts to its next good one; a scan that begins while any is on has a
-parameter frame in front. Stations that never answer belong to the link, not to its errors: no case holds for
+parameter frame in front. Stations that never reply belong to the link, not to its errors: no case holds for
 a change before the link has formed, nor under ``absent_station: probe`` before the first link scan in which
 the flags of all of them are on (until then each takes all its attempts once).
 
 - *no error*: no lost reply, and at the change no station's flag is on. So from the link's first scan on
-  until anything is lost (with absent stations: see above), and again once all stations have answered.
+  until anything is lost (with absent stations: see above), and again once all stations have replied.
 - *e lost replies*, of whatever stations: e lost replies; flags may be on from before. With e = 0 that is a
   parameter frame more than without error. Whenever the source itself has spent all its attempts (under
   ``absent_station: probe`` with its flag on: the one that it gets), its data wait for another link scan.
 - *every retry spent*: any reply of any station may be lost, all attempts in every scan; only of the source
-  is it assumed how often: its exchange spends all its attempts without an answer once, it is in error, and
-  in the next scan it answers the last attempt that it gets. (Under ``probe`` with its flag on it gets one
+  is it assumed how often: its exchange spends all its attempts without a reply once, it is in error, and
+  in the next scan it replies to the last attempt that it gets. (Under ``probe`` with its flag on it gets one
   attempt a scan: it spends as many scans as there are attempts.) A master has no exchange of its own: for
   one the case has no assumption. A source that is in error for longer sends nothing for as long.
 
@@ -52,9 +52,9 @@ class LatencyBound:
 
     ``scan``, ``wire``, ``destination`` and ``output`` are those of ``bussim.results.meters.latency.PARTS``;
     ``turn`` is without error; ``program`` the scans that programs take beyond these, wherever they show.
-    ``silent`` is what a lost reply costs, ``link_scan`` the longest link scan without error, ``answered``
+    ``silent`` is what a lost reply costs, ``link_scan`` the longest link scan without error, ``replied``
     what of it the source's own exchange takes (0 for the master), ``others`` those of the other slaves that
-    answer, ``parameters`` a parameter frame where not every scan has one anyway, ``probe`` whether a station
+    reply, ``parameters`` a parameter frame where not every scan has one anyway, ``probe`` whether a station
     whose flag is on gets one attempt only. ``gates`` are what must let the signal through. Both PLCs one and
     the same: no link, ``link_scan`` is 0.
     """
@@ -69,7 +69,7 @@ class LatencyBound:
     program: int = 0
     link_scan: int = 0
     silent: int = 0
-    answered: int = 0
+    replied: int = 0
     others: tuple[int, ...] = ()
     parameters: int = 0
     attempts: int = 1
@@ -104,12 +104,12 @@ class LatencyBound:
         if not self.link_scan:
             return self.no_error
         longer = self.no_error + self.parameters + replies * self.silent
-        if not self.answered:
-            # Of one scan: what is beyond the last retries leaves stations unanswered.
-            unanswered = max(0, replies - len(self.others) * (self.attempts - 1))
-            return min(longer - unanswered * min(self.others, default=0), self.every_retry)
+        if not self.replied:
+            # Of one scan: what is beyond the last retries leaves stations without a reply.
+            missing = max(0, replies - len(self.others) * (self.attempts - 1))
+            return min(longer - missing * min(self.others, default=0), self.every_retry)
         without = replies if self.probe else replies // self.attempts  # exchanges of the source
-        return longer + without * (self.link_scan - self.answered + self.parameters)
+        return longer + without * (self.link_scan - self.replied + self.parameters)
 
     @property
     def every_retry(self) -> int:
@@ -117,15 +117,15 @@ class LatencyBound:
         if not self.link_scan:
             return self.no_error
         spent = self.attempts * self.silent
-        last = spent - self.silent  # up to an answer to the last attempt
-        if not self.answered:
+        last = spent - self.silent  # up to a reply to the last attempt
+        if not self.replied:
             scans, own = 1, 0
         elif self.probe:
-            scans, own = self.attempts + 1, spent + self.answered
+            scans, own = self.attempts + 1, spent + self.replied
         else:
-            scans, own = 2, spent + last + self.answered
-        bare = self.link_scan - self.answered - sum(self.others) + self.parameters
-        # A flag that is on costs one attempt under probe: answering the last attempt each time costs more.
+            scans, own = 2, spent + last + self.replied
+        bare = self.link_scan - self.replied - sum(self.others) + self.parameters
+        # A flag that is on costs one attempt under probe: replying to the last attempt each time costs more.
         each = [max(self.silent, last + other) if self.probe else spent for other in self.others]
         others = sum(spent + (scans - 1) * other for other in each)
         return self.no_error - self.link_scan + scans * bare + own + others
@@ -194,12 +194,12 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
     if model.dead and model.absent.probes:
         absent = ", ".join(str(station.number) for station in model.dead)
         note = (
-            "holds from the first link scan in which the error flags of the stations that never answer "
+            "holds from the first link scan in which the error flags of the stations that never reply "
             f"({absent}) are on: until then each takes all its attempts once"
         )
         notes = (*notes, note)
     link_scan = clean_scan(model, slowest=True)
-    answered = {s.number: model.answered(s) - s.extra + s.slowest for s in model.alive}
+    replied = {s.number: model.replied(s) - s.extra + s.slowest for s in model.alive}
     return replace(
         bound,
         turn=source.longest_scan if word else link_scan,
@@ -208,8 +208,8 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
         output=0 if word or path.direct else target.longest_scan,
         link_scan=link_scan,
         silent=model.silent_cost,
-        answered=answered.pop(_number(source), 0),
-        others=tuple(answered.values()),
+        replied=replied.pop(_number(source), 0),
+        others=tuple(replied.values()),
         parameters=0 if model.dead else model.parameters_cost,
         attempts=model.attempts,
         probe=model.absent.probes,

@@ -42,7 +42,7 @@ class Cost:
 
 
 def failing(model: PollListModel, poll: PollModel) -> Cost:
-    """A poll to which no slave answers. A broadcast cannot fail."""
+    """A poll to which no slave responds. A broadcast cannot fail."""
     if not poll.device:
         return Cost(poll, 1, poll.need)
     return Cost(poll, poll.attempts, exactly(poll.request + model.timeout), poll.attempts)
@@ -128,7 +128,7 @@ class Round:
         return cost.poll.every + master_timing.idle + self.all - begun
 
     def share(self) -> tuple[float, float]:
-        """Bounds of the long-run share of time for which its frames are on the wire, all answered."""
+        """Bounds of the long-run share of time for which its frames are on the wire."""
         costs, master_timing = self._costs, self._master_timing
         frames = sum(cost.poll.frames for cost in costs)
         period = self.period()
@@ -145,7 +145,7 @@ class Round:
         return least, min(paced + max(rest, default=0.0), densest)
 
     def mean(self) -> float | None:
-        """Mean of :meth:`time`, all answered at once; None where no closed form is known."""
+        """Mean of :meth:`time`, all first attempts good; None where no closed form is known."""
         master_timing = self._master_timing
         if any(cost.poll.waits for cost in self._costs):
             time = self.time()

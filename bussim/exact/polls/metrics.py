@@ -15,7 +15,7 @@ from bussim.units import TICKS_PER_MS
 class OnePoll:
     """A poll without errors. Times in ticks; ages only of what is read again and again.
 
-    ``response`` is from the request's end to the answer's, ``transaction`` from the request's first edge
+    ``response`` is from the request's end to the response's, ``transaction`` from the request's first edge
     to its taking over, ``turn`` to the next request. ``on_arrival`` and ``before_refresh`` are how old its
     values are at most when they are taken over, and when the next ones replace them.
     """
@@ -77,7 +77,7 @@ class PollFigures:
     ``times``) has a turn; ``worst`` is the longest cycle that there can be, every attempt spent for as
     long as it can last. ``command`` is what one turn of a command adds at most, without errors and at
     worst. ``load`` is the share of time for which the list's frames are on the wire, between two bounds,
-    all answered.
+    each with its response.
     """
 
     model: PollListModel
@@ -167,7 +167,7 @@ def _one_poll(model: PollListModel, clean: Round | None, poll: PollModel) -> One
         refresh = clean.age(model.cyclic.index(poll)) if clean is not None and poll.cyclic else None
     return OnePoll(
         poll,
-        response=Span(poll.answer.least - request, poll.answer.most - request),
+        response=Span(poll.response_end.least - request, poll.response_end.most - request),
         transaction=taken,
         turn=master_timing.turn(poll.need),
         on_arrival=arrival,

@@ -1,4 +1,4 @@
-"""One poll of a master: its frames, who answers and when, or why not every time. Times in ticks."""
+"""One poll of a master: its frames, its slave and when it responds, or why not every time. Times in ticks."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class MasterModel:
 
 
 def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) -> PollModel | str:
-    """A poll and its answer, or why it is not answered every time."""
+    """A poll and its response, or why it gets none every time."""
     values = spec.values or (0,) * spec.count
     bare = Request(spec.function, spec.address, spec.count)
     error = refusal(spec.station, bare)
@@ -78,7 +78,7 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     )
     if spec.station == BROADCAST:
         over = exactly(sent + master.turnaround)
-        return model(device="", response=0, served=over, answer=over, need=over, after=0)
+        return model(device="", response=0, served=over, response_end=over, need=over, after=0)
     asked = [slave for slave in slaves if slave.station == spec.station]
     heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
     if not heard:
@@ -92,38 +92,38 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     refused = slave.refuses(request, valued=bool(spec.values) and not is_bits(spec.function))
     if refused:
         return f"{slave.name} refuses it every time: {refused}"
-    answered = slave.timing.characters(slave.framing.chars(response_size(request)))
-    served, answer = _answer(slave, sent, answered)
-    awaited = answer.most - answered if master.begun_holds else answer.most
+    response = slave.timing.characters(slave.framing.chars(response_size(request)))
+    served, end = _response_times(slave, sent, response)
+    awaited = end.most - response if master.begun_holds else end.most
     if awaited > sent + master.timeout:
-        always = answer.least - (answered if master.begun_holds else 0) > sent + master.timeout
-        span = _ms_span(Span(answer.least - sent, answer.most - sent))
+        always = end.least - (response if master.begun_holds else 0) > sent + master.timeout
+        span = _ms_span(Span(end.least - sent, end.most - sent))
         late = "never comes in time" if always else "may come too late"
         return f"the response of {slave.name} takes {span} from the request's end on: it {late}"
     quiet = exactly(master.framing.closing)
     # Who takes its values early waits for its delay to be over.
     early = max(served.least, sent + slave.delay) - served.least
-    after = early + slave.spread + slave.extra.most + answered + quiet.most
+    after = early + slave.spread + slave.extra.most + response + quiet.most
     return model(
         device=slave.name,
-        response=answered,
+        response=response,
         served=served,
-        answer=answer,
-        need=answer + quiet,
+        response_end=end,
+        need=end + quiet,
         after=after,
         waits=slave.end > 0,
     )
 
 
-def _answer(slave: SlaveModel, sent: int, answered: int) -> tuple[Span, Span]:
-    """When a slave takes its values, and when its answer ends, from the request's first edge."""
+def _response_times(slave: SlaveModel, sent: int, response: int) -> tuple[Span, Span]:
+    """When a slave takes its values, and when its response ends, from the request's first edge."""
     served, begins = reply_times(slave.framing, delay=slave.delay, jitter=slave.spread, end=slave.end)
     after = exactly(sent)
-    return after + Span(*served), after + Span(*begins) + slave.extra + exactly(answered)
+    return after + Span(*served), after + Span(*begins) + slave.extra + exactly(response)
 
 
 def too_hasty(master: MasterModel, slaves: list[SlaveModel]) -> list[str]:
-    """Slaves to whom an answer and the next request are one frame, since the silence between is too short."""
+    """Slaves that take a response and the next request for one frame: too short a silence lies between."""
     if master.framing.mode is not Mode.RTU or len(master.polls) < 2:
         return []
     silence = master.framing.quiet + master.master_timing.gap().least

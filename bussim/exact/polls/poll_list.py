@@ -9,10 +9,10 @@ from bussim.exact.polls.master_timing import Direct, MasterTiming, Span
 
 @dataclass(frozen=True, slots=True)
 class PollModel:
-    """One poll and how it is answered if nothing goes wrong.
+    """One poll and its response if nothing goes wrong.
 
-    ``device`` is who answers, "" for a broadcast. ``served``, ``answer`` and ``need`` are from the
-    request's first edge: to the moment when the slave takes its values, to the last stop bit of the answer
+    ``device`` is the slave, "" for a broadcast. ``served``, ``response_end`` and ``need`` are from the
+    request's first edge: to the moment when the slave takes its values, to the last stop bit of the response
     (of a broadcast: to the end of the turnaround), and to the master's decision; ``after`` is the longest
     time from the first of them to the last. ``waits`` says that the slave responds at its END, so that
     nothing is uniform about them. ``request`` and ``response`` are how long the two frames last. For
@@ -28,7 +28,7 @@ class PollModel:
     request: int
     response: int
     served: Span
-    answer: Span
+    response_end: Span
     need: Span
     after: int
     waits: bool = False

@@ -21,7 +21,7 @@ class SlaveModel:
     """One slave.
 
     ``owner`` is the PLC or device that it belongs to. ``end`` is how long it may wait for its END (0: it
-    answers by itself); ``delay`` counts from the request's end, ``spread`` and ``extra`` (of a fault that
+    responds by itself); ``delay`` counts from the request's end, ``spread`` and ``extra`` (of a fault that
     makes it slow) are added to the reply's begin. ``programmed``: a program makes its scans longer.
     """
 
@@ -45,7 +45,7 @@ class SlaveModel:
         return self.framing.mode is mode and own == (timing.baud, timing.format)
 
     def refuses(self, request: Request, *, valued: bool) -> str:
-        """Why a request is answered with an exception every time, in words; "" if it is not.
+        """Why the response to a request is an exception every time, in words; "" if it is not.
 
         ``valued``: a write's values are those that will be written (registers only: what becomes of a
         command depends on what the device does at that time).
@@ -62,9 +62,9 @@ class SlaveModel:
             return ""
         if not all(part.area.writable for part in parts):
             return "it does not allow writing there (exception 02)"
-        answer = serve(found, request, 0) if valued else None
-        if isinstance(answer, ExceptionResponse):
-            return f"it refuses these values (exception {answer.code:02})"
+        response = serve(found, request, 0) if valued else None
+        if isinstance(response, ExceptionResponse):
+            return f"it refuses these values (exception {response.code:02})"
         return ""
 
 

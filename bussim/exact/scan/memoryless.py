@@ -1,9 +1,9 @@
 """The distribution of one link scan on a line without memory (no bursts), in closed form.
 
-All attempts are then independent. A station's exchange is answered after i failed attempts with
+All attempts are then independent. A station's exchange ends with a reply after i failed attempts with
 probability p^i × a, and in error after all attempts with p^A, where p = silent + torn and a = 1 - p.
 Stations with equal probabilities and times form a group, whose components are counted: how many of the
-group were answered, how many attempts failed in all, and how many of these ran to their deadline.
+group replied, how many attempts failed in all, and how many of these ran to their deadline.
 
 With the policy ``probe`` a station whose flag is on gets one attempt. Each station is then a chain of
 two states from scan to scan, independent of the others; its stationary distribution weighs the two cases.
@@ -34,7 +34,7 @@ _FLAG = _WAITS + 8
 class AttemptProbabilities(NamedTuple):
     """How one attempt at a station ends: the probabilities add up to 1."""
 
-    answered: float
+    replied: float
     silent: float
     torn: float
 
@@ -107,17 +107,17 @@ def fails_of(probabilities: AttemptProbabilities, attempts: int, absent: AbsentS
     """The stationary chances of a station whose attempts end so."""
     all_fail = probabilities.failed**attempts
     if not absent.probes:
-        return Fails.of(all_fail, all_fail * _answered_once(probabilities, attempts))
+        return Fails.of(all_fail, all_fail * _replied_once(probabilities, attempts))
     # On → on with p, off → on with p^A.
-    flagged = all_fail / (probabilities.answered + all_fail)
-    off = probabilities.answered / (probabilities.answered + all_fail)
+    flagged = all_fail / (probabilities.replied + all_fail)
+    off = probabilities.replied / (probabilities.replied + all_fail)
     return Fails.of(flagged, off * all_fail, flagged)
 
 
-def _answered_once(probabilities: AttemptProbabilities, attempts: int) -> float:
+def _replied_once(probabilities: AttemptProbabilities, attempts: int) -> float:
     """1 - p^A without cancellation, and never above 1 as a sum of powers of p may be."""
-    answered = probabilities.answered
-    return 1.0 if answered >= 1.0 else -math.expm1(attempts * math.log1p(-answered))
+    replied = probabilities.replied
+    return 1.0 if replied >= 1.0 else -math.expm1(attempts * math.log1p(-replied))
 
 
 class MeanExchange(NamedTuple):
@@ -136,11 +136,11 @@ def mean_exchange(model: LinkModel, station: Station, probabilities: AttemptProb
     # Attempts of an exchange, on average.
     before = sum(probabilities.failed**i for i in range(model.attempts))
     attempts = (1 - fails.flagged) * before + fails.flagged
-    whole = model.answered(station) + station.average - station.extra
-    silent, torn, answered = (
-        attempts * chance for chance in (probabilities.silent, probabilities.torn, probabilities.answered)
+    whole = model.replied(station) + station.average - station.extra
+    silent, torn, replied = (
+        attempts * chance for chance in (probabilities.silent, probabilities.torn, probabilities.replied)
     )
-    fixed = silent * (model.gap + model.poll) + torn * (whole + model.quiet) + answered * whole
+    fixed = silent * (model.gap + model.poll) + torn * (whole + model.quiet) + replied * whole
     return MeanExchange(silent, fixed)
 
 
@@ -150,7 +150,7 @@ def any_flag(fails: Sequence[Fails]) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ScanTerms:
+class ScanComponents:
     """The components of a link scan before its timeout is known.
 
     One entry a component: ``waits`` attempts ran to their deadline, ``fixed`` ticks come on top of these
@@ -182,11 +182,11 @@ class _Part(NamedTuple):
     weight: Floats
 
 
-def scan_terms(
+def scan_components(
     model: LinkModel,
     floor: float = FLOOR,
     probabilities: Sequence[AttemptProbabilities] | None = None,
-) -> ScanTerms:
+) -> ScanComponents:
     """The components of a scan; those lighter than ``floor`` are dropped and counted in ``lost``.
 
     ``probabilities`` of the stations may be given where they are known already.
@@ -210,7 +210,7 @@ def scan_terms(
         total = _combined(total, part, floor)
     fixed = total.fixed + np.where(total.flagged, float(model.parameters_cost), 0.0)
     lost = max(0.0, 1.0 - float(total.weight.sum()))
-    return ScanTerms(total.waits, fixed, total.code, total.flagged, total.weight, sums, lost)
+    return ScanComponents(total.waits, fixed, total.code, total.flagged, total.weight, sums, lost)
 
 
 def _dead(model: LinkModel, count: int) -> _Part:
@@ -249,8 +249,8 @@ def _group(
     flagged = fails_of(probabilities, model.attempts, model.absent).flagged
     table = _outcome_weights(count, model.attempts, flagged)
     fails = np.arange(table.shape[1])
-    answered = np.arange(count + 1)
-    weight = table * np.power(probabilities.answered, answered)[:, None] * np.power(p, fails)
+    replied = np.arange(count + 1)
+    weight = table * np.power(probabilities.replied, replied)[:, None] * np.power(p, fails)
     c, i = np.nonzero(weight >= floor)
     weight = weight[c, i]
     # Of i failed attempts, a ran to their deadline.
@@ -271,14 +271,14 @@ def _group(
     keep = weight >= floor
     a, b, c, weight = a[keep], b[keep], c[keep], weight[keep]
     least = spread_of(station.turnaround)[0]
-    whole = float(model.answered(station) + least)
+    whole = float(model.replied(station) + least)
     fixed = a * float(model.gap + model.poll) + b * (whole + model.quiet) + c * whole
     return _Part(a, fixed, (b + c) * sums.unit(station.turnaround), c < count, weight)
 
 
 @lru_cache(maxsize=512)
 def _outcome_weights(count: int, attempts: int, flagged: float) -> Floats:
-    """Entry (c, i): weight with which c of ``count`` stations are answered, i attempts having failed in all.
+    """Entry (c, i): weight with which c of ``count`` stations replied, i attempts having failed in all.
 
     The factors of the single attempts are left out. ``flagged``: chance that a station has one attempt.
     """
@@ -291,11 +291,11 @@ def _outcome_weights(count: int, attempts: int, flagged: float) -> Floats:
     errors = [np.ones(1)]
     for _ in range(count):
         errors.append(np.convolve(errors[-1], error))
-    answered = np.ones(1)
+    replied = np.ones(1)
     for c in range(count + 1):
-        row = np.convolve(answered, errors[count - c])[: table.shape[1]]
+        row = np.convolve(replied, errors[count - c])[: table.shape[1]]
         table[c, : row.size] = row * float(_pascal()[count, c])
-        answered = np.convolve(answered, once)
+        replied = np.convolve(replied, once)
     table.setflags(write=False)
     return table
 
@@ -313,4 +313,4 @@ def _pascal() -> Floats:
 
 def scan_distribution(model: LinkModel) -> Distribution:
     """The distribution of a scan on a line without memory."""
-    return scan_terms(model).distribution(model.timeout)
+    return scan_components(model).distribution(model.timeout)

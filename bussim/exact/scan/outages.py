@@ -39,7 +39,7 @@ def ride_through(model: LinkModel, attempts: int, timeouts: Floats) -> RideThrou
     if attempts < 2:
         return RideThrough(np.zeros(timeouts.size), np.zeros(timeouts.size))
     silent = model.gap + model.poll + timeouts
-    torn = [model.answered(s) - s.extra + s.quickest + model.quiet for s in model.alive]
+    torn = [model.replied(s) - s.extra + s.quickest + model.quiet for s in model.alive]
     until_next, between = model.quiet + model.gap, attempts - 2
     quickest = np.minimum(silent, min(torn, default=np.inf))
     return RideThrough(until_next + between * silent, until_next + between * quickest)
@@ -54,7 +54,7 @@ def clean_scan(model: LinkModel, *, slowest: bool) -> int:
     for station in model.stations:
         if station.alive:
             turnaround = station.slowest if slowest else station.quickest
-            total += model.answered(station) - station.extra + turnaround
+            total += model.replied(station) - station.extra + turnaround
         else:
             total += model.attempts_at(flagged=True) * model.silent_cost
     return total
@@ -91,13 +91,13 @@ def detection(
     instant is uniform over the scan, counted from the end of its last reply. If that is before its
     next reply began, all attempts run to their deadline; a reply that is cut off fails its attempt
     two quiet characters later (at the deadline if not even its first character came out). The
-    turnaround within T is taken at its mean, and the scan as one answered at the first attempt.
+    turnaround within T is taken at its mean, and the scan as one with a reply to each first attempt.
     """
     attempts, wait = model.attempts, model.silent_cost
-    slot = model.answered(station) + station.average - station.extra
+    slot = model.replied(station) + station.average - station.extra
     mean, square = distribution.mean, distribution.variance + distribution.mean**2
     average = detection_means(model, station, attempts, np.full(1, float(model.timeout)), mean, square)
-    others = clean_scan(model, slowest=True) - (model.answered(station) - station.extra + station.slowest)
+    others = clean_scan(model, slowest=True) - (model.replied(station) - station.extra + station.slowest)
     return Detection(
         station.number,
         float(average[0]),
@@ -112,7 +112,7 @@ def detection_means(
     """The mean time of :func:`detection` for many timeouts, from the scan's mean and mean square."""
     mean, square = np.asarray(mean), np.asarray(square)
     wait, cut, character = model.gap + model.poll + timeouts, station.reply, model.character
-    slot = model.answered(station) + station.average - station.extra
+    slot = model.replied(station) + station.average - station.extra
     before = (square - cut * cut) / 2 + (mean - cut) * (attempts * wait - slot)
     unseen = character * (timeouts - station.average - character / 2)
     torn = (cut - character) * (model.quiet + character / 2)

@@ -18,12 +18,12 @@ import numpy as np
 from bussim.exact.link import LinkModel, Station
 from bussim.exact.metrics import YEAR
 from bussim.exact.scan.memoryless import (
-    ScanTerms,
+    ScanComponents,
     any_flag,
     fails_of,
     mean_exchange,
     probabilities_of,
-    scan_terms,
+    scan_components,
 )
 from bussim.exact.scan.outages import clean_scan, detection_means, ride_through
 from bussim.exact.scan.turnaround_sums import Floats
@@ -123,7 +123,7 @@ def _fill_outages(grid: Grid, row: int, count: int, mean: Floats, square: Floats
 
 def _others_clean(model: LinkModel, station: Station, wait: Floats) -> Floats:
     """The longest scan without failed attempts and without one station's slot (the model's timeout is 0)."""
-    own = model.answered(station) - station.extra + station.slowest
+    own = model.replied(station) - station.extra + station.slowest
     dead = model.attempts_at(flagged=True) * len(model.dead)
     return clean_scan(model, slowest=True) - own + dead * (wait - model.gap - model.poll)
 
@@ -162,20 +162,23 @@ class _Memoryless:
                 grid.one_dead[row] = model.base + fixed + waits * tau + gain + parameters
         if not details and not grid.over:
             return
-        terms = scan_terms(model, _LIGHT, self.probabilities)
+        components = scan_components(model, _LIGHT, self.probabilities)
         if details:
-            _fill_outages(grid, row, count, grid.mean[row], _mean_square(terms, tau))
+            _fill_outages(grid, row, count, grid.mean[row], _mean_square(components, tau))
         if grid.over:
-            rows = _Rows.of(terms)
+            rows = _Rows.of(components)
             for deadline, values in grid.over.items():
                 values[row] = rows.tail(np.full(tau.size, float(deadline)), tau)
 
 
-def _mean_square(terms: ScanTerms, tau: Floats) -> Floats:
+def _mean_square(components: ScanComponents, tau: Floats) -> Floats:
     """E[scan²] in ticks² for each timeout."""
-    middle = terms.fixed + terms.sums.means(terms.code)
-    own = float(terms.weight @ (middle * middle + terms.sums.variances(terms.code)))
-    cross, square = float(terms.weight @ (middle * terms.waits)), float(terms.weight @ terms.waits**2)
+    middle = components.fixed + components.sums.means(components.code)
+    own = float(components.weight @ (middle * middle + components.sums.variances(components.code)))
+    cross, square = (
+        float(components.weight @ (middle * components.waits)),
+        float(components.weight @ components.waits**2),
+    )
     return own + 2 * cross * tau + square * tau * tau
 
 
@@ -191,24 +194,26 @@ class _Rows:
     tails: Floats
 
     @classmethod
-    def of(cls, terms: ScanTerms) -> _Rows:
-        first = math.floor(terms.fixed.min() / _STEP) * _STEP
-        last = float((terms.fixed + terms.sums.widths(terms.code)).max())
-        count = int(terms.waits.max()) + 1
+    def of(cls, components: ScanComponents) -> _Rows:
+        first = math.floor(components.fixed.min() / _STEP) * _STEP
+        last = float((components.fixed + components.sums.widths(components.code)).max())
+        count = int(components.waits.max()) + 1
         step = max(_STEP, (last - first) * count / _CELLS)
         cells = int((last - first) / step) + 3
         masses = np.zeros(count * cells)
-        position = (terms.fixed - first) / step
+        position = (components.fixed - first) / step
         index = np.floor(position)
-        widths = terms.sums.widths(terms.code)
-        for code in np.unique(terms.code).tolist():
-            chosen = np.nonzero(terms.code == code)[0]
+        widths = components.sums.widths(components.code)
+        for code in np.unique(components.code).tolist():
+            chosen = np.nonzero(components.code == code)[0]
             reach = int(widths[chosen[0]] / step) + 2
             # Weight in each cell that a component touches: differences of its tail at the cells' edges.
             edges = (np.arange(reach + 1) - (position[chosen] - index[chosen])[:, None]) * step
-            beyond = terms.sums.rough_tail(terms.code[chosen][:, None], edges)
-            parts = (beyond[:, :-1] - beyond[:, 1:]) * terms.weight[chosen][:, None]
-            at = (terms.waits[chosen] * cells + index[chosen].astype(np.int64))[:, None] + np.arange(reach)
+            beyond = components.sums.rough_tail(components.code[chosen][:, None], edges)
+            parts = (beyond[:, :-1] - beyond[:, 1:]) * components.weight[chosen][:, None]
+            at = (components.waits[chosen] * cells + index[chosen].astype(np.int64))[:, None] + np.arange(
+                reach
+            )
             np.add.at(masses, at, parts)
         tails = np.cumsum(masses.reshape(count, cells)[:, ::-1], axis=1)[:, ::-1]
         return cls(first, step, np.ascontiguousarray(tails))

@@ -65,7 +65,7 @@ class _Timed:
 class _Exchange(NamedTuple):
     """The ends of an exchange and what is left after all its attempts but none more."""
 
-    answered: _Timed
+    replied: _Timed
     error: _Timed
 
 
@@ -89,14 +89,14 @@ class BurstStacks:
         # First the chain from scan to scan, for its stationary distribution; then the moments from it.
         clean, marked = data.zero, np.zeros_like(data.zero)
         before = []
-        for answered, error in ends:
+        for replied, error in ends:
             before.append(clean + marked)
-            clean, marked = clean @ answered.zero, marked @ answered.zero + before[-1] @ error.zero
+            clean, marked = clean @ replied.zero, marked @ replied.zero + before[-1] @ error.zero
         start = _stationary(clean @ short.zero + marked @ long.zero)
         zero = np.zeros((self.tau.size, 1, self.line.states))
         good, bad = _Timed(start[:, None, :], zero, zero).then(data), _Timed(zero, zero, zero)
-        for answered, error in ends:
-            good, bad = good.then(answered), bad.then(answered) + (good + bad).then(error)
+        for replied, error in ends:
+            good, bad = good.then(replied), bad.then(replied) + (good + bad).then(error)
         scan = good.then(short) + bad.then(long)
         counted = [] if dead is not None else [i for i, s in enumerate(model.stations) if s.alive]
         each = np.array([self._fails(model, index, ends, start, before[index]) for index in counted])
@@ -123,26 +123,26 @@ class BurstStacks:
         if found is None:
             if alike not in self._attempts:
                 self._attempts[alike] = self._attempt(model, station)
-            answered, failed = self._attempts[alike]
+            replied, failed = self._attempts[alike]
             if attempts == 1:
-                found = _Exchange(answered, failed)
+                found = _Exchange(replied, failed)
             else:
                 before = self.exchange(model, station, attempts - 1)
-                found = _Exchange(before.answered + before.error.then(answered), before.error.then(failed))
+                found = _Exchange(before.replied + before.error.then(replied), before.error.then(failed))
             self._exchanges[alike, attempts] = found
         return found
 
     def _attempt(self, model: LinkModel, station: Station) -> tuple[_Timed, _Timed]:
-        """An attempt that is answered, and one that fails."""
-        answered, silent, torn = attempts_at(self.line, model, station, self.tau)
+        """An attempt with a reply, and one that fails."""
+        replied, silent, torn = attempts_at(self.line, model, station, self.tau)
         wait = model.gap + model.poll + self.tau
         if not station.alive:
-            return _Timed.lasting(answered, wait), _Timed.lasting(silent, wait)
+            return _Timed.lasting(replied, wait), _Timed.lasting(silent, wait)
         sums = TurnaroundSums([station.turnaround])
         variance = float(sums.variances(np.array([sums.unit(station.turnaround)]))[0])
-        whole = np.full(self.tau.size, model.answered(station) + station.average - station.extra)
+        whole = np.full(self.tau.size, model.replied(station) + station.average - station.extra)
         failed = _Timed.lasting(silent, wait) + _Timed.lasting(torn, whole + model.quiet, variance)
-        return _Timed.lasting(answered, whole, variance), failed
+        return _Timed.lasting(replied, whole, variance), failed
 
     def _fixed(self, ticks: float) -> _Timed:
         matrix = np.broadcast_to(self.line.after(ticks), (self.tau.size, self.line.states, self.line.states))
@@ -177,12 +177,12 @@ class BurstStacks:
     def _scan(self, model: LinkModel, ends: list[_Exchange], only: tuple[int, int]) -> Stack:
         """The states' transitions over a whole scan in which the exchange at an index had one outcome.
 
-        ``only`` is the index and 0 for answered, 1 for in error.
+        ``only`` is the index and 0 for a reply, 1 for in error.
         """
         clean = self._fixed(model.data).zero
         marked = np.zeros_like(clean)
-        for index, (answered, error) in enumerate(ends):
-            good = answered.zero if (index, 1) != only else np.zeros_like(clean)
+        for index, (replied, error) in enumerate(ends):
+            good = replied.zero if (index, 1) != only else np.zeros_like(clean)
             bad = error.zero if (index, 0) != only else np.zeros_like(clean)
             clean, marked = clean @ good, marked @ good + (clean + marked) @ bad
         plain = model.overhead + model.gap

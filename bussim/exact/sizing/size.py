@@ -161,7 +161,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     if model.obstacles:
         return Sizing(model, goals, valid=False, reasons=model.obstacles)
     if not model.alive:
-        return Sizing(model, goals, valid=False, reasons=("no slave answers: there is nothing to size",))
+        return Sizing(model, goals, valid=False, reasons=("no slave replies: there is nothing to size",))
     floor = timeout_floor(model)
     if floor > model.timeout_range[1] * TIMEOUT_UNIT:
         reason = (

@@ -107,7 +107,7 @@ def test_without_bursts_it_is_the_closed_form(
     for probabilities, fails in zip(probabilities_of(model), chain.fails(), strict=True):
         expected = fails_of(probabilities, model.attempts, model.absent)
         assert fails.error == pytest.approx(expected.error, rel=1e-9)
-        if probabilities.answered:
+        if probabilities.replied:
             assert fails.onset == pytest.approx(expected.onset, rel=1e-9)
 
 

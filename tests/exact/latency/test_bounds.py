@@ -144,7 +144,7 @@ class Errors:
     begins: list[int]
     ends: list[int]
     flags: list[tuple[int, int]]
-    vain: dict[int, list[int]]  # ends of the exchanges that a station did not answer, and how many attempts
+    vain: dict[int, list[int]]  # ends of the exchanges without a reply of a station, and how many attempts
 
     @classmethod
     def of(cls, kept: Kept, given: Scenario) -> Errors:
@@ -153,7 +153,7 @@ class Errors:
         for attempt in kept.of(AttemptRecord):
             station = attempt.station
             if not model.station(station).alive:
-                continue  # one that never answers belongs to the link
+                continue  # one that never replies belongs to the link
             if not attempt.code:
                 if station in since:
                     found.flags.append((since.pop(station), attempt.end))
@@ -173,7 +173,7 @@ class Errors:
         return any(begin <= at < end for begin, end in self.flags)
 
     def in_vain(self, station: int, begin: int, end: int) -> int:
-        """Attempts in exchanges that a station did not answer and that ended in a window."""
+        """Attempts in exchanges without a reply of a station that ended in a window."""
         ends = self.vain.get(station, [])
         return bisect_right(ends, end) - bisect_right(ends, begin)
 
@@ -295,7 +295,7 @@ def test_a_flag_that_is_still_on_costs_a_parameter_frame(monkeypatch: pytest.Mon
     assert worst["1 lost"] > 0.8
 
 
-def test_a_station_that_never_answers_belongs_to_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_station_that_never_replies_belongs_to_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
     worst = evaluate_goals(monkeypatch, tiny("one absent, one noisy station", slaves=4))
     assert worst["no error"] > 0.9
     assert worst["1 lost"] > 0.7

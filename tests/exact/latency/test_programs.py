@@ -360,5 +360,5 @@ def test_from_when_on_it_holds_with_absent_stations_is_told(policy: str, slaves:
     a = replace(a, registers={**a.registers, "D8177": slaves})
     found = bounds_of(replace(given, plcs=(a, b)))["path"]
     assert found.valid
-    said = [note for note in found.caveats if "never answer (2) are on" in note]
+    said = [note for note in found.caveats if "never reply (2) are on" in note]
     assert len(said) == told

@@ -275,7 +275,7 @@ def form(timing: LineTiming) -> int:
 
 
 def good(done: Done, node: str, name: str) -> list[tuple[int, int, int, int]]:
-    """(asked, answered, served, taken) of a poll's good transactions, from the second on."""
+    """(asked, replied, served, taken) of a poll's good transactions, from the second on."""
     return [
         (r.asked, r.answer_end, r.served, r.taken)
         for r in done.record.transactions
@@ -307,8 +307,8 @@ def test_nothing_simulated_leaves_the_bounds(seed: int) -> None:
             assert abs(float(np.mean(cycles)) - found.mean) <= SIGMAS * spread + 2 + found.mean * 1e-6
     for one in found.polls:
         rows = good(done, node, one.poll.name)
-        for asked, answered, served, taken in rows:
-            assert one.response.least <= answered - asked <= one.response.most
+        for asked, replied, served, taken in rows:
+            assert one.response.least <= replied - asked <= one.response.most
             sent = asked - one.poll.request
             assert one.transaction.least <= taken - sent <= one.transaction.most
             if one.on_arrival is not None:
@@ -474,7 +474,7 @@ def test_the_gap_after_a_command_may_be_another() -> None:
 def test_a_master_that_awaits_what_has_begun(seed: int) -> None:
     profile = replace(PROFILES["pw10"], begun_holds=True)
     press = plc("press", port("COM3", MASTER, timeout=3), polls=[ask(retries=1), ask("b")], profile=profile)
-    # The answer begins within the timeout of 30 ms and ends after it.
+    # The response begins within the timeout of 30 ms and ends after it.
     scenario = serial_bus([station(delay=25 * MS)], [press], seconds=20, seed=seed)
     found = only(scenario)
     assert found.model.valid

@@ -19,8 +19,8 @@ from bussim.exact.scan.memoryless import (
     fails_of,
     mean_exchange,
     probabilities_of,
+    scan_components,
     scan_distribution,
-    scan_terms,
 )
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.solve import Solved
@@ -79,10 +79,10 @@ def test_every_reply_lost_is_a_point(absent: object, attempts: int) -> None:
 def test_one_slave_with_reply_loss() -> None:
     model = link(1, loss=0.25, turnaround=Turnaround(30_060, 0))
     distribution = scan_distribution(model)
-    answered = model.base + model.answered(model.stations[0]) + 30_060
+    replied = model.base + model.replied(model.stations[0]) + 30_060
     loss = Fraction(1, 4)
     for failed in range(4):
-        at = answered + failed * model.silent_cost
+        at = replied + failed * model.silent_cost
         expected = loss**failed * (1 - loss)
         assert distribution.tail(at - 1) - distribution.tail(at) == pytest.approx(float(expected), rel=1e-12)
     last = model.base + 4 * model.silent_cost + model.parameters_cost
@@ -99,7 +99,7 @@ def test_odds_in_exact_fractions() -> None:
     kept = Fraction(7, 8)
     for probabilities, rate in zip(probabilities_of(model), (thrice, twice), strict=True):
         clean = 1 - rate
-        assert probabilities.answered == pytest.approx(float(poll * kept * clean**bits), rel=1e-13)
+        assert probabilities.replied == pytest.approx(float(poll * kept * clean**bits), rel=1e-13)
         assert probabilities.torn == pytest.approx(
             float(poll * kept * clean**10 * (1 - clean ** (bits - 10))), rel=1e-13
         )
@@ -126,7 +126,7 @@ def exchanges(
     model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], attempts: int
 ) -> Iterator[tuple[Fraction, int, int, bool]]:
     """(probability, ticks, turnarounds, in error) of every course of an exchange."""
-    answered, silent, torn = chances
+    replied, silent, torn = chances
     whole = model.gap + model.poll + model.data + 22_860
     for failed in range(attempts + 1):
         for course in product((True, False), repeat=failed):
@@ -135,7 +135,7 @@ def exchanges(
                 weight *= silent if is_silent else torn
                 ticks += model.silent_cost if is_silent else whole + frame_ticks(2)
             if failed < attempts:
-                yield weight * answered, ticks + whole, course.count(False) + 1, False
+                yield weight * replied, ticks + whole, course.count(False) + 1, False
             else:
                 yield weight, ticks, course.count(False), True
 
@@ -211,15 +211,15 @@ links = st.builds(
 @settings(deadline=None, max_examples=60)
 @given(links)
 def test_properties_of_any_link(model: LinkModel) -> None:
-    terms = scan_terms(model)
-    distribution = terms.distribution(model.timeout)
+    components = scan_components(model)
+    distribution = components.distribution(model.timeout)
     assert distribution.weight.sum() == pytest.approx(1, abs=1e-11)
     assert np.all(distribution.weight > 0)
     probabilities = probabilities_of(model)
     assert all(sum(o) == pytest.approx(1, abs=1e-12) for o in probabilities)
     fails = [fails_of(o, model.attempts, model.absent) for o in probabilities]
     assert all(0 <= f.onset <= f.error <= 1 for f in fails)
-    assert terms.weight[terms.flagged].sum() == pytest.approx(any_flag(fails), rel=1e-9, abs=1e-29)
+    assert components.weight[components.flagged].sum() == pytest.approx(any_flag(fails), rel=1e-9, abs=1e-29)
     # The mean from the components and the mean from the exchanges' means.
     means = [mean_exchange(model, s, o) for s, o in zip(model.stations, probabilities, strict=True)]
     direct = model.base + sum(m.fixed + m.waits * model.timeout for m in means)
@@ -256,7 +256,7 @@ def test_no_probability_exceeds_1_however_bad_the_line(
     least, most = solved.distribution.support
     assert np.all(solved.distribution.tail(np.linspace(least - 1, most, 50)) <= 1)
     if not bursts:
-        assert all(0 <= o.failed <= 1 and 0 <= o.answered <= 1 for o in probabilities_of(model))
+        assert all(0 <= o.failed <= 1 and 0 <= o.replied <= 1 for o in probabilities_of(model))
     grid = evaluate(model, (1, attempts), (50 * MS, 100 * MS), (1,))
     settled = grid.error_per_scan[:, grid.valid]
     assert np.all(settled <= slaves)

@@ -21,7 +21,7 @@ CONSTANT = Turnaround(30_060, 0)
 def survives(model: LinkModel, begin: int, length: int) -> bool:
     """Whether an outage (ticks) during which nothing gets through raises no station error.
 
-    All stations answer after their turnaround; a frame that overlaps the outage is lost, a reply that
+    All stations reply after their turnaround; a frame that overlaps the outage is lost, a reply that
     had begun is cut off: its attempt fails two quiet characters after the cut.
     """
     end, now = begin + length, 0
@@ -61,7 +61,7 @@ def test_the_longest_silence_that_no_beginning_turns_into_an_error(attempts: int
     scan = clean_scan(model, slowest=False)
     begins = [
         *range(scan, 2 * scan, 937),
-        *(scan + model.data + model.answered(model.stations[0]) + 30_060 - d for d in range(40)),
+        *(scan + model.data + model.replied(model.stations[0]) + 30_060 - d for d in range(40)),
     ]
     if ride:
         assert all(survives(model, begin, ride) for begin in begins)
@@ -72,7 +72,7 @@ def test_the_longest_silence_that_no_beginning_turns_into_an_error(attempts: int
 def test_corruption_of_replies_runs_out_of_attempts_sooner() -> None:
     model = link(2, mode=0, attempts=5)
     ride = ride_through(model)
-    torn = model.answered(model.stations[0]) + 22_860 + model.quiet
+    torn = model.replied(model.stations[0]) + 22_860 + model.quiet
     assert ride.silence == model.quiet + model.gap + 3 * model.silent_cost
     assert ride.corruption == model.quiet + model.gap + 3 * torn
     assert ride_through(link(2, attempts=1)).corruption == 0
@@ -107,7 +107,7 @@ def test_mean_scans_with_dead_stations(absent: object, burst: bool) -> None:
 def test_without_noise_a_dead_station_costs_its_attempts_instead_of_its_slot() -> None:
     model = link(2)
     alive = Solved(model).distribution.mean
-    slot = model.answered(model.stations[0]) + 30_060
+    slot = model.replied(model.stations[0]) + 30_060
     expected = alive - slot + 4 * model.silent_cost + model.gap + model.parameters
     assert dead_means(Solved(model), 1) == pytest.approx(expected, rel=1e-14)
     assert dead_means(Solved(link(2, absent=PROBE)), 1) == pytest.approx(
@@ -124,7 +124,7 @@ def test_detection_of_deaths_at_random_instants() -> None:
     found = detection(model, solved.distribution, station, levels)
     rng = random.Random(5)
     scans = play(model, 40_000, seed=6).scans
-    slot = model.answered(station) + 30_060
+    slot = model.replied(station) + 30_060
     times = []
     weights = np.cumsum(scans)
     for _ in range(200_000):

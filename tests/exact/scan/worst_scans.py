@@ -8,34 +8,34 @@ from functools import cache
 
 @dataclass(frozen=True)
 class Line:
-    """One link in plain numbers: what a scan is made of. ``answered`` is of each slave, 1 first."""
+    """One link in plain numbers: what a scan is made of. ``replied`` is of each slave, 1 first."""
 
     bare: int  # the master's data frame and the overhead
     parameters: int
     silent: int
-    answered: tuple[int, ...]
+    replied: tuple[int, ...]
     attempts: int
     probe: bool = False
 
     @property
     def scan(self) -> int:
         """A scan in which every station replies at once."""
-        return self.bare + sum(self.answered)
+        return self.bare + sum(self.replied)
 
 
 def longest_wait(line: Line, source: int, losses: int | None, spent: int | None = None) -> int:
     """From just after any moment to the end of the source's next data (0: the master's), at most.
 
     ``losses`` is how many replies may be lost in it (None: any number), ``spent`` how many attempts
-    of the source may be spent in exchanges that it does not answer. Flags may be on at the beginning, and attempts of the exchange that is under
+    of the source may be spent in exchanges without a reply. Flags may be on at the beginning, and attempts of the exchange that is under
     way may have failed before it.
     """
-    slaves = range(1, len(line.answered) + 1)
+    slaves = range(1, len(line.replied) + 1)
 
     @cache
     def on(station: int, flags: frozenset[int], left: int | None, vain: int | None, failed: int) -> int:
         """From before the exchange of a station (one beyond the last: the scan's end) on."""
-        if station > len(line.answered):
+        if station > len(line.replied):
             between = line.bare + (line.parameters if flags else 0)
             return between if source == 0 else between + on(1, flags, left, vain, 0)
         allowed = 1 if line.probe and station in flags else line.attempts
@@ -46,7 +46,7 @@ def longest_wait(line: Line, source: int, losses: int | None, spent: int | None 
             after = None if left is None else left - lost
             time = lost * line.silent
             if failed + lost < allowed:
-                time += line.answered[station - 1]
+                time += line.replied[station - 1]
                 if station != source:
                     time += on(station + 1, flags - {station}, after, vain, 0)
             elif station == source and vain is not None and vain < allowed:

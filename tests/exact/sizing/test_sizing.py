@@ -273,7 +273,7 @@ def test_scaled_noise_and_smaller_modes() -> None:
 def test_links_that_cannot_be_sized() -> None:
     odd = replace(link(2), obstacles=("a jabbering station collides with every frame",))
     assert size(odd).reasons == odd.obstacles
-    assert size(link(2).with_dead(1, 2)).reasons == ("no slave answers: there is nothing to size",)
+    assert size(link(2).with_dead(1, 2)).reasons == ("no slave replies: there is nothing to size",)
 
 
 def test_the_json_form_and_the_neighbours() -> None:
