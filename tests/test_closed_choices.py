@@ -265,14 +265,14 @@ def chain(x):
     return 3
 
 def returns(x):
-    if x is Role.CONTACT: return 1
-    if x is Role.BLOCK: return 2
+    if x is LadderRole.CONTACT: return 1
+    if x is LadderRole.BLOCK: return 2
     return 3
 
 def otherwise(x):
     match x:
-        case Role.CONTACT: return 1
-        case Role.BLOCK | Role.OUTPUT: return 2
+        case LadderRole.CONTACT: return 1
+        case LadderRole.BLOCK | LadderRole.OUTPUT: return 2
         case _: return 3
 
 def nothing(x):
@@ -280,7 +280,7 @@ def nothing(x):
         case Contact(): return 1
         case Not(): return 2
 
-TABLE: dict = {Role.CONTACT: 1, Role.BLOCK: 2}
+TABLE: dict = {LadderRole.CONTACT: 1, LadderRole.BLOCK: 2}
 """
 REFUSED = """
 def chain(x):
@@ -292,14 +292,14 @@ def chain(x):
         raise ValueError
 
 def returns(x):
-    if x is Role.CONTACT: return 1
-    if x is Role.BLOCK: return 2
+    if x is LadderRole.CONTACT: return 1
+    if x is LadderRole.BLOCK: return 2
     raise ValueError
 
 def otherwise(x):
     match x:
-        case Role.CONTACT: return 1
-        case Role.BLOCK | Role.OUTPUT: return 2
+        case LadderRole.CONTACT: return 1
+        case LadderRole.BLOCK | LadderRole.OUTPUT: return 2
         case _: assert_never(x)
 
 def one(x):

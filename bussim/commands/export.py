@@ -40,7 +40,7 @@ def _formats() -> str:
 @click.option(
     "--encap",
     type=click.Choice(["serial", "udp"]),
-    help="pcapng: Modbus RTU as on the line (default), or in UDP, which tells request and response apart.",
+    help="pcapng: Modbus RTU as on the line (default), or in UDP, which distinguishes request and response.",
 )
 @click.option("-o", "--out", metavar="FILE", help="Where to (default: a file in the run's folder).")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")

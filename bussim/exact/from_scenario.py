@@ -56,7 +56,7 @@ from bussim.scenario.model import (
 )
 from bussim.units import milliseconds
 
-#: Hidden states grow as 2 to the number of bursts.
+#: States of the channel grow as 2 to the number of bursts.
 MAX_BURSTS = 3
 #: Clock errors up to this many ppm move no sample out of its bit (4.7 % would, over 10.5 bits).
 MAX_PPM = 20_000
@@ -88,7 +88,7 @@ class _Member:
     settings: dict[int, int]
     refused: bool
     silent: bool = False  # never sends
-    deaf: bool = False
+    receives: bool = True
     extra: int = 0
     loss: float = 0.0
     ppm: Fraction = Fraction(0)
@@ -125,7 +125,7 @@ class _LinkReader:
             if plc.link is not None and plc.link.bus == self.bus:
                 settings = setting_values(plc.profile, plc.registers)
                 refused = bool(bad_parameters(plc.profile, settings))
-                self.members.append(_Member(plc, settings, refused, silent=refused, deaf=refused))
+                self.members.append(_Member(plc, settings, refused, silent=refused, receives=not refused))
         self._numbers()
         for fault in self.scenario.faults:
             self._fault(fault)
@@ -197,13 +197,13 @@ class _LinkReader:
         near = names.index(master.plc.name) <= position
         for member in self.members:
             if (names.index(member.plc.name) <= position) != near:
-                member.silent = member.deaf = True
+                member.silent, member.receives = True, False
 
     def _lasting(self, member: _Member, kind: FaultKind, what: str) -> None:
         master = member.number == MASTER
         match kind:
             case PowerOff() | Stop():
-                member.silent = member.deaf = True
+                member.silent, member.receives = True, False
                 if master:
                     self.obstacles.append(f"{what} keeps the master off: no station is polled")
             case DropReply():
@@ -335,7 +335,7 @@ class _LinkReader:
             turnaround=plc.profile.turnaround,
             reply=member.ticks(data_chars(mode)),
             alive=not (member.silent or stays_out),
-            hears=not (member.deaf or stays_out),
+            hears=member.receives and not stays_out,
             extra=member.extra + (member.scan if at_end and self.bound_end else 0),
             loss=member.loss,
             scan=member.scan,

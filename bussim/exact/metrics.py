@@ -55,7 +55,7 @@ class Refresh:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Figures of one link. Times in ticks; None where ``valid`` is false or there is nothing to tell.
+    """Figures of one link. Times in ticks; None where ``valid`` is false or there is no such figure.
 
     ``error_per_scan`` is each living station's chance to be in error in a scan, ``error_per_year`` to
     be so at least once in a year; ``errors_per_year`` counts all scans of all living stations that

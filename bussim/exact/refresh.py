@@ -1,7 +1,7 @@
 """The time between refreshes of one station's block in another station, which retries do not cover.
 
 A gap runs from reception to reception. In a scan in which the receiver has not heard the source's
-block its copy grows one scan older; the master may have heard the same frame, so no flag tells. The
+block its copy grows one scan older; the master may have heard the same frame, so no flag shows it. The
 distribution of a gap is a chain: the rest of the exchange after a reception, the other stations' exchanges,
 whole scans without a reception, and the exchange up to the next one. Flags and the line's state go
 with it.

@@ -7,7 +7,7 @@ import math
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
-#: Nobody's noise stays the same for longer.
+#: No noise stays the same for longer.
 LONGEST_YEARS = 100
 
 #: A probability above this is called almost certain.

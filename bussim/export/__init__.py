@@ -13,7 +13,7 @@ RTU, 148 (USER1) N:N, 149 (USER2) Modbus ASCII, 150 (USER3) free protocol.
       tshark -o 'uat:user_dlts:"User 0 (DLT=147)","mbrtu","0","","0",""' -r trace.pcapng
 
   With ``--encap udp`` the frames are wrapped in UDP (port 5020), which says what is a
-  request: only so can Wireshark tell the response to a write from its request, and show broadcasts::
+  request: only so can Wireshark distinguish the response to a write from its request, and show broadcasts::
 
       tshark -o mbrtu.udp.port:5020 -r trace.pcapng
 

@@ -112,7 +112,7 @@ def figures(source: Source, caption: str, counts: Mapping[str, str], *, word: bo
         cells.append(found(source.summary, *at, "max_at_s", decimals=3))
         rows.append((name, cells))
     head = ["entry", *counts.values(), *_TIMES.values(), "longest at (s)"]
-    return Table(caption, head, rows, "A dash: too few of them beyond it to tell.")
+    return Table(caption, head, rows, "A dash: too few of them beyond it to say.")
 
 
 def bounds(source: Source) -> Table:

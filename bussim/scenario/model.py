@@ -142,12 +142,12 @@ class _OfNode:
 
 @dataclass(frozen=True, slots=True)
 class PowerOff(_OfNode):
-    """The PLC has no supply: silent, deaf, its memory back at power-on values afterwards."""
+    """The PLC has no supply: it neither sends nor receives; its memory starts again at power-on values."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stop(_OfNode):
-    """The PLC is in STOP: silent and deaf, counts nothing; RUN again when it is over."""
+    """The PLC is in STOP: it neither sends nor receives and counts nothing; RUN again when it is over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +297,7 @@ class Plc:
 
     @property
     def instruction_time(self) -> int | None:
-        """Ticks that a scan's instructions take at most; None where the program's text does not tell."""
+        """Ticks that a scan's instructions take at most; None where its text does not determine it."""
         if self.program is None:
             return 0
         from bussim.plc.program.longest import longest_scan  # what only a scenario with programs pays

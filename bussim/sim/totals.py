@@ -104,7 +104,7 @@ def _is_master(protocol: str | None) -> bool:
 
 
 def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
-    """A device; what is worth telling of its state is that at ``now``."""
+    """A device; its state is that at ``now``."""
     counts, spec = node.reporter.counts(node.name), node.spec
     return DeviceTotals(
         name=spec.name,

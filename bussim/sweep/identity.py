@@ -32,7 +32,7 @@ def manifest_text(manifest: Mapping[str, Any]) -> str:
 
 
 def differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> list[str]:
-    """What distinguishes two sweeps, in words, the most telling first; empty for the same sweep.
+    """What distinguishes two sweeps, in words, the most important first; empty for the same sweep.
 
     The order of the axes counts, for it is that of the rows.
     """

@@ -66,15 +66,15 @@ def goals(*texts: str) -> list[str]:
     return [part for text in texts for part in ("--goal", text)]
 
 
-def test_a_heartbeat_too_short_is_refused_with_figures_and_a_remedy_that_works(packing: str) -> None:
+def test_a_heartbeat_too_short_is_refused_with_figures_and_a_change_that_works(packing: str) -> None:
     found = sized(packing, *goals("heartbeat=100ms@1/y"))
     assert found["recommended"] is None
     (unmet,) = found["unmet"]  # type: ignore[misc]
     assert unmet["goals"] == ["heartbeat"]
     assert "the best is" in unmet["text"]
     assert not any("outage" in text or "ride" in text for text in unmet["helps"])
-    remedy = next(text for text in unmet["helps"] if text.startswith("heartbeat="))
-    assert sized(packing, *goals(remedy.split()[0]))["recommended"] is not None
+    change = next(text for text in unmet["helps"] if text.startswith("heartbeat="))
+    assert sized(packing, *goals(change.split()[0]))["recommended"] is not None
 
 
 def test_the_users_goals_are_used_and_shown_as_given(packing: str) -> None:

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from bussim.devices.stepper.axis import Axis, Inputs, Switch, drive_for, pulses_of, pulses_per_unit
-from bussim.devices.stepper.motion import Drive, Job, Stop, run, travel
+from bussim.devices.stepper.motion import Drive, Job, StopReason, run, travel
 from bussim.devices.stepper.parameters import Parameters
 from bussim.devices.stepper.profile import StepOutput, StepperProfile
 from bussim.devices.stepper.project import Project, Waiting
@@ -37,7 +37,7 @@ class Controller:
         self.outputs = [False] * (OUTPUTS + 1)  # by number, 0 unused
         self.inputs = Inputs(parameters, self.axis)
         self._job = Job.JOG
-        self._stop: Stop | None = None  # why the motion in progress is being stopped
+        self._stop: StopReason | None = None  # why the motion in progress is being stopped
         self._signal = 0  # the input that a jog by signal follows
         self._legs: list[int] = []  # signed pulses still to go in a single run
         self._project: Project | None = None
@@ -126,14 +126,14 @@ class Controller:
         """Coil 00005 or 00006 off."""
         motion = self.axis.motion
         if motion is not None and self._job is Job.JOG and motion.direction == direction:
-            self._halt(now, Stop.RELEASED)
+            self._halt(now, StopReason.RELEASED)
         return True
 
     def stop(self, now: int) -> bool:
         """Coil 00004: the motor stops as 40008 says, a project is over."""
         self._end_project(now, complete=False)
         self._legs = []
-        self._halt(now, Stop.COMMAND)
+        self._halt(now, StopReason.COMMAND)
         return True
 
     def start_project(self, now: int) -> bool:
@@ -161,7 +161,7 @@ class Controller:
     def disable(self, now: int) -> None:
         """40080 = 1: the motor stands at once."""
         self._end_project(now, complete=False)
-        self._halt(now, Stop.DISABLED)
+        self._halt(now, StopReason.DISABLED)
 
     @property
     def busy(self) -> bool:
@@ -183,7 +183,7 @@ class Controller:
         """Everything stands; outputs are off."""
         self._end_project(now, complete=False)
         self._legs = []
-        self._halt(now, Stop.POWER)
+        self._halt(now, StopReason.POWER)
         for number in range(1, OUTPUTS + 1):
             self.set_output(number, now, on=False)
 
@@ -214,13 +214,13 @@ class Controller:
             return
         if self.inputs.on(_LIMITS[motion.direction]):
             self._end_project(now, complete=False)
-            self._halt(now, Stop.LIMIT)
+            self._halt(now, StopReason.LIMIT)
         elif self._job is Job.HOME and self.inputs.on("home_input"):
-            self._halt(now, Stop.HOME)
+            self._halt(now, StopReason.HOME)
         elif self._job is Job.SIGNAL_JOG and not self.inputs.level(self._signal):
-            self._halt(now, Stop.RELEASED)
+            self._halt(now, StopReason.RELEASED)
         elif self._job is Job.STEP and self._step_stopped():
-            self._halt(now, Stop.STEP_SIGNAL)
+            self._halt(now, StopReason.STEP_SIGNAL)
 
     def _signalled(self, direction: int, number: int, now: int) -> None:
         """A forward or reverse start signal (40078, 40079) came; 40077 decides what it does."""
@@ -277,12 +277,15 @@ class Controller:
         heading = "forward" if direction == FORWARD else "reverse"
         self.events.append((now, f"starts {heading}{aim} ({job.value})"))
 
-    def _halt(self, now: int, reason: Stop) -> None:
+    def _halt(self, now: int, reason: StopReason) -> None:
         """Stop the motion in progress: signals of the machine at once, the rest as 40008 says."""
         motion = self.axis.motion
         if motion is None:
             return
-        at_once = reason in (Stop.LIMIT, Stop.HOME, Stop.DISABLED, Stop.POWER) or self.parameters["stop_mode"]
+        at_once = (
+            reason in (StopReason.LIMIT, StopReason.HOME, StopReason.DISABLED, StopReason.POWER)
+            or self.parameters["stop_mode"]
+        )
         stopping = motion.cut(now) if at_once else motion.slowed(now)
         if stopping is motion:
             return  # it is ramping down already, or comes to its end anyway
@@ -294,12 +297,12 @@ class Controller:
     def _motion_over(self, now: int) -> None:
         motion = self.axis.motion
         self.axis.settle(now)
-        job, reason = self._job, self._stop or Stop.ARRIVED
-        if reason is Stop.HOME and self.profile.homing_zeroes:
+        job, reason = self._job, self._stop or StopReason.ARRIVED
+        if reason is StopReason.HOME and self.profile.homing_zeroes:
             self.axis.set_origin(now)
         at = self.axis.position(now) / 100
         self.events.append((now, f"stands at {at:.2f} ({job.value}: {reason.value})"))
-        if job is Job.RUN_ONCE and reason is Stop.ARRIVED:
+        if job is Job.RUN_ONCE and reason is StopReason.ARRIVED:
             if self._legs and motion is not None:
                 pulses = self._legs.pop()  # with the speed of the first one
                 self._begin(job, motion.drive, abs(pulses), REVERSE if pulses < 0 else FORWARD, now)

@@ -31,7 +31,7 @@ class Job(StrEnum):
     SIGNAL_JOG = "jog by signal"
 
 
-class Stop(StrEnum):
+class StopReason(StrEnum):
     """Why the motor stopped."""
 
     ARRIVED = "arrived"

@@ -1,7 +1,7 @@
 """A link scan as a chain from scan to scan, with the channel's state and the flags that matter.
 
 Used for the distribution on a line with bursts, and on any line for what spans several scans. Attempts
-are correlated through the hidden state, which moves on in real time: a retry after a short timeout meets
+are correlated through the channel's state, which moves on in real time: a retry after a short timeout meets
 the same burst again. A scan is a product of matrices; its start has the stationary distribution of the
 chain of scan starts (not the distribution at a random instant: scans that meet a burst last longer, so
 fewer of them begin in one). With the policy ``probe`` that chain also holds which flags are on.
@@ -102,7 +102,7 @@ class ScanChain:
                 bad = np.zeros_like(bad)
             clean, marked = clean @ exchange.replied, marked @ exchange.replied + bad
         if self._bits:
-            # The flags themselves tell which scans end without one.
+            # The flags themselves show which scans end without one.
             both, without = clean + marked, 0 if model.dead else 1
             clean, marked = np.zeros_like(both), both.copy()
             clean[..., :without, :], marked[..., :without, :] = both[..., :without, :], 0.0

@@ -71,7 +71,7 @@ class Dead:
 
 @dataclass(frozen=True, slots=True)
 class PollFigures:
-    """Figures of one poll list. Times in ticks; None where there is nothing to tell.
+    """Figures of one poll list. Times in ticks; None where there is no such figure.
 
     ``cycle`` and ``mean`` are without errors, from the second cycle on, and while no command (a poll with
     ``times``) has a turn; ``worst`` is the longest cycle that there can be, every attempt spent for as

@@ -154,7 +154,7 @@ class ScanComponents:
     """The components of a link scan before its timeout is known.
 
     One entry a component: ``waits`` attempts ran to their deadline, ``fixed`` ticks come on top of these
-    timeouts, ``code`` names the spreads, ``flagged`` tells whether some flag is on at the end (the
+    timeouts, ``code`` names the spreads, ``flagged``: whether some flag is on at the end (the
     parameter frame that this costs is in ``fixed``).
     """
 
@@ -228,7 +228,7 @@ def _combined(one: _Part, two: _Part, floor: float) -> _Part:
     weight = (one.weight[:, None] * two.weight).reshape(-1)
     keep = np.nonzero(weight >= floor)[0]
     i, j = np.divmod(keep, two.weight.size)
-    # Equal components become one; what tells them apart but for the time goes into one number.
+    # Equal components become one; what distinguishes them but for the time goes into one number.
     flagged = (one.flagged[i] | two.flagged[j]).astype(np.int64)
     key = one.code[i] + two.code[j] + ((one.waits[i] + two.waits[j]) << _WAITS) + (flagged << _FLAG)
     fixed, key, weight = merged(one.fixed[i] + two.fixed[j], key, weight[keep])

@@ -21,7 +21,7 @@ from bussim.wording import about
 #: How much less noise is tried, and how much further goals are set.
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)
 _FURTHER = (1.1, 1.25, 1.5, 2, 3, 5, 10)
-#: So many remedies are looked for, and so many changes belong to one at most.
+#: So many combinations of changes are searched for, of so many changes each at most.
 _COMBINATIONS, _CHANGES = 4, 3
 
 

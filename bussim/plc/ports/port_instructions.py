@@ -35,7 +35,7 @@ class ProgramPorts:
     def rs2(self, instruction: Hashable, operands: Rs2, now: int, *, driven: bool) -> Drive:
         """An RS2 instruction is executed in the scan before the next END, its contact on or off.
 
-        ``instruction`` tells it from the program's others. Refused where n1 names no port that runs
+        ``instruction`` is its number in the program. Refused where n1 names no port that runs
         the protocol for it.
         """
         port = port_of(operands, self._memory)

@@ -179,7 +179,7 @@ class PortRegisters:
     # -- a program's instructions --------------------------------------------------------------------
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
-        """RS2 is executed with its contact on; ``instruction`` tells it from the program's others."""
+        """RS2 is executed with its contact on; ``instruction`` is its number in the program."""
         return self._side.drive(instruction, operands, now)
 
     def undrive(self, instruction: Hashable, now: int) -> None:

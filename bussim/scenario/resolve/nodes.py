@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bussim.devices.forms import DeviceIn
 
 
-class Role(Enum):
+class NodeRole(Enum):
     """What a node does on its bus."""
 
     LINK_MASTER = "N:N master"
@@ -32,7 +32,7 @@ class Role(Enum):
 
 
 #: The role of a device by the kind of its model.
-_ROLES = {"slave": Role.SLAVE, "master": Role.MASTER, "free protocol": Role.FREE}
+_ROLES = {"slave": NodeRole.SLAVE, "master": NodeRole.MASTER, "free protocol": NodeRole.FREE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Node:
     name: str
     owner: str
     bus: str
-    role: Role
+    role: NodeRole
     timing: LineTiming
     mode: Mode | None
     station: int | None
@@ -54,14 +54,14 @@ class Node:
     @property
     def replies(self) -> bool:
         """Whether it sends replies."""
-        return self.role in (Role.LINK_SLAVE, Role.SLAVE)
+        return self.role in (NodeRole.LINK_SLAVE, NodeRole.SLAVE)
 
 
 def link_node(member: Member) -> Node | None:
     """A PLC's node on its N:N link."""
     if not member.takes_part or member.bus is None:
         return None
-    role = Role.LINK_SLAVE if member.station else Role.LINK_MASTER
+    role = NodeRole.LINK_SLAVE if member.station else NodeRole.LINK_MASTER
     return Node(
         member.name, member.name, member.bus, role, NN_LINE, None, member.station, member.path, member
     )
@@ -69,9 +69,9 @@ def link_node(member: Member) -> Node | None:
 
 def port_node(member: Member, config: PortConfiguration) -> Node:
     """A PLC's node on another bus."""
-    role = Role.MASTER if config.is_master else Role.SLAVE if config.is_slave else Role.SILENT
+    role = NodeRole.MASTER if config.is_master else NodeRole.SLAVE if config.is_slave else NodeRole.SILENT
     if config.protocol == FREE:
-        role = Role.FREE
+        role = NodeRole.FREE
     timing, station = config.line, None
     if config.valid is not None:
         timing = config.valid.timing
@@ -95,7 +95,7 @@ class Missing(Exception):  # noqa: N818 - the caller words it
 class Directory:
     """All nodes: PLC ports in the order of ``plcs``, of one PLC by port, then devices in their order.
 
-    ``whole`` tells whether everything could be read, so that something may be said of what is absent.
+    ``whole``: whether everything could be read, so that something may be said of what is absent.
     """
 
     def __init__(self, draft: Draft, members: Sequence[Member], lines: Mapping[str, Line]) -> None:
@@ -143,7 +143,7 @@ class Directory:
         """The node that a name means, on a bus if that is given.
 
         A PLC's bare name is its only port on that bus; without a bus its link port, else its only
-        port. None if that cannot be told because of other mistakes. Raises :class:`Missing`.
+        port. None if that cannot be decided because of other mistakes. Raises :class:`Missing`.
         """
         owner, _, port = name.partition(".")
         unknown = self.unknown(owner)

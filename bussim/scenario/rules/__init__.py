@@ -1,1 +1,1 @@
-"""What one value cannot tell: whether the parts of a scenario fit each other."""
+"""Checks across values: whether the parts of a scenario fit each other."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.scenario.resolve.buses import Line
-from bussim.scenario.resolve.nodes import Node, Role
+from bussim.scenario.resolve.nodes import Node, NodeRole
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.yaml.source_map import Path, Report
 
@@ -21,8 +21,8 @@ def check_buses(resolved: Resolved, report: Report) -> None:
             continue
         entry, bus = line.entry, line.bus
         there = nodes.on(bus.name)
-        masters = [node for node in there if node.role is Role.MASTER]
-        slaves = [node for node in there if node.role is Role.SLAVE]
+        masters = [node for node in there if node.role is NodeRole.MASTER]
+        slaves = [node for node in there if node.role is NodeRole.SLAVE]
         if not there:
             report.warn(entry.path, f"nothing is on {bus.name}: no port of a PLC and no device")
         elif slaves and not masters:

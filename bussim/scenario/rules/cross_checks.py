@@ -1,4 +1,4 @@
-"""What one value cannot tell: whether the parts of a scenario fit each other."""
+"""Checks across values: whether the parts of a scenario fit each other."""
 
 from __future__ import annotations
 

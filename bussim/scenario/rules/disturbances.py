@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bussim.scenario.resolve.nodes import Directory, Missing, Node, Role
+from bussim.scenario.resolve.nodes import Directory, Missing, Node, NodeRole
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.disturbances import (
     LINK_BITS,
@@ -49,7 +49,7 @@ def check_noise(resolved: Resolved, report: Report) -> None:
 
 def _silence(node: Node) -> str:
     """Why a node sends no reply, up to the word "replies"."""
-    if node.role in (Role.LINK_MASTER, Role.MASTER):
+    if node.role in (NodeRole.LINK_MASTER, NodeRole.MASTER):
         return f"{node.name} is a master: it sends no"
     return f"{node.name} is no slave: it sends no"
 
@@ -132,7 +132,7 @@ def _check_cut(path: Path, cut: CableCutIn, resolved: Resolved, report: Report) 
         return
     node = _find((*path, "after"), cut.after, resolved.nodes, report, cut.bus)
     if node is not None and resolved.nodes.on(cut.bus)[-1] is node:
-        what = "station" if node.role in (Role.LINK_MASTER, Role.LINK_SLAVE) else "node"
+        what = "station" if node.role in (NodeRole.LINK_MASTER, NodeRole.LINK_SLAVE) else "node"
         report.warn(
             (*path, "after"), f"{node.name} is the last {what} on {cut.bus}: a cut behind it changes nothing"
         )
@@ -170,7 +170,7 @@ def _check_node(entry: Entry[FaultIn], kind: str, fault: FaultIn, nodes: Directo
 
 
 def _on_link(node: Node) -> bool:
-    return node.role in (Role.LINK_MASTER, Role.LINK_SLAVE)
+    return node.role in (NodeRole.LINK_MASTER, NodeRole.LINK_SLAVE)
 
 
 def _check_character(path: Path, given: LoseCharIn, node: Node, report: Report) -> None:

@@ -12,7 +12,7 @@ from bussim.engines.modbus.pdu import EXCEPTION_SIZE, READS, Request, response_s
 from bussim.engines.modbus.server import SPACES, Space
 from bussim.plc.scan import Scan
 from bussim.scenario.resolve.members import Member
-from bussim.scenario.resolve.nodes import Directory, Node, Role
+from bussim.scenario.resolve.nodes import Directory, Node, NodeRole
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.schema.polls import TransactionIn
 from bussim.scenario.yaml.source_map import Report
@@ -33,7 +33,7 @@ class Responses:
         """Check one poll of a master, whose request can be sent."""
         if self._report.errors or not self._nodes.whole:
             return  # warnings beside a mistake are not shown
-        slaves = [node for node in self._nodes.on(master.bus) if node.role is Role.SLAVE]
+        slaves = [node for node in self._nodes.on(master.bus) if node.role is NodeRole.SLAVE]
         if poll.station == BROADCAST:
             return
         asked = [node for node in slaves if node.station == poll.station]

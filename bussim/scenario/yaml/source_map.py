@@ -50,7 +50,7 @@ class SourceMap:
         return f"in line {line}" if line else ".".join(map(str, path))
 
     def short_name(self, path: Path) -> str:
-        """The name of a value without the list element that it is in, which line and column tell."""
+        """The name of a value without the list element that it is in, which line and column show."""
         if len(path) > 2 and isinstance(path[1], int):
             path = path[2:]
         return ".".join(shorten(str(part)) for part in path)

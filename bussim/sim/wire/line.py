@@ -19,7 +19,7 @@ from bussim.trace.records import AFTER_FRAME, IN_FRAME, WITHOUT_FRAME, FrameReco
 class Line(Cable):
     """One line with its nodes in cable order. ``frames`` and the other counts are of the whole run."""
 
-    #: How trace records name the protocol of this line, where a frame does not tell.
+    #: How trace records name the protocol of this line, where a frame does not name it.
     protocol = ""
 
     def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: LineReporter) -> None:

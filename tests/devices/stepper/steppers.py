@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from bussim.devices.stepper.axis import Switch
 from bussim.devices.stepper.map import Stepper
-from bussim.devices.stepper.motion import Job, Stop
+from bussim.devices.stepper.motion import Job, StopReason
 from bussim.devices.stepper.registers import BY_NAME, COILS
 from bussim.units import TICKS_PER_SECOND
 from tests.devices.ask import coil, put, registers
@@ -36,7 +36,7 @@ class MotorStopped:
 
     tick: int
     job: Job
-    reason: Stop
+    reason: StopReason
     position: int  # hundredths of a unit
 
 
@@ -113,7 +113,7 @@ def _event(tick: int, text: str) -> object:
         target = None if match[2] is None else round(100 * float(match[2]))
         return MotorStarted(tick, Job(match[3]), 1 if match[1] == "forward" else -1, target)
     if match := re.fullmatch(r"stands at (-?[\d.]+) \((.*): (.*)\)", text):
-        return MotorStopped(tick, Job(match[2]), Stop(match[3]), round(100 * float(match[1])))
+        return MotorStopped(tick, Job(match[2]), StopReason(match[3]), round(100 * float(match[1])))
     if match := re.fullmatch(r"output ([123]) (on|off)", text):
         return OutputChanged(tick, int(match[1]), match[2] == "on")
     if match := re.fullmatch(r"is on as station (\d+) at (\d+) bps", text):

@@ -18,7 +18,7 @@ from tests.devices.stepper.steppers import (
     Job,
     MotorStarted,
     MotorStopped,
-    Stop,
+    StopReason,
     command,
     events,
     next_change,
@@ -50,7 +50,7 @@ def test_a_run_of_200_units_ends_where_and_when_the_kinematics_say() -> None:
     assert registers(device, 0x0C, now=end) == (1,)
     assert events(device) == [
         MotorStarted(now, Job.RUN_ONCE, 1, 20000),
-        MotorStopped(end, Job.RUN_ONCE, Stop.ARRIVED, 20000),
+        MotorStopped(end, Job.RUN_ONCE, StopReason.ARRIVED, 20000),
     ]
 
 
@@ -200,7 +200,7 @@ def test_stop_ramps_down_or_stands_at_once() -> None:
             way = Fraction(TOP**2 - LOW**2, 2 * SLOPE) / PER_UNIT
             assert abs(position(device, 10 * S) - before - way) <= 1
         stopped = [event for event in events(device) if isinstance(event, MotorStopped)]
-        assert [event.reason for event in stopped] == [Stop.COMMAND]
+        assert [event.reason for event in stopped] == [StopReason.COMMAND]
         ends.append(stopped[0].tick)
     assert ends[1] == 5 * S < ends[0]
 
@@ -246,7 +246,9 @@ def test_jog_runs_until_it_goes_off(name: str, sign: int) -> None:
     ramp = Fraction(TOP**2 - LOW**2, 2 * SLOPE)
     pulses = 2 * ramp + (10 - Fraction(TOP - LOW, SLOPE)) * TOP
     assert abs(position(device, end) * sign - pulses / PER_UNIT) <= 1
-    assert [event.reason for event in events(device) if isinstance(event, MotorStopped)] == [Stop.RELEASED]
+    assert [event.reason for event in events(device) if isinstance(event, MotorStopped)] == [
+        StopReason.RELEASED
+    ]
 
 
 def test_the_other_jog_does_not_release() -> None:
@@ -305,4 +307,6 @@ def test_disabling_stands_at_once() -> None:
     command(device, "run_once", 0)
     set_(device, 5 * S, disabled=1)
     assert device.value("running", 5 * S) == 0
-    assert [event.reason for event in events(device) if isinstance(event, MotorStopped)] == [Stop.DISABLED]
+    assert [event.reason for event in events(device) if isinstance(event, MotorStopped)] == [
+        StopReason.DISABLED
+    ]

@@ -16,7 +16,7 @@ from tests.devices.stepper.steppers import (
     OutputChanged,
     ProjectEnded,
     StepEntered,
-    Stop,
+    StopReason,
     command,
     events,
     next_change,
@@ -156,7 +156,7 @@ def test_the_stop_signal_of_a_step_ends_its_motion_and_the_project_goes_on() -> 
     end = run_to_end(device)
     assert position(device, end) == stopped + 100
     reasons = [event.reason for event in events(device) if isinstance(event, MotorStopped)]
-    assert reasons == [Stop.STEP_SIGNAL, Stop.ARRIVED]
+    assert reasons == [StopReason.STEP_SIGNAL, StopReason.ARRIVED]
     # On from the beginning: the step does not move at all.
     command(device, "start_project", end)
     assert position(device, run_to_end(device)) == stopped + 200
@@ -225,7 +225,7 @@ def test_a_limit_ends_the_project() -> None:
     command(device, "start_project", 0)
     set_input(device, 1, 2 * S, on=True)
     assert (device.value("running_step", 2 * S), device.value("running", 2 * S)) == (0, 0)
-    assert events(device)[-1].reason is Stop.LIMIT
+    assert events(device)[-1].reason is StopReason.LIMIT
 
 
 def test_all_33_steps() -> None:

@@ -19,7 +19,7 @@ from tests.devices.stepper.steppers import (
     MotorStopped,
     OutputChanged,
     PoweredOn,
-    Stop,
+    StopReason,
     command,
     events,
     next_change,
@@ -45,7 +45,7 @@ def test_homing_runs_back_to_the_mechanical_zero() -> None:
     pulses = 9600
     ramp = Fraction(TOP**2 - LOW**2, 2 * SLOPE)
     assert end == pytest.approx(float(Fraction(TOP - LOW, SLOPE) + (pulses - ramp) / TOP) * S, abs=2)
-    assert events(device)[-1] == MotorStopped(end, Job.HOME, Stop.HOME, -3000)
+    assert events(device)[-1] == MotorStopped(end, Job.HOME, StopReason.HOME, -3000)
     assert device.value("input_1", end) == 1
     assert command(device, "home", end) == 0  # it is there
     assert device.value("running", end) == 0
@@ -70,7 +70,7 @@ def test_limits_stop_at_once_and_bar_the_way(direction: int, register: str) -> N
     command(device, "run_once", 0)
     end = run_to_end(device)
     assert position(device, end) == sign * 500
-    assert events(device)[-1].reason is Stop.LIMIT
+    assert events(device)[-1].reason is StopReason.LIMIT
     assert device.value("arrived", end) == 0
     assert command(device, "run_once", end) == 4
     set_(device, end, direction=1 - direction)
@@ -178,6 +178,6 @@ def test_units_that_change_under_way_move_the_switches(*, asked: bool) -> None:
             position(device, tick)
     device.advance(100 * S)
     stopped = events(device)[-1]
-    assert (stopped.reason, stopped.position) == (Stop.LIMIT, 10000)
+    assert (stopped.reason, stopped.position) == (StopReason.LIMIT, 10000)
     ramp = Fraction(TOP**2 - LOW**2, 2 * SLOPE)
     assert stopped.tick == ceil((Fraction(TOP - LOW, SLOPE) + (16_000 - ramp) / TOP) * S)

@@ -1,4 +1,4 @@
-"""Advice over random links and goals: monotone in the noise, all goals kept, conflicts minimal, remedies tried."""
+"""Advice over random links and goals: monotone in the noise, all goals kept, conflicts minimal, changes tried."""
 
 from __future__ import annotations
 
@@ -154,17 +154,17 @@ def advice_holds(model: LinkModel, texts: list[str]) -> None:
     if not found:
         return
     printed = helpful_changes(model, goals)
-    for remedy in printed:
-        assert recommend(remedy.model, remedy.goals) is not None
-        old, new = goals.forms(), remedy.goals.forms()
+    for suggested in printed:
+        assert recommend(suggested.model, suggested.goals) is not None
+        old, new = goals.forms(), suggested.goals.forms()
         for name in old:  # a goal that was moved is another one, the rest is as given
-            assert (new.get(name) == old[name]) == (f"instead of {old[name]}" not in remedy.text)
-        assert not re.search(r"(\S+) instead of \1(?!\S)", remedy.text)
-    if simple_remedy(model, goals):
+            assert (new.get(name) == old[name]) == (f"instead of {old[name]}" not in suggested.text)
+        assert not re.search(r"(\S+) instead of \1(?!\S)", suggested.text)
+    if simple_change(model, goals):
         assert printed
 
 
-def simple_remedy(model: LinkModel, goals: Goals) -> bool:
+def simple_change(model: LinkModel, goals: Goals) -> bool:
     """Whether fewer stations, a smaller mode, less noise or two of these make all goals possible."""
     every = len(model.stations)
     stations, modes = {1, max(1, every - 1), every}, {0, model.mode}  # the largest changes, and a small one
@@ -179,7 +179,7 @@ def simple_remedy(model: LinkModel, goals: Goals) -> bool:
 
 @settings(deadline=None, max_examples=12)
 @given(links(), goal_texts(), st.sampled_from([0.0, 1e-6, 2e-5, 3e-4]))
-def test_goals_are_kept_conflicts_minimal_and_remedies_tried(
+def test_goals_are_kept_conflicts_minimal_and_changes_tried(
     model: LinkModel, texts: list[str], ber: float
 ) -> None:
     if len(model.stations) > 3:  # what takes long is among the slow ones
@@ -190,7 +190,7 @@ def test_goals_are_kept_conflicts_minimal_and_remedies_tried(
 @pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(links(), goal_texts(), st.sampled_from([0.0, 1e-6, 2e-5, 3e-4]))
-def test_goals_conflicts_and_remedies_of_many_links(model: LinkModel, texts: list[str], ber: float) -> None:
+def test_goals_conflicts_and_changes_of_many_links(model: LinkModel, texts: list[str], ber: float) -> None:
     advice_holds(with_rate((model, "bus", None), ber), texts)
 
 

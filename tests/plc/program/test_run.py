@@ -11,13 +11,13 @@ from bussim.plc.program.compiled.build import APPLIED
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
-from bussim.plc.program.text.catalog import FORMS, LABEL, SPECS, Flow, Role
+from bussim.plc.program.text.catalog import FORMS, LABEL, SPECS, Flow, LadderRole
 from bussim.units import TICKS_PER_MS
 from tests.plc.program.rigs import Rig
 
 
 def test_every_output_of_the_catalog_can_be_carried_out() -> None:
-    outputs = {spec.name for spec in SPECS.values() if spec.role is Role.OUTPUT}
+    outputs = {spec.name for spec in SPECS.values() if spec.role is LadderRole.OUTPUT}
     flows = {spec.name: spec.flow for spec in (*SPECS.values(), LABEL) if spec.flow is not None}
     assert set(flows.values()) == set(Flow)
     assert outputs - set(flows) == set(APPLIED) | {"OUT", "SET", "RST", "PLS", "PLF"}

@@ -10,7 +10,7 @@ from bussim.errors import ProgramError, ScenarioError
 from bussim.plc.memory import Memory
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
-from bussim.plc.program.text.catalog import FORMS, Role
+from bussim.plc.program.text.catalog import FORMS, LadderRole
 from bussim.plc.program.text.operands import parse_operand
 from bussim.plc.program.text.source import MAX_CHARACTERS
 from tests.plc.program.rigs import problems
@@ -288,7 +288,7 @@ def driven_instructions(draw: st.DrawFn) -> str:
         line = " ".join([name, *(draw(st.sampled_from(BY_KIND[kind])) for kind in kinds)])
         if spec.join:
             lines += ["LD M8000", line, *(["ANB"] if spec.join == "LD" else []), "OUT M1"]
-        elif spec.role is Role.OUTPUT:
+        elif spec.role is LadderRole.OUTPUT:
             lines += ["LD M8000", line]
     return "\n".join([*lines, "P0", "LD X0", "OUT M2", "P1", "END"])
 

@@ -13,7 +13,7 @@ from typing import Any, Self
 from bussim.plc.program.text.operands import Operand
 
 
-class Role(Enum):
+class LadderRole(Enum):
     """What an instruction is in a ladder."""
 
     CONTACT = "contact"
@@ -94,7 +94,7 @@ class Spec:
     """
 
     name: str
-    role: Role
+    role: LadderRole
     slots: tuple[Slot, ...] = ()
     forms: str = ""
     wide_name: str = ""
@@ -107,12 +107,12 @@ class Spec:
     @property
     def is_applied(self) -> bool:
         """Whether it is an applied instruction that the program's course does not depend on."""
-        return self.role is Role.OUTPUT and self.group != "basic"
+        return self.role is LadderRole.OUTPUT and self.group != "basic"
 
     @property
     def flow(self) -> Flow | None:
         """What it is to the program's course, None where it is nothing to it; a bare one always is."""
-        return _FLOWS[self.name] if self.role is Role.BARE else _FLOWS.get(self.name)
+        return _FLOWS[self.name] if self.role is LadderRole.BARE else _FLOWS.get(self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,10 +151,12 @@ def _contacts() -> list[Spec]:
             *((join, "on", None), (inverted, "off", None)),
             *((f"{join}P", "rise", 2), (f"{join}F", "fall", 2)),
         ):
-            found.append(Spec(name, Role.CONTACT, bit, join=join, test=test, steps=steps))
+            found.append(Spec(name, LadderRole.CONTACT, bit, join=join, test=test, steps=steps))
         for test in ("=", ">", "<", "<>", "<=", ">="):
             wide = f"{join}D{test}"
-            compared = Spec(f"{join}{test}", Role.CONTACT, words, "D", wide, "comparison", None, join, test)
+            compared = Spec(
+                f"{join}{test}", LadderRole.CONTACT, words, "D", wide, "comparison", None, join, test
+            )
             found.append(compared)
     return found
 
@@ -180,7 +182,7 @@ _LOGIC = ("AND", "OR", "XOR")
 
 
 def _output(name: str, *slots: Slot, forms: str = "", group: str = "basic", **more: Any) -> Spec:
-    return Spec(name, Role.OUTPUT, slots, forms, group=group, **more)
+    return Spec(name, LadderRole.OUTPUT, slots, forms, group=group, **more)
 
 
 def _shift(name: str) -> Spec:
@@ -250,18 +252,18 @@ _OUTPUTS = [
 ]
 
 _BARE = [
-    Spec("MCR", Role.BARE, (Slot("level", ("N",), index=False),), steps=2),
-    Spec("FOR", Role.BARE, (_count("n", -32768, 32767, takes=WORDS_FROM),), steps=3),
-    *(Spec(name, Role.BARE, steps=1) for name in ("NEXT", "SRET", "FEND", "END")),
+    Spec("MCR", LadderRole.BARE, (Slot("level", ("N",), index=False),), steps=2),
+    Spec("FOR", LadderRole.BARE, (_count("n", -32768, 32767, takes=WORDS_FROM),), steps=3),
+    *(Spec(name, LadderRole.BARE, steps=1) for name in ("NEXT", "SRET", "FEND", "END")),
 ]
-_BLOCKS = [Spec(name, Role.BLOCK, steps=1) for name in ("ANB", "ORB", "MPS", "MRD", "MPP", "INV")]
+_BLOCKS = [Spec(name, LadderRole.BLOCK, steps=1) for name in ("ANB", "ORB", "MPS", "MRD", "MPP", "INV")]
 
 #: A label at the head of a line; it has no mnemonic of its own.
-LABEL = Spec("P", Role.BARE, _LABEL, steps=1)
+LABEL = Spec("P", LadderRole.BARE, _LABEL, steps=1)
 
 SPECS: dict[str, Spec] = {
     spec.name: spec
-    for spec in [*_contacts(), *_BLOCKS, Spec("NOP", Role.NOTHING, steps=1), *_OUTPUTS, *_BARE]
+    for spec in [*_contacts(), *_BLOCKS, Spec("NOP", LadderRole.NOTHING, steps=1), *_OUTPUTS, *_BARE]
 }
 
 
@@ -309,6 +311,6 @@ def steps_of(form: Form, operands: tuple[Operand, ...]) -> int:
         if first.kind in "DVZ":
             return 3
         return 2 if first.kind in "STC" or (first.kind == "M" and first.address >= 8000) else 1
-    if spec.role is Role.CONTACT and spec.group == "basic":
+    if spec.role is LadderRole.CONTACT and spec.group == "basic":
         return 1
     return 1 + (4 if form.wide else 2) * len(spec.slots)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import assert_never
 
 from bussim.errors import Problem
-from bussim.plc.program.text.catalog import Flow, Instruction, Role
+from bussim.plc.program.text.catalog import Flow, Instruction, LadderRole
 
 #: FX programming manual: at most eight LD blocks wait for ANB or ORB, eleven MPS for MPP.
 MAX_BLOCKS = 8
@@ -129,15 +129,15 @@ class Ladder:
 
     def _take(self, instruction: Instruction) -> None:
         match instruction.spec.role:
-            case Role.CONTACT:
+            case LadderRole.CONTACT:
                 self._contact(instruction)
-            case Role.BLOCK:
+            case LadderRole.BLOCK:
                 self._block(instruction)
-            case Role.OUTPUT:
+            case LadderRole.OUTPUT:
                 self._output(instruction)
-            case Role.BARE:
+            case LadderRole.BARE:
                 self._bare(instruction)
-            case Role.NOTHING:
+            case LadderRole.NOTHING:
                 pass
             case role:
                 assert_never(role)

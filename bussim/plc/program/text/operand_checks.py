@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from bussim.plc.memory import FIRST_LONG_COUNTER, Device
-from bussim.plc.program.text.catalog import Form, Instruction, Role, Slot
+from bussim.plc.program.text.catalog import Form, Instruction, LadderRole, Slot
 from bussim.plc.program.text.operands import Operand, range_of, range_text
 
 #: The first counter that counts in hardware, from its own inputs (FX programming manual).
@@ -129,7 +129,7 @@ def _wide_hint(name: str) -> str:
 def _is_word(form: Form, kind: str) -> bool:
     """Whether T and C mean their values to an instruction, not their contacts."""
     if kind in ("T", "C"):
-        bitwise = form.spec.role is Role.CONTACT and form.spec.group == "basic"
+        bitwise = form.spec.role is LadderRole.CONTACT and form.spec.group == "basic"
         return form.spec.name not in _BOTH and not bitwise
     return kind in ("D", "V", "Z")
 
