@@ -4,7 +4,7 @@ An engine has no clock, draws no random numbers and logs nothing. The driver pas
 received and when, asks it when it must be called, and does what :meth:`Engine.poll` returns, in order.
 The same engine therefore runs in simulated time and on a serial port.
 
-Methods that take what was received return *hints*: a set of bits that say what the driver has to look at,
+Methods that take what was received return *hints*: a set of bits that say what the driver has to ask for,
 so that an engine that a frame does not concern costs one call and a comparison with zero. Bits from
 :data:`OWN_HINTS` on belong to the protocol (:mod:`bussim.engines.nn.contract`); a driver that does not
 know them passes over them.

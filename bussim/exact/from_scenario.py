@@ -134,7 +134,7 @@ class _LinkReader:
                 self._noise(noise)
         return self._model()
 
-    # -- who is there ------------------------------------------------------------------------------
+    # -- members --------------------------------------------------------------------------------
 
     def _named(self, name: str) -> _Member | None:
         return next((member for member in self.members if member.plc.name == name), None)

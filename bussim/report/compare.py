@@ -10,7 +10,7 @@ from bussim.report.latency import compared
 from bussim.report.nodes import node_metrics
 from bussim.report.runs import Source
 from bussim.report.tables import NONE, SETTINGS, TIMES, Cell, Table, number, pointer
-from bussim.results.verdict.judge import faults, verdict_of
+from bussim.results.verdict.verdict import faults, verdict_of
 
 _HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
 _FIGURES = (

@@ -23,8 +23,8 @@ from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.timeline import fault_spans
 from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
-from bussim.results.verdict.judge import about as about_bus
-from bussim.results.verdict.judge import verdict_of
+from bussim.results.verdict.verdict import about as about_bus
+from bussim.results.verdict.verdict import verdict_of
 from bussim.units import seconds
 from bussim.version import __version__
 from bussim.wording import about

@@ -13,7 +13,7 @@ from bussim.serve.bridge import Bridge
 from bussim.sim.kernel import Kernel
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_ms
 
-#: Simulated ticks that are done in one go before the wires are looked at again.
+#: Simulated ticks that are done in one go before the wires are read again.
 _SLICE = 5 * TICKS_PER_MS
 #: Chunks of a wire that are taken before what is due is done.
 _MORE_CHUNKS = 4

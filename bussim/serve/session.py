@@ -279,7 +279,7 @@ def session_header(scenario: model.Scenario, targets: Sequence[Target]) -> Trace
             )
         if (
             left and bus.protocol is not BusProtocol.NN
-        ) or not own:  # after what is served, which is looked at first
+        ) or not own:  # after what is served, which is searched first
             buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
     return header._replace(buses=tuple(buses), duration=None, exact=False)
 

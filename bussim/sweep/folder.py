@@ -67,7 +67,7 @@ class SweepFolder:
             wanted = wanted.resolve()
         self.target = wanted
         try:
-            self.state = self._numbered() if numbered else self._look(wanted)
+            self.state = self._numbered() if numbered else self._found(wanted)
         except OSError as error:
             raise UsageError(f"{wanted}: cannot be written: {reason(error)}") from error
 
@@ -99,7 +99,7 @@ class SweepFolder:
         try:
             self.target.parent.mkdir(parents=True, exist_ok=True)
             with _one_at_a_time(self.target.parent):
-                self.state = self._look(self.target)
+                self.state = self._found(self.target)
                 if self.state == "whole":
                     raise UsageError(f"{self.target} was finished by another process just now")
                 if self.state == "new":
@@ -157,14 +157,14 @@ class SweepFolder:
                 for folder in (self.target, part)
             ):
                 continue
-            return self._look(self.target)
+            return self._found(self.target)
         raise AssertionError
 
     def _is_this(self, folder: Path) -> bool:
         known = read_manifest(folder)
         return known is not None and not differences(self._manifest, known)
 
-    def _look(self, target: Path) -> State:
+    def _found(self, target: Path) -> State:
         part = _part(target)
         if target.exists():
             same = self._check(target, target)

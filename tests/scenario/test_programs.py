@@ -373,7 +373,7 @@ def test_levels_that_no_input_lets_through(tmp_path: Path, given: str, range_: s
     [
         (
             "{square: 100 us}",
-            "X0 of two stays on and off for 50 us, but is looked at once a scan, every 10 ms",
+            "X0 of two stays on and off for 50 us, but is read once a scan, every 10 ms",
         ),
         ("{random: {on: 1 s, off: 900 us}}", "X0 of two stays on or off for a mean of 900 us"),
         ("{pulse: {width: 20 us, every: 1 s}}", "X0 of two stays on for 20 us"),

@@ -123,7 +123,7 @@ class Axis:
         return motion is not None and (mark - self._base) * motion.direction > 0
 
     def _marks(self, direction: int) -> list[int]:
-        """The pulses at which switches change for who comes from below (+1) or above (-1)."""
+        """The pulses at which switches change for a motion from below (+1) or above (-1)."""
         marks: list[int] = []
         for switch in self._switches:
             low, high = self._bounds(switch)

@@ -22,13 +22,13 @@ from bussim.exact.scan.turnaround_sums import Codes, Floats, TurnaroundSums
 FLOOR = 1e-30
 
 #: A search cuts its bracket into so many parts at once. First tables narrow it down to a part of
-#: the narrowest spread; then exact tails are looked at so far around, until they differ by so little
+#: the narrowest spread; then exact tails are computed so far around, until they differ by so little
 #: that the tail is straight between them, or are so close (ticks) that it jumps there.
 _CUTS = np.arange(1, 48) / 48
 _ENDS = np.arange(9) / 8
 _ROUGH, _REACH = 1 / 128, 1 / 64
 _STRAIGHT, _NARROW = 0.01, 1e-3
-#: Pairs of (x, component) looked at together.
+#: Pairs of (x, component) computed at once.
 _PAIRS = 2_000_000
 
 

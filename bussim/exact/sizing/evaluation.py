@@ -87,7 +87,7 @@ class Checked:
 
     @property
     def evaluated(self) -> Mask:
-        """Settings at which a heartbeat is worth looking at: all, but with bursts only some timeouts."""
+        """Settings at which a heartbeat is worth evaluating: all, but with bursts only some timeouts."""
         columns = np.ones(len(self.grid.timeouts), dtype=np.bool_)
         if self.goals.heartbeat is not None and not self.memoryless:
             columns[:] = False
@@ -112,7 +112,7 @@ class Checked:
     def possible(self, names: Iterable[str], rows: Iterable[int]) -> bool:
         """Whether some setting of these rows meets the named goals.
 
-        A heartbeat is looked at with the shortest timeout of each row that meets the others.
+        A heartbeat is evaluated with the shortest timeout of each row that meets the others.
         """
         names = tuple(names)
         met = self.candidates(names)

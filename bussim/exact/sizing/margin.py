@@ -13,7 +13,7 @@ from bussim.exact.sizing.noise_levels import BAD, LEVELS, with_level
 from bussim.exact.sizing.unmet_goals import scaled_noise
 from bussim.exact.text import a_year, in_ms, ms_at_most
 
-#: How many times the noise is looked at.
+#: Multiples of the noise that are evaluated.
 FACTORS = (1, 10, 100)
 
 

@@ -26,7 +26,7 @@ from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_p
 from bussim.units import TICKS_PER_SECOND
 
 #: Chances of an error within this factor count as equal on the Pareto front, and the longest scan with a
-#: dead station, in ticks, that is looked at there.
+#: dead station, in ticks, that is considered there.
 _EQUAL = 1.25
 _LONGEST = TICKS_PER_SECOND
 

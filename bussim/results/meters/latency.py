@@ -107,7 +107,7 @@ class _Bits:
     def __init__(self, spec: LatencySpec) -> None:
         self.spec = spec
         self.record = _record_of(spec)
-        self._batch: list[InputRecord] = []  # changes that one sampling looks at
+        self._batch: list[InputRecord] = []  # changes that one sampling shows
         self._sampled: list[_Change] = []  # not out yet, or not carried
         self._carried: list[_Change] = []
         self._visible: list[_Change] = []

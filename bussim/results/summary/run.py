@@ -14,7 +14,7 @@ from bussim.results.numbers import by_code, ms, s, share, whole
 from bussim.results.summary import SCHEMA
 from bussim.results.summary.latency import LatencyBounds, latency_summary
 from bussim.results.summary.ports import bus_summary, device_summary, port_summary, unlisted_ports
-from bussim.results.verdict.judge import Evidence, verdict
+from bussim.results.verdict.verdict import Evidence, verdict
 from bussim.trace.records import LinkTotals, PlcTotals, RunTotals
 from bussim.units import milliseconds
 from bussim.version import __version__

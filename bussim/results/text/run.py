@@ -10,7 +10,7 @@ from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
 from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
 from bussim.results.verdict.catalogue import meaning
-from bussim.results.verdict.judge import verdict_of
+from bussim.results.verdict.verdict import verdict_of
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -83,7 +83,7 @@ def _whole(
     refused: Mapping[str, int],
     overlaps: Mapping[str, Mapping[str, int]],
 ) -> Iterator[Finding]:
-    """What concerns the link as a whole: its master, its numbers, and who sends when."""
+    """What concerns the link as a whole: its master, its numbers, and which station sends when."""
     numbers = _numbers(summary, record)
     masters = [plc for plc in numbers.get(0, []) if not _has_refused(summary, refused, plc)]
     master = masters[0] if masters else ""

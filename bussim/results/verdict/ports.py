@@ -36,7 +36,7 @@ def bus_findings(
     nodes: Mapping[str, Mapping[str, Any]],
     overlaps: Mapping[str, Mapping[str, int]],
 ) -> Iterator[Finding]:
-    """Of a bus beside the links: who sends at the same time. ``nodes`` are its ports and devices."""
+    """Of a bus beside the links: which nodes send at the same time. ``nodes`` are its ports and devices."""
     masters = [name for name, node in nodes.items() if node.get("transactions")]
     several = len(masters) > 1 and bool(found["collisions"])
     if several:

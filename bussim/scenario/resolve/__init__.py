@@ -1,1 +1,1 @@
-"""What entries of a draft mean: who sits where, with which profile, port and program."""
+"""What entries of a draft mean: the bus, profile, port and program of each."""

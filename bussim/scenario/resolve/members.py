@@ -1,6 +1,6 @@
 """What a PLC's entry means: its profile, its registers, its config on a link, its other ports.
 
-Rules judge these values and the builder puts them into the scenario, so that both mean the same.
+Rules check these values and the builder puts them into the scenario, so that both mean the same.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from bussim.scenario.yaml.user_code import Code
 
 @dataclass(frozen=True, slots=True)
 class Resolved:
-    """What the rules judge and the builder builds from. What could not be read is in ``draft`` only.
+    """What the rules check and the builder builds from. What could not be read is in ``draft`` only.
 
     ``lines`` are the buses by name, ``members`` the PLCs in their order, ``nodes`` what sits on the buses.
     ``power_on`` are the ticks at which PLCs and devices are switched on, by name, for those that are not
@@ -36,7 +36,7 @@ class Resolved:
 
 
 def resolve(draft: Draft, code: Code, files: Files, report: Report) -> Resolved:
-    """Read the files that a draft names and find out who sits where; mistakes on the way are reported."""
+    """Read the files that a draft names, find bus, profile and ports of each entry, report mistakes."""
     lines = lines_of(draft.buses)
     power_on: dict[str, int] = {}
     for fault in values_of(draft.faults):

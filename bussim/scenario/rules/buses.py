@@ -11,7 +11,7 @@ from bussim.scenario.yaml.source_map import Path, Report
 
 
 def check_buses(resolved: Resolved, report: Report) -> None:
-    """Judge rate and format of links, and what sits on the other buses."""
+    """Check rate and format of links, and what sits on the other buses."""
     nodes = resolved.nodes
     for line in resolved.lines.values():
         if line.is_link:

@@ -37,7 +37,7 @@ def _find(path: Path, name: str, nodes: Directory, report: Report, bus: str | No
 
 
 def check_noise(resolved: Resolved, report: Report) -> None:
-    """Judge every entry of ``noise``."""
+    """Check every entry of ``noise``."""
     for entry, noise in readable(resolved.draft.noise):
         _check_start(entry, noise.at, resolved.duration, report)
         if noise.station is None or noise.bus not in resolved.lines:
@@ -66,7 +66,7 @@ def _check_start(
 
 
 def check_faults(resolved: Resolved, report: Report) -> None:
-    """Judge every entry of ``faults``."""
+    """Check every entry of ``faults``."""
     nodes, duration = resolved.nodes, resolved.duration
     switched_on: dict[str, Path] = {}
     for entry, fault in readable(resolved.draft.faults):

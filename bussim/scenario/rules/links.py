@@ -26,7 +26,7 @@ MAX_STATIONS = MAX_SLAVES + 1
 
 
 def check_links(resolved: Resolved, report: Report) -> None:
-    """Judge every N:N link of a scenario."""
+    """Check every N:N link of a scenario."""
     members, plcs = resolved.members, resolved.draft.plcs
     whole = len(members) == len(plcs) and not any(
         plc.lost("nn", "registers", "ports", "profile") for plc in plcs

@@ -14,7 +14,7 @@ from bussim.wording import show, suggest
 
 
 def check_names(resolved: Resolved, report: Report) -> None:
-    """Judge the names of entries, and every mention of a bus or of a PLC's device."""
+    """Check the names of entries, and every mention of a bus or of a PLC's device."""
     draft = resolved.draft
     owners: list[Entry[Any]] = [*draft.plcs, *draft.devices]  # both name nodes of buses
     sections: list[Iterable[Entry[Any]]] = [draft.buses, owners, draft.noise, draft.faults, draft.latency]

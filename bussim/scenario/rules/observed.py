@@ -21,7 +21,7 @@ def check_observed(resolved: Resolved, report: Report) -> None:
 
 
 def check_latencies(resolved: Resolved, report: Report) -> None:
-    """Judge every entry of ``latency``."""
+    """Check every entry of ``latency``."""
     by_name = {member.name: member for member in resolved.members}
     for entry, given in readable(resolved.draft.latency):
         source, target = (by_name.get(point.plc) for point in (given.from_, given.to))

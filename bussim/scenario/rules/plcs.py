@@ -18,7 +18,7 @@ _FAR_SHORTER = 10
 
 
 def check_plcs(resolved: Resolved, report: Report) -> None:
-    """Judge every PLC by itself."""
+    """Check every PLC by itself."""
     entries = {entry.path: entry for entry in resolved.draft.plcs}
     for member in resolved.members:
         entry = entries[member.path]
@@ -117,7 +117,7 @@ def _check_short_levels(member: Member, report: Report) -> None:
         if level * _FAR_SHORTER < member.plc.scan.mean:
             report.warn(
                 (*member.path, "inputs", name),
-                f"{name} of {member.name} {what} {format_time(level)}, but is looked at once a scan, every "
+                f"{name} of {member.name} {what} {format_time(level)}, but is read once a scan, every "
                 f"{format_time(member.plc.scan.mean)}: almost none of its changes are seen",
                 key=True,
             )

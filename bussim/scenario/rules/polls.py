@@ -1,4 +1,4 @@
-"""What is wrong or odd about polls: whether they can be sent, where their data lie, who responds."""
+"""What is wrong or odd about polls: whether they can be sent, where their data lie, which slave responds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class PolledPort:
 
 
 def check_polls(resolved: Resolved, report: Report) -> None:
-    """Judge the polls of every PLC and of every device that is a master."""
+    """Check the polls of every PLC and of every device that is a master."""
     responses = Responses(resolved.nodes, resolved.code, report)
     for member in resolved.members:
         for entry, poll in readable(resolved.draft.polls.get(member.path, ())):

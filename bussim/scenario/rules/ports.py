@@ -48,7 +48,7 @@ def protocols_of(port: str) -> list[str]:
 
 
 def check_ports(resolved: Resolved, report: Report) -> None:
-    """Judge every entry of the PLCs' ``ports``, and the bus of their link."""
+    """Check every entry of the PLCs' ``ports``, and the bus of their link."""
     entries = {entry.path: entry for entry in resolved.draft.plcs}
     for member in resolved.members:
         _check_member(entries[member.path], member, resolved.lines, report)

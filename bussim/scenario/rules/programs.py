@@ -22,7 +22,7 @@ MAX_FOREIGN = 20
 
 
 def check_programs(resolved: Resolved, report: Report) -> None:
-    """Judge every program against registers, ports and the link."""
+    """Check every program against registers, ports and the link."""
     members, total = resolved.members, 0
     for member in members:
         program = member.logic.program

@@ -1,6 +1,6 @@
 """From plain data to the schema's values: every mistake reported, and what is right kept.
 
-An entry with a mistake is read again without the wrong keys, so that the rules can judge the rest of
+An entry with a mistake is read again without the wrong keys, so that the rules can check the rest of
 it in the same pass. Such an entry remembers what was left out (``cut``); rules about what is absent
 leave that alone.
 """

@@ -11,7 +11,7 @@ from pathlib import Path
 from bussim.scenario import builtin
 from bussim.wording import nearest, shorten
 
-#: Names of a folder that are looked at for the one that was meant.
+#: Names of a folder that are searched for the one that was meant.
 _MOST_NAMES = 2000
 _KINDS = (
     (stat.S_ISDIR, "a folder"),

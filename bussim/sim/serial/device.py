@@ -86,7 +86,7 @@ class DeviceNode(SerialNode):
         self._powered = False
 
     def handle(self, hints: int, now: int) -> None:
-        """Look at what the engine asks for; a PLC serves at its END."""
+        """Do what the engine asks for; a PLC serves at its END."""
         if hints & SERVE and self._cycle is not None:
             self._end_of_scan.set(self._cycle.next_end(now, now))
         super().handle(hints, now)

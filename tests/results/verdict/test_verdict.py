@@ -18,7 +18,7 @@ from bussim.report.page import report_page
 from bussim.report.runs import Source
 from bussim.results.result import Result
 from bussim.results.text.run import show_result
-from bussim.results.verdict.judge import faults, verdict_of
+from bussim.results.verdict.verdict import faults, verdict_of
 
 from .cases import ONE_THING_WRONG, SYMPTOMS, Case, Data, healthy
 
