@@ -96,3 +96,13 @@ def about(value: float) -> str:
         return f"{value:.1e}"
     rounded = float(f"{value:.2g}")
     return f"{rounded:,.0f}" if abs(rounded) >= 10 else f"{rounded:g}"
+
+
+def counted(number: float, what: str) -> str:
+    """A number with its noun: ``1 frame``, ``2,000 frames``, ``0 retries``, ``3 addresses``."""
+    ending = ""
+    if number != 1:
+        ending = "es" if what.endswith("s") else "s"
+        if what.endswith("y") and what[-2] not in "aeiou":
+            what, ending = what[:-1], "ies"
+    return f"{number:,.15g} {what}{ending}"

@@ -13,6 +13,7 @@ from bussim.commands.common.output import print_json
 from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.commands.common.times import time_of
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.results.run_record import RunRecord
@@ -165,8 +166,8 @@ def _show(session: Session, record: RunRecord, results: Path | None, *, as_json:
     show_result(Console(highlight=False), record, names)
     for line, counts in record.summary["served"]["lines"].items():
         click.echo(
-            f"{line}: {counts['received']} bytes in, {counts['sent']} out, {counts['dropped']} dropped, "
-            f"lost {counts['losses']} times"
+            f"{line}: {counted(counts['received'], 'byte')} in, {counts['sent']:,} out, "
+            f"{counts['dropped']:,} dropped, lost {counted(counts['losses'], 'time')}"
         )
     late = record.summary["served"]["late_ms"]
     click.echo(f"late: {late['mean']:.3f} ms on average, {late['max']:.3f} ms at most")

@@ -11,6 +11,7 @@ import click
 from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.line.protocols import BusProtocol
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -136,7 +137,7 @@ def _show(result: SweepResult) -> None:
 
     console = Console(highlight=False)
     plan = result.plan
-    runs = f"{plan.runs:,} runs at {len(plan.points):,} points"
+    runs = f"{counted(plan.runs, 'run')} at {counted(len(plan.points), 'point')}"
     if result.already_there:
         runs += f", {result.already_there:,} of them were there already"
     click.echo(f"{plan.title}: {runs}")

@@ -15,6 +15,7 @@ from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.results.meters.watch import Watch, Watched
@@ -213,4 +214,4 @@ def _show(watch: Watch, begin: int, end: int) -> None:
         before = values
     wide_console().print(table)
     if len(rows) > _MOST_ROWS:
-        click.echo(f"{len(rows) - _MOST_ROWS:,} more rows: write them all with --csv FILE")
+        click.echo(f"{counted(len(rows) - _MOST_ROWS, 'more row')}: write them all with --csv FILE")

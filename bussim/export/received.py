@@ -16,6 +16,7 @@ from bussim.line.characters import LineTiming
 from bussim.line.uart import Uart
 from bussim.line.wave import Interval, Wave, clip, low_intervals
 from bussim.trace.records import FrameRecord
+from bussim.wording import counted
 
 #: Most overlapping frames that are read at once: a jabbering station has no end.
 _MOST_OVERLAPPING = 512
@@ -151,7 +152,7 @@ def remarks(received: Received, timing: LineTiming) -> list[str]:
     own = timing_of(frame.baud, frame.format, frame.ppm)
     if frame.cut:
         left = min(len(frame.chars), int((frame.end - frame.start) / own.character))
-        found.append(f"cut off after {left} of {len(frame.chars)} characters")
+        found.append(f"cut off after {left} of {counted(len(frame.chars), 'character')}")
     if (own.baud, own.format) != (timing.baud, timing.format):
         found.append(f"sent at {frame.baud} {frame.format}, the bus has {timing.baud} {timing.format}")
     for kind in ("parity", "framing"):

@@ -11,6 +11,7 @@ from bussim.report.parts import Chart, Charts
 from bussim.report.runs import Source
 from bussim.report.tables import NONE, Cell, Table, found, number, pointer
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
+from bussim.results.numbers import adding_up
 from bussim.results.text.latency import (
     caveats,
     counts_in_words,
@@ -81,9 +82,10 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     what = f"nothing {'was read' if word else 'arrived'}"
     if times["max"] is not None:
         which = "mean" if times["p50"] is None else "median"
-        usual, longest = in_ms(times[{"mean": "mean", "median": "p50"}[which]]), in_ms(times["max"])
+        usual = in_ms(times[{"mean": "mean", "median": "p50"}[which]])
+        longest = in_ms(times["max"], most=True)
         what = f"{which} {usual}, maximum {longest}, {entry['max_at_s']:.2f} s after the start"
-        cases = [f"{in_ms(bound)} with {case}" for case, bound in told_bounds(entry).items()]
+        cases = [f"{in_ms(bound, most=True)} with {case}" for case, bound in told_bounds(entry).items()]
     yield f"{_heading(name, entry)}, {edge_in_words(entry)}: {what} ({counts_in_words(entry)})."
     if hint := lost_in_words(entry):
         yield f"{name}: {hint}."
@@ -146,14 +148,13 @@ def parts_data(name: str, record: LatencyRecord, summary: Mapping[str, Any]) -> 
     """What the shortest, the mean and the longest one are made of, and the most that each part took."""
     rows = []
     for what, ticks in record.examples().items():
+        whole = milliseconds(sum(ticks))
+        texts = adding_up([milliseconds(each) for each in ticks], whole)
         cells = [
-            Cell(
-                number(milliseconds(each), 3),
-                pointer("latency", name, "parts_ms", part, "mean") if what == "mean" else "",
-            )
-            for part, each in zip(PARTS, ticks, strict=True)
+            Cell(text, pointer("latency", name, "parts_ms", part, "mean") if what == "mean" else "")
+            for part, text in zip(PARTS, texts, strict=True)
         ]
-        rows.append((what, [*cells, Cell(number(milliseconds(sum(ticks)), 3))]))
+        rows.append((what, [*cells, Cell(number(whole, 3))]))
     most = [found(summary, "latency", name, "parts_ms", part, "max", decimals=3) for part in PARTS]
     rows.append(("most of each part", [*most, Cell("")]))
     head = ["", *(part_names(word=record.word)[part] for part in PARTS), "sum"]

@@ -185,6 +185,6 @@ def response_charts(source: Source, drawn: Charts) -> list[Chart]:
         chart = charts.histogram_chart({source.label: responses}, None, title, charts.RESPONSES)
         data = tables.histogram_data(responses, f"the response times of {name}", charts.RESPONSES)
         attempts = sum(poll.transactions for poll in record.polls.values())
-        text = f"{responses.count:,} of {attempts:,} requests were answered with their own response"
-        found.append(drawn.add(chart, f"Histogram of response times: {text}.", data, f"{text}."))
+        text = f"requests answered with their own response: {responses.count:,} of {attempts:,}."
+        found.append(drawn.add(chart, f"Histogram of response times: {text}", data, f"R{text[1:]}"))
     return found

@@ -23,11 +23,12 @@ from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.timeline import fault_spans
 from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
+from bussim.results.verdict.catalogue import in_ms
 from bussim.results.verdict.verdict import about as about_bus
 from bussim.results.verdict.verdict import verdict_of
 from bussim.units import seconds
 from bussim.version import __version__
-from bussim.wording import about
+from bussim.wording import about, counted
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -204,19 +205,19 @@ def _keys(source: Source, bus: str) -> list[Key]:
         return []
     name, key = ("median", "p50") if times["p50"] is not None else ("mean", "mean")
     keys = [
-        Key(f"{name} link scan", f"{times[key]:,.1f} ms"),
-        Key("longest in the run", f"{times['max']:,.1f} ms", f"at {times['max_at_s']:.2f} s"),
+        Key(f"{name} link scan", in_ms(times[key])),
+        Key("longest in the run", in_ms(times["max"], most=True), f"at {times['max_at_s']:.2f} s"),
     ]
     distribution = source.valid_distribution(bus)
     if distribution is not None:
         figures = distribution.figures
-        keys.append(Key("longest at worst", f"{figures['worst_case_ms']:,.1f} ms"))
+        keys.append(Key("longest at worst", in_ms(figures["worst_case_ms"], most=True)))
         onsets = figures["false_error_onsets_per_year"]
         if onsets is not None:
             rare = onsets < 0.01
             keys.append(Key("false station errors a year", "under 0.01" if rare else about(onsets)))
         if figures["one_dead_ms"] is not None:
-            keys.append(Key("link scan with one station dead", f"{figures['one_dead_ms']:,.1f} ms"))
+            keys.append(Key("link scan with one station dead", in_ms(figures["one_dead_ms"])))
     keys.append(Key("bus load", f"{100 * link['bus_load']:.1f} %"))
     return keys
 
@@ -226,12 +227,12 @@ def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
     histogram, distribution = record.scan_times.histogram, source.valid_distribution(bus)
     times = source.summary["links"][bus]["scan_time_ms"]
     beside = ", with the exact law over it" if distribution is not None else ""
-    where = f"from {times['min']:.1f} to {times['max']:.1f} ms, mean {times['mean']:.1f} ms"
+    where = f"from {in_ms(times['min'])} to {in_ms(times['max'], most=True)}, mean {in_ms(times['mean'])}"
     one = drawn.add(
         charts.histogram_chart(
             {source.label: histogram}, distribution, f"Histogram of the link scan time on bus {bus}"
         ),
-        f"Histogram of {histogram.count:,} link scan times, {where}{beside}.",
+        f"Histogram of {counted(histogram.count, 'link scan time')}, {where}{beside}.",
         tables.histogram_data(histogram, f"the link scan time on bus {bus}", charts.SCANS),
         "Bars: link scans counted."
         + (
@@ -256,7 +257,7 @@ def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
             source.summary["links"][bus].get("master_lost", ()),
         ),
         f"Longest and shortest link scans over the {source.summary['duration_s']:g} s of the run, {where}; "
-        f"{len(faults)} faults acted.",
+        f"{counted(len(faults), 'fault')} acted.",
         None,
         "Bars below: when faults acted, the master had a station in error, and slaves had lost the master."
         if faults or record.in_error or source.summary["links"][bus].get("master_lost")

@@ -42,6 +42,7 @@ from bussim.results.plots.style import (
     style,
 )
 from bussim.units import milliseconds, seconds
+from bussim.wording import counted
 
 _WIDTH = 13.0
 _LANE_HEIGHT = 0.36
@@ -198,9 +199,9 @@ def _texts(scene: Scene) -> list[str]:
         for number, mark in enumerate(_events(scene), 1)
     ]
     if len(events) > _MOST_EVENTS:
-        events[_MOST_EVENTS:] = [f"… and {len(events) - _MOST_EVENTS} more events"]
+        events[_MOST_EVENTS:] = [f"… and {counted(len(events) - _MOST_EVENTS, 'more event')}"]
     if scene.left_out:
-        events.append(f"{scene.left_out} more devices changed")
+        events.append(f"{counted(scene.left_out, 'more device')} changed")
     texts = [*events, *scene.why]
     return [shorten("\n".join(wrap(text, _LINE)), 1200) for text in texts]
 

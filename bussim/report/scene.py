@@ -15,6 +15,7 @@ from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan
 from bussim.results.meters.timeline import Span
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import seconds
+from bussim.wording import counted
 
 #: Most lanes of devices that changed; the least busy ones are left out.
 MOST_DEVICES = 8
@@ -168,8 +169,8 @@ class _Painter:
         faults = [word for word, on in (("collided", frame.collided), ("cut off", frame.cut)) if on]
         if frame.damaged_bits:
             number = len(frame.damaged_bits)
-            faults.append(f"{number} damaged bit{'s' if number > 1 else ''}")
-        text = f"{frame.sender}: {frame.kind} frame{of}{count}, {len(frame.chars)} characters, "
+            faults.append(counted(number, "damaged bit"))
+        text = f"{frame.sender}: {frame.kind} frame{of}{count}, {counted(len(frame.chars), 'character')}, "
         text += ms(frame.end - frame.start) + (f"; {', '.join(faults)}" if faults else "")
         plain = frame.station is None or frame.kind == "parameters"
         label = frame.kind if plain else f"{frame.kind} {frame.station}"
@@ -298,11 +299,6 @@ def _why(window: TraceWindow) -> Iterable[str]:
         if not whole or not (scan.failed or scan.cause):
             continue
         parts = parts_of_scan(window, scan)
-        lost = sum(part.ticks for part in parts if part.lost)
-        beyond = f", {ms(lost)} of it for what a plain one has not" if lost else ""
         # A late reply is no part of its own; the scan's cause names the station.
-        because = "" if lost else f"; {scan.cause}"
-        yield (
-            f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {ms(scan.duration)}{beyond}: "
-            f"{' + '.join(in_words(parts))}{because}."
-        )
+        because = "" if any(part.lost for part in parts) else f"; {scan.cause}"
+        yield f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {in_words(parts)}{because}."

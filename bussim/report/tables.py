@@ -96,9 +96,9 @@ def scan_times(source: Source, bus: str) -> Table:
         "min": "shortest",
         "mean": "mean",
         "p50": "median",
-        "p95": "p95: 1 in 20 takes longer",
-        "p99": "p99: 1 in 100 takes longer",
-        "p999": "p999: 1 in 1,000 takes longer",
+        "p95": "p95: 19 in 20 take at most",
+        "p99": "p99: 99 in 100 take at most",
+        "p999": "p999: 999 in 1,000 take at most",
         "max": "longest",
     }
     rows = [

@@ -18,7 +18,7 @@ def expected(link: Mapping[str, Any], distribution: ExactDistribution | None) ->
     if not distribution.valid:
         reasons = "; ".join(figures["reasons"])
         return [f"How long a link scan can take at worst is not known, since no exact law holds: {reasons}."]
-    worst = in_ms(figures["worst_case_ms"])
+    worst = in_ms(figures["worst_case_ms"], most=True)
     said = [f"With these settings no link scan can take longer than {worst}, even if every attempt fails."]
     if distribution.said:
         said.append(f"Expect {distribution.said}.")
@@ -47,6 +47,6 @@ def _dead(figures: Mapping[str, Any]) -> list[str]:
     if noticed["mean"] is not None:
         said.append(
             f"A station that dies is in error after {in_ms(noticed['mean'])} on average, "
-            f"{in_ms(noticed['max'])} at the latest."
+            f"{in_ms(noticed['max'], most=True)} at the latest."
         )
     return said

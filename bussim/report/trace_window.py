@@ -11,6 +11,7 @@ from itertools import groupby
 from typing import TypeVar
 
 from bussim.results.meters.timeline import Span, fault_spans
+from bussim.results.numbers import adding_up
 from bussim.results.run_record import RunRecord
 from bussim.trace import records
 from bussim.trace.file import Trace
@@ -23,6 +24,7 @@ from bussim.trace.records import (
     TransactionRecord,
 )
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds
+from bussim.wording import counted
 
 #: The margin on each side of a link scan is so small a part of it.
 _MARGIN = 20
@@ -208,22 +210,32 @@ def _outcome(window: TraceWindow, attempt: AttemptRecord) -> str:
     return f"{where}{REPLY}"
 
 
-def in_words(parts: Sequence[Part]) -> list[str]:
-    """The parts in words: neighbours in which nothing was lost as one, attempts that failed alike as well."""
-    words = []
-    for group in (list(alike) for _, alike in groupby(parts, _likeness)):
-        first, total = group[0], ms(sum(part.ticks for part in group))
+def in_words(parts: Sequence[Part]) -> str:
+    """What a link scan took and what that consists of: times that add up to the one before them.
+
+    Neighbours in which nothing was lost are one time, attempts that failed alike as well. At the end
+    stands what the lost ones took together.
+    """
+    groups = [list(alike) for _, alike in groupby(parts, _likeness)]
+    spans = [milliseconds(sum(part.ticks for part in group)) for group in groups]
+    words, lost, kinds = list[str](), 0.0, dict[str, None]()
+    for group, total in zip(groups, adding_up(spans, sum(spans)), strict=True):
+        first = group[0]
+        if first.lost:
+            lost += float(total)
+            kinds["failed attempts" if first.attempt else "the parameter frame"] = None
         if len(group) == 1:
-            words.append(f"{total} ({_named(first)})")
+            words.append(f"{total} ms ({_named(first)})")
         elif first.lost:
             attempts = f"attempts {first.attempt} to {group[-1].attempt}"
-            words.append(f"{len(group)} × {ms(first.ticks)} ({attempts} {first.what})")
+            words.append(f"{total} ms ({attempts} {first.what}, {ms(first.ticks)} each)")
         else:
             ordinary = sum(part.ordinary for part in group)
             names = [_named(part) for part in group if not part.ordinary]
-            names += [f"{ordinary} poll{'s' if ordinary > 1 else ''} with a reply"] if ordinary else []
-            words.append(f"{total} ({', '.join(names)})")
-    return words
+            names += [f"{counted(ordinary, 'poll')} with a reply"] if ordinary else []
+            words.append(f"{total} ms ({', '.join(names)})")
+    text = f"{sum(spans):.3f} ms: {' + '.join(words)}"
+    return f"{text}; {lost:.3f} ms of it went to {' and '.join(kinds)}" if lost else text
 
 
 def _likeness(part: Part) -> tuple[str, str] | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import accumulate, pairwise
 
 from bussim.units import milliseconds, seconds
 
@@ -30,11 +31,12 @@ def share(part: int, of: int) -> float:
     return round(part / of, DECIMALS) if of else 0.0
 
 
+def adding_up(parts: Sequence[float], whole: float) -> list[str]:
+    """Parts of a time in ms as text, each rounded so that the texts add up to that of ``whole``."""
+    ends = [0.0, *(round(end, 3) for end in accumulate(parts[:-1])), round(whole, 3)]
+    return [f"{end - start:.3f}" for start, end in pairwise(ends)]
+
+
 def by_code(counts: Mapping[int, int]) -> dict[str, int]:
     """Counts by a code of two hexadecimal digits, the zeros left out."""
     return {f"{code:02X}": number for code, number in sorted(counts.items()) if number}
-
-
-def counted(number: int, what: str) -> str:
-    """A number with its noun: ``1 frame``, ``2,000 frames``."""
-    return f"1 {what}" if number == 1 else f"{number:,} {what}s"

@@ -13,6 +13,7 @@ from bussim.results.run_record import RunRecord
 from bussim.results.text.run import caption_of
 from bussim.trace import records
 from bussim.trace.records import RunTotals
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,7 +181,7 @@ class Result:
         summary = self.summary
         parts = [f"{bus}: {_in_words(link)}" for bus, link in summary["links"].items()]
         parts += [
-            f"{node}: {master['ok']} of {master['transactions']} transactions ok"
+            f"{node}: {master['ok']:,} of {counted(master['transactions'], 'transaction')} ok"
             for node, master in _masters(summary).items()
         ]
         folder = f" in {self.folder}" if self.folder is not None else ""
@@ -235,7 +236,7 @@ def _in_words(link: dict[str, Any]) -> str:
     times = link["scan_time_ms"]
     if not link["scans"]:
         return "no complete scan"
-    return f"{link['scans']} scans, mean {times['mean']:.3f} ms, max {times['max']:.3f} ms"
+    return f"{counted(link['scans'], 'scan')}, mean {times['mean']:.3f} ms, max {times['max']:.3f} ms"
 
 
 def _saved(picture: Picture, path: str | os.PathLike[str] | None) -> Picture:

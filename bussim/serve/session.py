@@ -29,6 +29,7 @@ from bussim.sim.runner import Simulation
 from bussim.sim.wire.contract import LineReporter
 from bussim.trace.records import RunTotals, Sink, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
+from bussim.wording import counted
 
 #: The duration of a run without an end (100 years).
 FOREVER = 100 * 365 * 86_400 * 72_000_000
@@ -225,9 +226,11 @@ class Session:
             warnings.append(f"{target.name} leads to {target.url}: its times are the operating system's")
             counts = wire.counts
             if counts.losses:
-                warnings.append(f"{target.url} was lost {counts.losses} times")
+                warnings.append(f"{target.url} was lost {counted(counts.losses, 'time')}")
             if counts.dropped:
-                warnings.append(f"{target.url} did not take {counts.dropped} bytes: no program read them")
+                warnings.append(
+                    f"{target.url} did not take {counted(counts.dropped, 'byte')}: no program read them"
+                )
         late = self.loop.lateness
         if late.worst > _LATE:
             warnings.append(

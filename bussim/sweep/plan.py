@@ -17,7 +17,7 @@ from bussim.sweep.seeds import run_seed
 from bussim.sweep.template import Template
 from bussim.sweep.vary import Axis, Point, grid, parse_axes
 from bussim.version import __version__
-from bussim.wording import shorten
+from bussim.wording import counted, shorten
 
 #: Most messages about bad points, and most points named in one of them.
 _MOST_MESSAGES = 100
@@ -175,14 +175,14 @@ class Plan:
             else:
                 where = " / ".join(_at(self.axes, point) for point in points[:_MOST_POINTS])
                 more = len(points) - _MOST_POINTS
-                where = f"at {where}" + (f" and {more:,} more points" if more > 0 else "")
+                where = f"at {where}" + (f" and {counted(more, 'more point')}" if more > 0 else "")
             explained.append(
                 Problem(problem.file, problem.line, problem.column, f"{problem.message} ({where})")
             )
         if len(explained) > _MOST_MESSAGES:
             more = len(explained) - _MOST_MESSAGES
             explained = sorted(explained)[:_MOST_MESSAGES]
-            explained.append(Problem("…", 0, 0, f"and {more:,} more mistakes"))
+            explained.append(Problem("…", 0, 0, f"and {counted(more, 'more mistake')}"))
         return explained
 
     def _said(self, problem: Problem, points: list[Point]) -> bool:

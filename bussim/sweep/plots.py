@@ -28,6 +28,7 @@ from bussim.sweep.tables import HIGH, LOW, Table
 from bussim.sweep.vary import Axis
 from bussim.units import seconds
 from bussim.version import __version__
+from bussim.wording import counted
 
 #: The figures of a link that are drawn, and what their panels are called.
 PANELS = {
@@ -153,7 +154,7 @@ def _new(plan: Plan) -> Picture:
     base = plan.base
     about = (
         f"{base.name}, seed {base.seed}{' at every point' if plan.common_random_numbers else ''}, "
-        f"{seconds(base.duration):g} s, {plan.runs:,} runs, bussim {__version__}"
+        f"{seconds(base.duration):g} s, {counted(plan.runs, 'run')}, bussim {__version__}"
     )
     return new_picture(10.5, 8, about)
 

@@ -10,6 +10,7 @@ from bussim.sweep.identity import SCHEMA
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, POINTS, RUNS, Table, axis_cell, read_csv
 from bussim.version import __version__
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,7 +84,7 @@ class SweepResult:
 
     def __repr__(self) -> str:
         keys = ", ".join(axis.key for axis in self.plan.axes)
-        size = f"{len(self.plan.points)} points, {self.plan.runs} runs"
+        size = f"{counted(len(self.plan.points), 'point')}, {counted(self.plan.runs, 'run')}"
         return f"<SweepResult of {self.plan.title!r} over {keys}: {size} in {self.folder}>"
 
 

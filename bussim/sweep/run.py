@@ -17,6 +17,7 @@ from bussim.sweep.plan import Plan
 from bussim.sweep.result import SweepResult
 from bussim.sweep.tables import POINTS, RUNS, RUNS_PARQUET, points_table, runs_table, write_csv, write_parquet
 from bussim.version import __version__
+from bussim.wording import counted
 
 #: Called with what is being done ("checking", "running"), how much of it is done, and how much there is.
 Progress = Callable[[str, int, int], None]
@@ -113,7 +114,8 @@ def _run_once(plan: Plan, journal: Journal, executor: Executor, progress: Progre
 
 
 def _kept(plan: Plan, journal: Journal) -> str:
-    return f"{len(journal.done):,} of {plan.runs:,} runs are kept, the same command goes on with the others"
+    kept = f"{len(journal.done):,} of {counted(plan.runs, 'run')}"
+    return f"{kept} are kept, the same command goes on with the others"
 
 
 def _write(plan: Plan, journal: Journal, folder: Path) -> None:

@@ -34,7 +34,7 @@ def test_the_worst_link_scan_is_the_default(
     assert (code, err) == (0, "")
     sentence, path = out.splitlines()
     assert path == str(one)
-    assert "6 × 51.720 ms (attempts 1 to 6 at station 1 (press2): no reply, code 01)" in sentence
+    assert "310.318 ms (attempts 1 to 6 at station 1 (press2): no reply, code 01, 51.720 ms each)" in sentence
     assert said(capsys, runs / "traced", "--worst", "-o", other)[0] == 0
     assert one.read_bytes() == other.read_bytes()
 

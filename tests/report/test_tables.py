@@ -19,6 +19,7 @@ from bussim.report.tables import stations, turnarounds_of
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import counts_in_words
+from bussim.results.verdict.catalogue import in_ms
 from bussim.trace.records import AttemptRecord
 
 
@@ -263,13 +264,13 @@ def test_latencies_in_sentences(words: Source) -> None:
     assert preset == [
         (
             f"preset, line.D0 to packer.D0, age of the word whenever it is read: median "
-            f"{entry['ms']['p50']:.1f} ms, maximum {entry['ms']['max']:.1f} ms, {entry['max_at_s']:.2f} s "
+            f"{entry['ms']['p50']:.1f} ms, maximum {in_ms(entry['ms']['max'], most=True)}, {entry['max_at_s']:.2f} s "
             f"after the start ({counts_in_words(entry)})."
         ),
         (
-            f"At worst preset is as old as {entry['bound_ms']['no error']:.1f} ms with no error, "
-            f"{entry['bound_ms']['1 lost reply']:.0f} ms with 1 lost reply, "
-            f"{entry['bound_ms']['every retry spent']:.0f} ms with every retry spent."
+            f"At worst preset is as old as {in_ms(entry['bound_ms']['no error'], most=True)} with no error, "
+            f"{in_ms(entry['bound_ms']['1 lost reply'], most=True)} with 1 lost reply, "
+            f"{in_ms(entry['bound_ms']['every retry spent'], most=True)} with every retry spent."
         ),
     ]
     nothing = {**words.summary["latency"]["full-box"], "delivered": 0, "lost": 2, "changes": 2}

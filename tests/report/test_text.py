@@ -34,10 +34,10 @@ def test_what_is_to_be_expected(link: dict[str, Any]) -> None:
     )
     said = " ".join(expected(link, distribution))
     for part in (
-        "no link scan can take longer than 643 ms",
+        "no link scan can take longer than 642.7 ms",
         "Expect about one false station error in 3 years",
-        "While one station is dead, every link scan takes about 349 ms, 298 ms more than the mean.",
-        "A station that dies is in error after 308 ms on average, 345 ms at the latest",
+        "While one station is dead, every link scan takes about 348.6 ms, 298.2 ms more than the mean.",
+        "A station that dies is in error after 307.9 ms on average, 344.6 ms at the latest",
         "An interruption of the line of up to 207 ms raises no station error",
         "holds for its undisturbed parts: x is left out.",
     ):

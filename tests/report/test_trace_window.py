@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import bussim
 from bussim.report.scene import scene_of
 from bussim.report.trace_window import Part, TraceWindow, in_words, parts_of_scan, read_window, worst_window
+from bussim.scenario import builtin
 from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_MS
 from tests.report.samples import eight_folder, longest, opened
+from tests.selection import quick_names
 
 CHARACTER = 10 / 38.4
 GAP = 0.4175
@@ -59,9 +67,11 @@ def test_attempts_that_failed_alike_are_told_once(tmp_path) -> None:  # type: ig
     assert window is not None
     window = read_window(trace, record, "link", *window)
     (sentence,) = scene_of(window).why
-    assert "6 × 51.720 ms (attempts 1 to 6 at station 1 (press2): no reply, code 01)" in sentence
+    silent = "(attempts 1 to 6 at station 1 (press2): no reply, code 01, 51.720 ms each)"
+    assert f"310.318 ms {silent}" in sentence
     assert f"{run.summary['links']['link']['scan_time_ms']['max']:.3f} ms" in sentence
-    assert "4.063 ms (parameter frame)" in sentence
+    assert "ms (parameter frame); 314.38" in sentence
+    assert sentence.endswith(" ms of it went to failed attempts and the parameter frame.")
 
 
 def test_parts_that_differ_are_told_apart() -> None:
@@ -73,12 +83,69 @@ def test_parts_that_differ_are_told_apart() -> None:
         Part(360_000, 432_000, "at station 2: reply", 3),
         Part(432_000, 504_000, "overhead of the scan"),
     ]
-    assert in_words(parts) == [
-        "2.000 ms (data frame of a, 1 poll with a reply)",
-        "1.000 ms (attempt 1 at station 2: damaged, code 04)",
-        "2.000 ms (attempt 2 at station 2: damaged, code 04)",
-        "2.000 ms (overhead of the scan, 1 poll with a reply)",
+    assert in_words(parts) == (
+        "7.000 ms: 2.000 ms (data frame of a, 1 poll with a reply) "
+        "+ 1.000 ms (attempt 1 at station 2: damaged, code 04) "
+        "+ 2.000 ms (attempt 2 at station 2: damaged, code 04) "
+        "+ 2.000 ms (overhead of the scan, 1 poll with a reply)"
+        "; 3.000 ms of it went to failed attempts"
+    )
+
+
+def microseconds(text: str) -> int:
+    return round(1000 * float(text))
+
+
+def check_sum(sentence: str) -> None:
+    """Assert that what a sentence lists adds up to the time that stands before it, to the last digit."""
+    took = re.search(r"([0-9.]+) ms: (.*)", sentence)
+    assert took
+    listed, _, lost = took[2].partition("; ")
+    times = re.findall(r"(?:^| \+ )([0-9.]+) ms \(", listed)
+    assert sum(map(microseconds, times)) == microseconds(took[1])
+    failed = re.findall(r"([0-9.]+) ms \((?=attempts? \d+[^+]*code|parameter)", listed)
+    if "of it went to" in lost:
+        assert sum(map(microseconds, failed)) == microseconds(lost.split(" ms")[0])
+
+
+#: What a part of a random link scan was, and whether it was lost.
+KINDS = st.sampled_from(
+    [
+        ("data frame of a", 0, False),
+        ("at station 1: reply", 1, False),
+        ("at station 2: damaged, code 04", 1, True),
+        ("at station 2: no reply, code 01", 2, True),
     ]
+)
+TICKS = st.integers(1, 10**8)
+
+
+@given(st.lists(st.tuples(KINDS, TICKS), min_size=1, max_size=20), st.integers(0, 10**10), st.none() | TICKS)
+def test_the_times_of_any_scan_add_up_to_the_microsecond(
+    found: list[tuple[tuple[str, int, bool], int]], start: int, parameters: int | None
+) -> None:
+    parts = []
+    for (what, attempt, lost), ticks in found:
+        parts.append(Part(start, start + ticks, what, attempt, lost=lost))
+        start += ticks
+    if parameters is not None:
+        parts.append(Part(start, start + parameters, "parameter frame", lost=True))
+    check_sum(in_words(parts))
+
+
+@pytest.mark.parametrize("name", quick_names(["undetected_corruption"], builtin.names()))
+def test_every_explanation_of_a_built_in_scenario_adds_up(name: str, tmp_path: Path) -> None:
+    bussim.run(bussim.load(name, ["duration=30 s"]), out=tmp_path / "run", trace=True)
+    trace, record = opened(tmp_path / "run")
+    for bus, link in record.links.items():
+        window = read_window(trace, record, bus, 0, record.duration)
+        for scan in window.scans:
+            parts = parts_of_scan(window, scan)
+            assert sum(part.ticks for part in parts) == scan.duration
+            check_sum(in_words(parts))
+        assert len(window.scans) == link.scan_times.histogram.count
+        for sentence in scene_of(window).why:
+            check_sum(sentence)
 
 
 def test_without_the_records_a_scan_is_one_part() -> None:

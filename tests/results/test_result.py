@@ -21,7 +21,7 @@ def result_of(fake: Fake, *, rows: bool = True, name: str = "three presses") -> 
 def test_a_result_tells_itself_in_one_line() -> None:
     result = result_of(quiet(jitter=0))
     assert repr(result) == (
-        "<Result of 'three presses', seed 7, 60 s: link: 1200 scans, mean 50.000 ms, max 50.000 ms>"
+        "<Result of 'three presses', seed 7, 60 s: link: 1,200 scans, mean 50.000 ms, max 50.000 ms>"
     )
     assert "link: no complete scan" in repr(result_of(quiet(duration=10)))
     assert " in there:" in repr(Result(result.record, FolderRows(Path("there")), folder=Path("there")))

@@ -168,15 +168,14 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     from rich.text import Text
 
     from bussim.commands.common.console import named_values
-    from bussim.wording import about
+    from bussim.wording import about, counted
 
     model = figures.model
     slaves = len(model.stations)
-    attempts = "attempt" if model.attempts == 1 else "attempts"
     console.print(
         Text(
-            f"{bus}: {slaves + 1} stations, mode {model.mode}, {model.retries} retries = "
-            f"{model.attempts} {attempts} a poll, timeout {ms(model.timeout)} ms",
+            f"{bus}: {slaves + 1} stations, mode {model.mode}, {counted(model.retries, 'retry')} = "
+            f"{counted(model.attempts, 'attempt')} a poll, timeout {ms(model.timeout)} ms",
             style="bold",
         )
     )

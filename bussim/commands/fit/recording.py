@@ -17,6 +17,7 @@ from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
 from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.live.sniff.heard import LineProtocol
@@ -68,8 +69,9 @@ def fit(
     ports = decoder.estimate() if isinstance(decoder, BusObserver) else None
     if link is None and ports is None:
         raise UsageError(
-            f"{source}: no exchange was recognised in {listener.characters:,} characters at {line.baud} bps "
-            f"{line.format}; rate and format are set by -b, -d, -P and -s, the protocol by --protocol"
+            f"{source}: no exchange was recognised in {counted(listener.characters, 'character')} at "
+            f"{line.baud} bps {line.format}; rate and format are set by -b, -d, -P and -s, the protocol by "
+            "--protocol"
         )
     totals = listener.totals(max(duration, listener.last))
     measured = sink.run(totals, scenario="measured", seed=0)

@@ -12,6 +12,7 @@ from bussim.commands.sniff.tally import statistics
 from bussim.live.fit.statistics import Estimate, Fit, compare
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.units import milliseconds, seconds
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
@@ -169,7 +170,10 @@ def show(fitted: Fitted, comparison: Comparison | None) -> None:
     if fitted.link is not None:
         slaves, mode, retries, timeout = _settings(fitted.link)
         origin = "by a parameter frame" if fitted.link.settings_received else "as observed"
-        click.echo(f"  {slaves} slaves, mode {mode}, {retries} retries, timeout {timeout} ms ({origin})")
+        click.echo(
+            f"  {counted(slaves, 'slave')}, mode {mode}, {counted(retries, 'retry')}, "
+            f"timeout {timeout} ms ({origin})"
+        )
     table = plain_table(["  estimate"], ["value", "95 % confidence", "from"])
     for row in _rows(fitted):
         table.add_row(*map(Text, row))
@@ -233,7 +237,9 @@ def _add_distribution(
     if distribution is None:
         return
     text = f"± {milliseconds(distribution.jitter):.4f} ms"
-    what = f"measured law of {len(distribution.values)} values" if distribution.values else "uniform"
+    what = (
+        f"measured law of {counted(len(distribution.values), 'value')}" if distribution.values else "uniform"
+    )
     rows.append((f"    {what}", text, f"p {distribution.fit.p:.2g}", ""))
 
 
@@ -255,9 +261,8 @@ def _side_by_side(comparison: Comparison) -> list[str]:
     low = min(*measured.bins, *simulated.bins)
     high = max(*measured.bins, *simulated.bins)
     step = max(1, -(-(high - low + 1) // _ROWS))
-    lines = [
-        f"  link scan time (ms)   measured, {measured.count:,} scans{'':12}simulated, {simulated.count:,}"
-    ]
+    scans = counted(measured.count, "scan")
+    lines = [f"  link scan time (ms)   measured, {scans}{'':12}simulated, {simulated.count:,}"]
     for row in range(low, high + 1, step):
         shares = [
             sum(count for at, count in one.bins.items() if row <= at < row + step) / one.count

@@ -17,6 +17,7 @@ from bussim.live.polling import PollTurns, Turn
 from bussim.results.meters.histogram import Histogram
 from bussim.results.store.tables import INT, MILLISECONDS, SECONDS, TEXT, CsvTable
 from bussim.units import milliseconds, nanoseconds, seconds
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.commands.poll.plan import Plan, Planned
@@ -232,4 +233,6 @@ def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
         click.echo(f"frames that were no responses: {count} × {reason}")
     port = summary["port"]
     if port["losses"] or port["dropped"]:
-        click.echo(f"port: lost {port['losses']} times, {port['dropped']} bytes not sent")
+        click.echo(
+            f"port: lost {counted(port['losses'], 'time')}, {counted(port['dropped'], 'byte')} not sent"
+        )

@@ -15,6 +15,7 @@ from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.text import NOT_COVERED, a_year, ms, ms_at_least, ms_at_most
 from bussim.units import TICKS_PER_MS
+from bussim.wording import counted
 
 #: Settings of the Pareto front that are printed.
 _MOST = 12
@@ -43,7 +44,7 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
             line(f"would help: {help_}", 4)
     else:
         line(
-            f"recommended: D8179 = {best.retries} ({best.attempts} attempts a poll), "
+            f"recommended: D8179 = {best.retries} ({counted(best.attempts, 'attempt')} a poll), "
             f"D8180 = {best.d8180} ({ms(best.timeout)} ms)",
             style="bold green",
         )

@@ -11,7 +11,7 @@ from bussim.exact.metrics import Request, figures_of
 from bussim.scenario import model
 from bussim.sweep.intervals import student_t
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-from bussim.wording import about
+from bussim.wording import about, counted
 
 if TYPE_CHECKING:
     from bussim.exact.link import LinkModel
@@ -67,14 +67,15 @@ class Verification:
         low, high = self.allowed
         sign = "agrees" if self.agrees else "DISAGREES"
         expected = about(self.expected_errors)
-        errors = f"{self.errors} false station errors (exact {expected}, within {low} to {high})"
+        seen = counted(self.errors, "false station error")
+        errors = f"{seen} (exact {expected}, within {low} to {high})"
         if not self.about_errors:
             errors = (
-                f"{self.errors} false station errors; hardly one is expected to be seen (exact {expected}), "
+                f"{seen}; hardly one is expected to be seen (exact {expected}), "
                 "so that this says nothing about errors"
             )
         return (
-            f"simulated {setting}, {self.scans:,} scans: mean {self.mean:.3f} ± {self.half:.3f} ms "
+            f"simulated {setting}, {counted(self.scans, 'scan')}: mean {self.mean:.3f} ± {self.half:.3f} ms "
             f"(exact {self.exact_mean:.3f}), {errors}: {sign}"
         )
 

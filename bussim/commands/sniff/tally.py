@@ -11,6 +11,7 @@ from bussim.results.collector import Collector, Rows
 from bussim.results.meters.histogram import QUANTILES, Histogram
 from bussim.trace.records import AttemptRecord, Record, ScanRecord, TransactionRecord
 from bussim.units import milliseconds, seconds
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -124,21 +125,22 @@ def show(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> Ren
     protocol = found["protocol"] or "not recognised yet"
     lines = [
         f"{protocol}, {found['baud']} bps {found['format']}; {found['duration_s']:.1f} s, "
-        f"{found['characters']:,} characters, {found['frames']:,} frames, {found['damaged']:,} damaged, "
-        f"bus load {found['bus_load']:.1%}" + ("" if exact else "; times are the operating system's")
+        f"{counted(found['characters'], 'character')}, {counted(found['frames'], 'frame')}, "
+        f"{found['damaged']:,} damaged, bus load {found['bus_load']:.1%}"
+        + ("" if exact else "; times are the operating system's")
     ]
     if found["unasked"]:
-        lines.append(f"{found['unasked']:,} frames that belong to no exchange")
+        lines.append(f"{counted(found['unasked'], 'frame')} of no exchange")
     link = found.get("link")
     if link is not None:
         times = link["scan_time_ms"]
         shown = ", ".join(f"{name} {times[name]:.3f}" for name in times if times[name] is not None)
         origin = "by a parameter frame" if link["settings_heard"] else "as observed"
         lines.append(
-            f"mode {link['mode']}, {link['slaves']} slaves, {link['retries']} retries, "
+            f"mode {link['mode']}, {counted(link['slaves'], 'slave')}, {counted(link['retries'], 'retry')}, "
             f"timeout {link['timeout_ms']:g} ms ({origin})"
         )
-        lines.append(f"link scan time   {shown or '–'} ms   ({link['scans']:,} scans)")
+        lines.append(f"link scan time   {shown or '–'} ms   ({counted(link['scans'], 'scan')})")
     return Group(*map(Text, lines), _table(tally, by_station=isinstance(listener.decoder, LinkDecoder)))
 
 

@@ -18,7 +18,7 @@ from bussim.plc.ports.device_layout import fits, is_bits
 from bussim.plc.ports.requests import make_request
 from bussim.plc.ports.spec import PollSpec
 from bussim.units import format_ms
-from bussim.wording import names
+from bussim.wording import counted, names
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     if spec.device is not None and not fits(spec.device, spec.function, spec.count):
         return f"{spec.count} items do not lie in memory from {spec.device} on"
     if spec.function in WRITES and len(values) != spec.count:
-        return f"it has {len(values)} values for {spec.count} addresses"
+        return f"it has {counted(len(values), 'value')} for {counted(spec.count, 'address')}"
     request = make_request(spec.function, spec.address, spec.count, values)
     size = master.framing.chars(len(encode_request(request)))
     sent = master.timing.characters(size)

@@ -16,6 +16,7 @@ from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkS
 from bussim.engines.nn.status import STATIONS
 from bussim.live.sniff.heard import Heard
 from bussim.trace.records import AttemptRecord, LinkTotals, NoteRecord, ScanRecord, Sink
+from bussim.wording import counted
 
 #: 10 ms, the unit of D8180, in ticks.
 _TIMEOUT_UNIT = 720_000
@@ -205,7 +206,7 @@ class LinkDecoder:
         parts = []
         for station, count in failed.items():
             found = ", ".join(f"{code:02X}" for number, code in self._scan_failed if number == station)
-            parts.append(f"station {station}: {count} failed attempt{'s' if count > 1 else ''}, {found}")
+            parts.append(f"station {station}: {counted(count, 'failed attempt')}, {found}")
         return "; ".join(parts)
 
     def _refreshed(self, heard: Heard, frame: Frame) -> None:

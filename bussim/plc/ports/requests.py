@@ -8,6 +8,7 @@ from bussim.engines.modbus.pdu import COIL_OFF, COIL_ON, WRITES, Function, Reque
 from bussim.engines.modbus.polls import Poll
 from bussim.plc.ports.device_layout import is_bits
 from bussim.plc.ports.spec import PollSpec
+from bussim.wording import counted
 
 
 def make_request(function: int, address: int, count: int, values: Sequence[int] = ()) -> Request:
@@ -31,6 +32,8 @@ def poll_of(spec: PollSpec) -> Poll:
     Raises ValueError for a write whose values are not as many as its items.
     """
     if spec.function in WRITES and len(spec.values) != spec.count:
-        raise ValueError(f"poll {spec.name}: {len(spec.values)} values for {spec.count} addresses")
+        raise ValueError(
+            f"poll {spec.name}: {counted(len(spec.values), 'value')} for {counted(spec.count, 'address')}"
+        )
     request = make_request(spec.function, spec.address, spec.count, spec.values)
     return Poll(spec.station, request, spec.every, spec.retries, spec.at, spec.times, spec.name)

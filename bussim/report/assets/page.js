@@ -210,6 +210,7 @@
       };
       return before(to) - before(from);
     }
+    times(count) { return `${digits(count)} ${count === 1 ? this.data.counted.slice(0, -1) : this.data.counted}`; }
     aggregate(min, max) {
       const unit = this.data.bin_ms;
       const width = barWidth(Math.ceil((max - min) / unit), Math.max(30, Math.min(MOST_BARS, this.width() / 6)));
@@ -310,7 +311,7 @@
     legend() {
       const colours = this.colours();
       const entries = this.data.series.map(({ label, count }, number) =>
-        [colours[number], this.several ? `${label}: ${digits(count)} ${this.data.counted}` : `counted: ${digits(count)} ${this.data.counted}`]);
+        [colours[number], this.several ? `${label}: ${this.times(count)}` : `counted: ${this.times(count)}`]);
       if (this.data.law.length) entries.push([css("--law"), `expected by the exact law${this.data.without}`]);
       for (const [, text] of this.data.bounds) entries.push([css("--law"), text]);
       return entries;
@@ -322,7 +323,7 @@
       const parts = [`${digits(x - half)} to ${digits(x + half)} ms`];
       this.data.series.forEach((series, number) => {
         const value = u.data[number + 1][index] ?? 0;
-        parts.push(this.several ? `${series.label}: ${digits(100 * value, 4)} %` : `${digits(value)} ${this.data.counted}`);
+        parts.push(this.several ? `${series.label}: ${digits(100 * value, 4)} %` : this.times(value));
       });
       parts.push(...boundsNear(u, this.data.bounds, left));
       if (this.data.law.length) parts.push(`expected ${digits(u.data[2][index] ?? 0, 1)}`);

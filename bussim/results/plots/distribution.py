@@ -16,6 +16,7 @@ from bussim.results.plots.style import (
     style,
 )
 from bussim.units import TICKS_PER_MS
+from bussim.wording import counted
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ def distribution_and_histogram(
             times, share = _frequencies(simulated)
             axes.step(times / TICKS_PER_MS, share, where="post", color=SIMULATED, linewidth=4)
             # Broad, for where both agree the distribution lies over it.
-            label = f"simulated, {simulated.count:,} link scans (points of at least {_LEAST})"
+            label = f"simulated, {counted(simulated.count, 'link scan')} (points of at least {_LEAST})"
             handles.append(Line2D([], [], color=SIMULATED, linewidth=4, label=label))
         axes.set_yscale("log")
         axes.set_ylim(lowest, 1.5)

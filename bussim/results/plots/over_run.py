@@ -27,6 +27,7 @@ from bussim.results.plots.style import (
 from bussim.results.run_record import RunRecord
 from bussim.results.text.run import caption_of, lost_in_words
 from bussim.units import TICKS_PER_SECOND, milliseconds, seconds
+from bussim.wording import counted
 
 #: Most lines of faults; the others share one.
 _MOST_FAULTS = 10
@@ -142,7 +143,7 @@ def _fault_lanes(run: RunRecord, link: LinkRecord, bus: str) -> list[_Lane]:
     if len(lanes) > _MOST_FAULTS:
         rest = list(lanes)[_MOST_FAULTS - 1 :]
         merged = [span for text in rest for span in lanes.pop(text)]
-        lanes[f"{len(rest)} other faults"] = merged
+        lanes[counted(len(rest), "other fault")] = merged
     return [_Lane(text, spans, FAULT) for text, spans in lanes.items()]
 
 

@@ -26,6 +26,7 @@ from bussim.results.plots.style import (
 )
 from bussim.results.run_record import RunRecord
 from bussim.units import format_ms, milliseconds
+from bussim.wording import counted
 
 #: Most panels; the polls with the fewest attempts share the last one.
 _MOST_PANELS = 8
@@ -128,14 +129,14 @@ def _panels(ports: Sequence[PortRecord]) -> list[_Panel]:
         panels = [panel for panel in panels if panel not in few]
         for panel in few[1:]:
             few[0].add(panel)
-        few[0].label = f"{len(few)} other polls"
+        few[0].label = counted(len(few), "other poll")
         panels.append(few[0])
     return panels
 
 
 def _in_words(panel: _Panel) -> str:
     responses, attempts = sum(h.count for h in panel.responses), sum(panel.attempts)
-    words = f"{panel.label}: {responses:,} of {attempts:,} attempts answered"
+    words = f"{panel.label}: {responses:,} of {counted(attempts, 'attempt')} answered"
     marks = bars.marks_in_words(panel.responses[0]) if len(panel.responses) == 1 else ""
     return f"{words}, {marks}" if marks else words
 
@@ -154,7 +155,7 @@ def _explain(
 ) -> list[Line2D]:
     responses = [port.responses for port in ports]
     if len(ports) > 1:
-        texts = [f"{each.count:,} responses, {bars.marks_in_words(each)}" for each in responses]
+        texts = [f"{counted(each.count, 'response')}, {bars.marks_in_words(each)}" for each in responses]
         handles = legend_of_runs(labels, texts)
     else:
         handles = bars.legend_of_marks({name: name for name in bars.marked(responses[0])})

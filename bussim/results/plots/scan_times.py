@@ -22,6 +22,7 @@ from bussim.results.plots.style import (
 from bussim.results.run_record import RunRecord
 from bussim.results.text.run import caption_of
 from bussim.units import seconds
+from bussim.wording import counted
 
 #: What the axes are called.
 _AXES = ("link scan time (ms)", "link scans")
@@ -56,15 +57,16 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
         if axes.get_yscale() == "log":
             axes.set_ylim(bottom=0.6)
         if len(runs) == 1:
-            heading = f"{run_labels(runs)[0]}: {histograms[0].count:,} link scans on {bus}"
+            heading = f"{run_labels(runs)[0]}: {counted(histograms[0].count, 'link scan')} on {bus}"
             attempts = runs[0].summary["links"][bus]["attempts"]
             if attempts is not None:
-                heading += f", {attempts} attempts a poll"
+                heading += f", {counted(attempts, 'attempt')} a poll"
             handles = _explain_one(links[0])
         else:
             heading = f"link scans on {bus}"
             texts = [
-                f"{histogram.count:,} scans, {bars.marks_in_words(histogram)}" for histogram in histograms
+                f"{counted(histogram.count, 'scan')}, {bars.marks_in_words(histogram)}"
+                for histogram in histograms
             ]
             handles = legend_of_runs(labels or run_labels(runs), texts)
         finish_picture(picture, heading, handles)

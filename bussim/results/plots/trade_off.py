@@ -21,6 +21,7 @@ from bussim.results.plots.style import (
     new_picture,
     style,
 )
+from bussim.wording import counted
 
 #: Colours of the levels of noise, the lowest level first.
 _COLOURS = (SIMULATED, FAULT, IN_ERROR)
@@ -105,7 +106,7 @@ def _recommended(
 def _goals(axes: Axes, errors: float, dead: float | None) -> Patch:
     """The bands in which the goals are met; the handle for the legend."""
     axes.axhspan(*_band(axes.get_ylim()[0], errors), color=DISTRIBUTION, alpha=0.12, linewidth=0)
-    goals = f"at most {errors:g} false station error{'' if errors == 1 else 's'} a year"
+    goals = f"at most {counted(errors, 'false station error')} a year"
     if dead is not None:
         axes.axvspan(*_band(axes.get_xlim()[0], dead), color=DISTRIBUTION, alpha=0.12, linewidth=0)
         goals += f"; at most {dead:g} ms with a dead station"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bussim.results.numbers import counted
+from bussim.results.numbers import adding_up
+from bussim.wording import counted
 
 #: What the parts are called in words; "scan" of a word's age does not exist.
 PART_NAMES = {
@@ -77,10 +78,12 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             numbers = {"min": "min", "median": "p50", "mean": "mean", "p99": "p99", "max": "max"}
             shown = [f"{word} {times[key]:.3f}" for word, key in numbers.items() if times[key] is not None]
             yield f"  {'age' if entry['edge'] is None else 'latency':<16} {', '.join(shown)} ms"
-            parts = entry["parts_ms"].items()
             names = part_names(word=entry["edge"] is None)
-            if parts := [f"{names[part]} {found['mean']:.3f}" for part, found in parts if found["max"]]:
-                yield f"  on average       {', '.join(parts)} ms"
+            parts = {names[part]: found["mean"] for part, found in entry["parts_ms"].items() if found["max"]}
+            if parts:
+                texts = adding_up(list(parts.values()), times["mean"])
+                said = (f"{part} {text}" for part, text in zip(parts, texts, strict=True))
+                yield f"  on average       {', '.join(said)} ms"
         if cases := [f"{bound:.3f} with {case}" for case, bound in bounds.items()]:
             yield f"  at worst         {', '.join(cases)} (ms)"
         yield from (f"  {' ' * 17 if cases else ''}{said}" for said in caveats(entry))
@@ -97,7 +100,9 @@ def edge_in_words(entry: Mapping[str, Any]) -> str:
 def counts_in_words(entry: Mapping[str, Any]) -> str:
     """What became of the changes of an entry of the summary."""
     if entry["edge"] is None:
-        return f"{counted(entry['changes'], 'change')} of the source; read {entry['delivered']:,} times"
+        return (
+            f"{counted(entry['changes'], 'change')} of the source; read {counted(entry['delivered'], 'time')}"
+        )
     found = [f"{counted(entry['changes'], 'change')}: {entry['delivered']:,} arrived"]
     words = {"lost": "never arrived", "unseen": "too short to be seen", "open": "under way at the end"}
     found += [f"{entry[key]:,} {word}" for key, word in words.items() if entry[key]]

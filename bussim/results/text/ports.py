@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bussim.results.numbers import counted
+from bussim.wording import counted
 
 #: What statistics of times are called.
 SHOWN = {"min": "min", "p50": "median", "mean": "mean", "p99": "p99", "max": "max"}
@@ -113,7 +113,7 @@ def _master(port: Mapping[str, Any]) -> Iterator[str]:
     for name in list(polls)[:_MOST_POLLS]:
         yield f"  {f'poll {name}':<16} {_poll(polls[name])}"
     if len(polls) > _MOST_POLLS:
-        yield f"  and {len(polls) - _MOST_POLLS} more polls, in summary.json"
+        yield f"  and {counted(len(polls) - _MOST_POLLS, 'more poll')}, in summary.json"
 
 
 def _poll(poll: Mapping[str, Any]) -> str:

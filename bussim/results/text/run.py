@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from bussim.results.numbers import counted
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
 from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
 from bussim.results.verdict.catalogue import meaning
 from bussim.results.verdict.verdict import verdict_of
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -49,12 +49,12 @@ def _show_link(
     console: Console, record: RunRecord, bus: str, link: dict[str, Any], names: Mapping[int, str]
 ) -> None:
     if link["attempts"] is None:
-        _print(console, f"{bus}: {link['stations']} stations, no working master: no link scans")
+        _print(console, f"{bus}: {counted(link['stations'], 'station')}, no working master: no link scans")
         return
     _print(
         console,
-        f"{bus}: {link['stations']} stations, mode {link['mode']}, "
-        f"{link['retries']} retries = {counted(link['attempts'], 'attempt')} a poll, "
+        f"{bus}: {counted(link['stations'], 'station')}, mode {link['mode']}, "
+        f"{counted(link['retries'], 'retry')} = {counted(link['attempts'], 'attempt')} a poll, "
         f"timeout {link['timeout_ms']:g} ms",
     )
     _show_times(console, link)

@@ -1,13 +1,14 @@
 """Every sentence of a verdict by its key: one table, in which another language is another column.
 
 A sentence names its values in braces. Beside the formats of Python it knows ``n`` (a whole number with its
-thousands apart), ``ms`` (milliseconds in three digits), ``list`` (names),
-``counts`` (words with how often), ``codes`` (counts by error code, with what each code means), ``meanings``
-(what codes mean) and ``cause`` (why a link scan was long).
+thousands apart), ``ms`` and ``most_ms`` (milliseconds, see :func:`in_ms`), ``list`` (names), ``counts``
+(words with how often), ``codes`` (counts by error code, with what each code means), ``meanings`` (what codes
+mean) and ``cause`` (why a link scan was long).
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from string import Formatter
@@ -32,12 +33,14 @@ SENTENCES: Mapping[str, Sentence] = {
     # -- a link as a whole
     "median": Sentence("{bus}: the median link scan takes {median_ms:ms}."),
     "median_p99": Sentence(
-        "{bus}: the median link scan takes {median_ms:ms}; 1 in 100 takes longer than {p99_ms:ms}."
+        "{bus}: the median link scan takes {median_ms:ms}, 99 in 100 take at most {p99_ms:most_ms}."
     ),
     "mean": Sentence("{bus}: the mean link scan takes {mean_ms:ms}."),
-    "longest": Sentence("{bus}: the longest link scan took {max_ms:ms}, {max_at_s:.2f} s after the start."),
+    "longest": Sentence(
+        "{bus}: the longest link scan took {max_ms:most_ms}, {max_at_s:.2f} s after the start."
+    ),
     "longest_because": Sentence(
-        "{bus}: the longest link scan took {max_ms:ms}, {max_at_s:.2f} s after the start, because "
+        "{bus}: the longest link scan took {max_ms:most_ms}, {max_at_s:.2f} s after the start, because "
         "{cause:cause}."
     ),
     "no_station_in_error": Sentence("{bus}: no station was in error, and none lost the master."),
@@ -152,18 +155,17 @@ SENTENCES: Mapping[str, Sentence] = {
         "the timeout of {timeout_ms:g} ms."
     ),
     # -- Modbus masters
-    "own_data": Sentence("{node}: all {requests:n} requests were answered with their own data."),
+    "own_data": Sentence("{node}: requests answered with their own data: all of {requests:n}."),
     "own_data_times": Sentence(
-        "{node}: all {requests:n} requests were answered with their own data; the {which} response time is "
-        "{response_ms:ms}, the longest {max_ms:ms}."
+        "{node}: requests answered with their own data: all of {requests:n}; the {which} response time is "
+        "{response_ms:ms}, the longest {max_ms:most_ms}."
     ),
-    "some_own_data": Sentence("{node}: {own:n} of {requests:n} requests were answered with their own data."),
+    "some_own_data": Sentence("{node}: requests answered with their own data: {own:n} of {requests:n}."),
     "some_own_data_times": Sentence(
-        "{node}: {own:n} of {requests:n} requests were answered with their own data; the {which} response "
-        "time is "
-        "{response_ms:ms}, the longest {max_ms:ms}."
+        "{node}: requests answered with their own data: {own:n} of {requests:n}; the {which} response "
+        "time is {response_ms:ms}, the longest {max_ms:most_ms}."
     ),
-    "no_own_data": _fault("{node}: of {requests:n} requests none was answered with its own data."),
+    "no_own_data": _fault("{node}: requests answered with their own data: none of {requests:n}."),
     "mistaken": _fault(
         "{node} took responses to other requests for its own, {responses:n} in all: the values are those "
         "of other "
@@ -255,11 +257,15 @@ def _reason(reason: str, lang: str) -> str:
     return render("long_parameters", lang=lang) if reason == "parameter frame" else reason
 
 
-def in_ms(value: float) -> str:
-    """Milliseconds for a sentence: three significant digits and at most one decimal; seconds from 1000 on."""
-    if value >= 1000:
-        return f"{value / 1000:,.2f} s"
-    return f"{value:.0f} ms" if value >= 100 else f"{value:.1f} ms"
+def in_ms(value: float, *, most: bool = False) -> str:
+    """Milliseconds for a sentence, with one decimal; from 1000 on seconds with two.
+
+    ``most``: rounded up, for what is said not to be exceeded.
+    """
+    scaled = value / 10 if value >= 1000 else value * 10
+    # Up from the nanoseconds that a summary has, not from what a binary fraction adds to them.
+    steps = math.ceil(round(scaled, 7)) if most else round(scaled)
+    return f"{steps / 100:,.2f} s" if value >= 1000 else f"{steps / 10:,.1f} ms"
 
 
 class _Text(Formatter):
@@ -273,8 +279,8 @@ class _Text(Formatter):
         match format_spec:
             case "n":
                 return f"{value:,}"
-            case "ms":
-                return in_ms(value)
+            case "ms" | "most_ms":
+                return in_ms(value, most=format_spec == "most_ms")
             case "list":
                 *others, last = value
                 return render("and", lang=self._lang).join([", ".join(others), last] if others else [last])

@@ -21,6 +21,7 @@ from bussim.scenario.resolve.members import NN_KEYS, Member
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.yaml.source_map import Report
 from bussim.units import format_time
+from bussim.wording import counted
 
 MAX_STATIONS = MAX_SLAVES + 1
 
@@ -122,7 +123,7 @@ def _check_polling(bus: str, master: Member, members: list[Member], report: Repo
     if absent:
         report.warn(
             master.setting_path(D_SLAVES),
-            f"{master.name} polls {slaves} slaves (D8177), but {bus} has no station "
+            f"{master.name} polls {counted(slaves, 'slave')} (D8177), but {bus} has no station "
             f"{', '.join(map(str, absent))}: every link scan waits for what is not there",
         )
 

@@ -20,7 +20,7 @@ from bussim.scenario.rules.responses import Responses
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import suggest
+from bussim.wording import counted, suggest
 
 #: Keys of a Modbus poll only, and of a free-protocol one only.
 _MODBUS_KEYS = ("station", "function", "address", "from_", "values", "retries")
@@ -118,7 +118,7 @@ def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Rep
     limit = STANDARD_LIMITS.of(function)
     if not 1 <= count <= limit:
         at = "count" if poll.count is not None else "values"
-        has = f"is {count}" if at == "count" else f"has {count} entries"
+        has = f"is {count}" if at == "count" else f"has {counted(count, 'entry')}"
         allowed = f"1..{limit}" if limit > 1 else "1"
         report.error((*entry.path, at), f"{has}, allowed {allowed} (function {function})")
     elif poll.address is not None and poll.address + count > 0x10000:
@@ -150,7 +150,7 @@ def _check_values(entry: Entry[TransactionIn], poll: TransactionIn, report: Repo
         report.error(path, f"has no meaning for function {function}, which reads", key=True)
         return
     if len(poll.values) != poll.quantity:
-        report.error(path, f"has {len(poll.values)} entries, count is {poll.count}")
+        report.error(path, f"has {counted(len(poll.values), 'entry')}, count is {poll.count}")
     if SPACES[function].is_bit:
         wrong = next((value for value in poll.values if value not in (0, 1)), None)
         if wrong is not None:
@@ -250,7 +250,7 @@ def _check_free_data(entry: Entry[TransactionIn], poll: PollIn, port: PolledPort
         return
     if send_count < len(data):
         report.error(
-            (*entry.path, "send_count"), f"is {send_count}, fewer than the {len(data)} bytes that are given"
+            (*entry.path, "send_count"), f"is {send_count}, fewer than the {counted(len(data), 'byte')} given"
         )
     if not send_count and not count and not entry.lost("send_count", "count", "data", "text"):
         report.error(entry.path, "neither sends nor receives; expected send_count, data, text or count")

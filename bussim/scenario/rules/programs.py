@@ -10,6 +10,7 @@ from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of, link_of
 from bussim.scenario.yaml.source_map import Report
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.plc.program.text.catalog import Instruction
@@ -133,7 +134,12 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
         _warn_at(member, at, message, report)
     if len(found) > MAX_FOREIGN:
         more = len(found) - MAX_FOREIGN
-        _warn_at(member, found[MAX_FOREIGN][0], f"{more} more writes into blocks of other stations", report)
+        _warn_at(
+            member,
+            found[MAX_FOREIGN][0],
+            f"{counted(more, 'more write')} into blocks of other stations",
+            report,
+        )
 
 
 def _shared(extent: Extent, block: BlockRange) -> tuple[str, int, int] | None:

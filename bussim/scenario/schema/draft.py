@@ -29,7 +29,7 @@ from bussim.scenario.schema.document import (
 )
 from bussim.scenario.schema.programs import MAX_LATENCIES, LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import show, suggest
+from bussim.wording import counted, show, suggest
 
 if TYPE_CHECKING:
     from bussim.devices.forms import DeviceIn
@@ -156,7 +156,7 @@ def _section(
         return []
     least, most = size
     if not least <= len(items) <= most:
-        report.error(path, f"has {len(items)} entries, allowed {least}..{most}")
+        report.error(path, f"has {counted(len(items), 'entry')}, allowed {least}..{most}")
         return []
     entries = []
     for index, item in enumerate(items):
@@ -255,7 +255,7 @@ def _explain(model: type[Model], detail: Any, path: Path, data: object, report: 
     elif kind in ("too_short", "too_long"):
         low, high = context.get("min_length"), context.get("max_length")
         wanted = f"at least {low}" if kind == "too_short" else f"at most {high}"
-        report.error((*path, *loc), f"has {context['actual_length']} entries, allowed {wanted}")
+        report.error((*path, *loc), f"has {counted(context['actual_length'], 'entry')}, allowed {wanted}")
     else:
         found = "is empty" if detail["input"] is EMPTY else f"is {show(detail['input'])}"
         report.error((*path, *_existing(loc, data)), f"{found}, expected {_expected(model, loc, kind)}")

@@ -19,7 +19,7 @@ from bussim.forms.form import Model
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.units import TICKS_PER_SECOND
-from bussim.wording import show, suggest
+from bussim.wording import counted, show, suggest
 
 
 class TurnaroundIn(Model):
@@ -44,7 +44,9 @@ class TurnaroundIn(Model):
             if self.mean is not None or self.jitter is not None:
                 raise fail("excludes mean and jitter", "values")
             if self.weights is not None and len(self.weights) != len(self.values):
-                raise fail(f"has {len(self.weights)} entries, values has {len(self.values)}", "weights")
+                raise fail(
+                    f"has {counted(len(self.weights), 'entry')}, values has {len(self.values)}", "weights"
+                )
         elif self.weights is not None:
             raise fail("needs values", "weights")
         elif self.mean is None:

@@ -615,7 +615,7 @@ def test_a_program() -> None:
             "feeder refuses it every time: it does not have all of these addresses (exception 02)",
         ),
         ({"to": "D8255"}, "2 items do not lie in memory from D8255 on"),
-        ({"function": 16, "to": None, "values": (1,)}, "it has 1 values for 2 addresses"),
+        ({"function": 16, "to": None, "values": (1,)}, "it has 1 value for 2 addresses"),
         ({"function": 1, "count": 8, "to": "M0"}, "it does not have all of these addresses"),
     ],
 )

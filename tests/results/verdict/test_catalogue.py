@@ -8,6 +8,8 @@ from string import Formatter
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bussim.results.verdict import catalogue
 from bussim.results.verdict.catalogue import (
@@ -19,6 +21,7 @@ from bussim.results.verdict.catalogue import (
     meaning,
     render,
 )
+from bussim.results.verdict.link import _times
 
 #: Words that a reader of codes, names and figures is not to meet.
 WORDS = re.compile(r"\b(typical|somebody|nobody|tries|try)\b")
@@ -44,6 +47,7 @@ _VALUES: Mapping[str, Any] = {
     "": "x_1",
     "n": 1234,
     "ms": 50.41,
+    "most_ms": 50.41,
     "list": ["a_b", "c"],
     "counts": {"frame length": 2},
     "codes": {"01": 2, "04": 1},
@@ -81,8 +85,31 @@ def test_codes_are_said_in_words() -> None:
     assert meaning("7F") == "code 7F"
 
 
-def test_milliseconds_have_three_digits() -> None:
-    assert [in_ms(value) for value in (50.412, 348.67, 5279.2)] == ["50.4 ms", "349 ms", "5.28 s"]
+def test_milliseconds_have_one_decimal() -> None:
+    assert [in_ms(value) for value in (50.412, 348.64, 5279.2)] == ["50.4 ms", "348.6 ms", "5.28 s"]
+
+
+def test_what_is_not_exceeded_is_rounded_up() -> None:
+    values = (50.4, 50.400001, 348.61, 999.96, 5279.2, 5280.0, 5280.001)
+    shown = ["50.4 ms", "50.5 ms", "348.7 ms", "1,000.0 ms", "5.28 s", "5.28 s", "5.29 s"]
+    assert [in_ms(value, most=True) for value in values] == shown
+
+
+@given(st.lists(st.floats(0, 20_000).map(lambda value: round(value, 6)), min_size=3, max_size=3).map(sorted))
+def test_no_rounding_puts_a_quantile_above_the_maximum(times: list[float]) -> None:
+    median, p99, longest = times
+    link = {
+        "scans": 9,
+        "scan_time_ms": {"p50": median, "p99": p99, "max": longest, "max_at_s": 0, "max_cause": ""},
+    }
+    told = " ".join(render(key, {"bus": "link", **values}) for key, values in _times(link))
+    numbers = [
+        float(number.replace(",", "")) * (1000 if unit == "s" else 1)
+        for number, unit in re.findall(r"([0-9,.]+) (m?s)\b", told)[:3]
+    ]
+    assert numbers == sorted(numbers)
+    assert numbers[1] >= p99
+    assert numbers[2] >= longest
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_answers_to_other_requests_are_none_of_its_own() -> None:
     port = result.summary["ports"]["press.COM3"]
     assert (port["transactions"], port["ok"], port["mismatched_responses"]) == (1356, 678, 678)
     assert (port["answered_with_own_data"], port["late_responses"]) == (0, 678)
-    assert "press.COM3: of 1,356 requests none was answered with its own data." in console(result)
+    assert "press.COM3: requests answered with their own data: none of 1,356." in console(result)
     assert "with success" not in page(result)
 
 

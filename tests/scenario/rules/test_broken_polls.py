@@ -218,7 +218,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "send_count": (
         spoilt((FREE_POLL, "{port: COM5, send: D300, text: abc, send_count: 2}")),
-        ["x.yaml:17:57: polls.1.send_count is 2, fewer than the 3 bytes that are given"],
+        ["x.yaml:17:57: polls.1.send_count is 2, fewer than the 3 bytes given"],
     ),
     "send M": (
         spoilt((FREE_POLL, "{port: COM5, send: M300, text: abc}")),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from bussim.plc.memory import FIRST_LONG_COUNTER, Device
 from bussim.plc.program.text.catalog import Form, Instruction, LadderRole, Slot
 from bussim.plc.program.text.operands import Operand, range_of, range_text
+from bussim.wording import counted
 
 #: The first counter that counts in hardware, from its own inputs (FX programming manual).
 FIRST_FAST_COUNTER = 235
@@ -47,7 +48,7 @@ def operand_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> li
     slots = slots_of(form, operands)
     if len(operands) != len(slots):
         names = ", ".join(slot.name for slot in slots)
-        wanted = f"{len(slots)} operand{'' if len(slots) == 1 else 's'} ({names})" if slots else "no operand"
+        wanted = f"{counted(len(slots), 'operand')} ({names})" if slots else "no operand"
         # The first one too many, or the mnemonic that misses some.
         at = len(slots) if len(operands) > len(slots) else -1
         return [(at, f"{name} takes {wanted}, found {len(operands) or 'none'}")]
