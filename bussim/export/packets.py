@@ -29,14 +29,14 @@ DISSECTORS: Final = {"nn": "nn.lua", "modbus-ascii": "mbascii.lua"}
 
 
 def write_pcapng(path: Path, job: Job) -> Written:
-    """Write the frames as packets, one interface a bus (two where two protocols are spoken on it)."""
+    """Write the frames as packets, one interface a bus (two where two protocols are used on it)."""
     selection, survey, encapsulation = job.selection, job.survey, job.encapsulation
     with path.open("wb") as file:
         writer = PcapngWriter(file, f"bussim {__version__}", job.comment)
         interfaces: dict[tuple[str, str], int] = {}
         gateways: dict[str, Gateway] = {}
         for number, bus in enumerate(survey.buses.values(), 1):
-            for protocol in bus.protocols or _spoken(selection, bus.name):
+            for protocol in bus.protocols or _protocols_of(selection, bus.name):
                 wrapped = encapsulation == "udp" and protocol == "modbus-rtu"
                 if protocol not in LINK_TYPES:
                     raise UsageError(f"frames of the protocol {protocol!r} have no link type in pcapng")
@@ -64,7 +64,7 @@ def write_pcapng(path: Path, job: Job) -> Written:
     return Written(survey.frames, tuple(survey.buses), tuple(how_to_open(survey, encapsulation)))
 
 
-def _spoken(selection: Selection, name: str) -> list[str]:
+def _protocols_of(selection: Selection, name: str) -> list[str]:
     """The protocol of a bus without a frame."""
     bus = selection.trace.header.bus(name)
     return ["nn"] if bus is not None and bus.protocol is BusProtocol.NN else ["modbus-rtu"]
@@ -93,16 +93,16 @@ def _comment(received: Received, bus: BusSurvey) -> str:
 
 def how_to_open(survey: Survey, encapsulation: str) -> list[str]:
     """The options that Wireshark needs to read these packets, as lines for the user."""
-    spoken = {protocol for bus in survey.buses.values() for protocol in bus.protocols}
+    protocols = {protocol for bus in survey.buses.values() for protocol in bus.protocols}
     options: list[str] = []
-    if "modbus-rtu" in spoken:
+    if "modbus-rtu" in protocols:
         options.append(
             f"-o mbrtu.udp.port:{PORT}"
             if encapsulation == "udp"
             else """-o 'uat:user_dlts:"User 0 (DLT=147)","mbrtu","0","","0",""'"""
         )
         options.append("-o mbrtu.crc_verification:TRUE")
-    options += [f"-X lua_script:{script(name)}" for key, name in DISSECTORS.items() if key in spoken]
+    options += [f"-X lua_script:{script(name)}" for key, name in DISSECTORS.items() if key in protocols]
     return [f"Wireshark or tshark needs: {' '.join(options)}"] if options else []
 
 

@@ -13,13 +13,13 @@ from bussim.report.tables import NONE, Cell, Table, found, number, pointer
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
 from bussim.results.numbers import adding_up
 from bussim.results.text.latency import (
+    bounds_in_words,
     caveats,
     counts_in_words,
     edge_in_words,
     lost_in_words,
     part_names,
     shown_bounds,
-    told_bounds,
 )
 from bussim.results.verdict.catalogue import in_ms
 from bussim.units import milliseconds
@@ -85,7 +85,7 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
         usual = in_ms(times[{"mean": "mean", "median": "p50"}[which]])
         longest = in_ms(times["max"], most=True)
         what = f"{which} {usual}, maximum {longest}, {entry['max_at_s']:.2f} s after the start"
-        cases = [f"{in_ms(bound, most=True)} with {case}" for case, bound in told_bounds(entry).items()]
+        cases = [f"{in_ms(bound, most=True)} with {case}" for case, bound in bounds_in_words(entry).items()]
     yield f"{_heading(name, entry)}, {edge_in_words(entry)}: {what} ({counts_in_words(entry)})."
     if hint := lost_in_words(entry):
         yield f"{name}: {hint}."
@@ -190,7 +190,7 @@ def _charts(source: Source, name: str, drawn: Charts) -> list[Chart]:
     record, entry = source.record.latency[name], source.summary["latency"][name]
     times = entry["ms"]
     near = shown_bounds(entry, times["max"])
-    far = {case: bound for case, bound in told_bounds(entry).items() if case not in near}
+    far = {case: bound for case, bound in bounds_in_words(entry).items() if case not in near}
     longest = max([times["max"], *near.values()])
     quantity = _quantity(record)
     where = f"from {times['min']:.1f} to {times['max']:.1f} ms, mean {times['mean']:.1f} ms"

@@ -122,9 +122,9 @@ class Distribution:
             return high
         # The lightest components change the tail by less than 1e-10 of q.
         heavy = self.weight > q * 1e-10 / self.shift.size
-        left, right = self._stretch(low, high, upper, heavy).rough(q, low, high)
+        left, right = self._segment(low, high, upper, heavy).rough(q, low, high)
         while True:
-            near = self._stretch(left, right, upper, heavy)
+            near = self._segment(left, right, upper, heavy)
             cuts = left + (right - left) * _ENDS
             tails = near.tail(cuts)
             index = int(np.count_nonzero(tails > q))
@@ -142,7 +142,7 @@ class Distribution:
                 if right - left <= max(_NARROW, 4 * np.spacing(right)):
                     return right
 
-    def _stretch(self, low: float, high: float, upper: Floats, heavy: NDArray[np.bool_]) -> _Segment:
+    def _segment(self, low: float, high: float, upper: Floats, heavy: NDArray[np.bool_]) -> _Segment:
         above = self.shift >= high
         chosen = np.nonzero(heavy & ~above & (upper > low))[0]
         return _Segment(

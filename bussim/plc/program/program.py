@@ -95,7 +95,7 @@ class Program:
         """What the program's instructions write, where no index register decides."""
         both = self.turns_bmov
         return tuple(
-            extent for at in self.instructions for extent in extents(at, both_ways=both) if extent.writes
+            extent for at in self.instructions for extent in extents(at, backwards=both) if extent.writes
         )
 
 

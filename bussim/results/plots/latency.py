@@ -40,11 +40,11 @@ from bussim.results.plots.style import (
 )
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import (
+    bounds_in_words,
     caveats,
     counts_in_words,
     part_names,
     shown_bounds,
-    told_bounds,
 )
 from bussim.units import TICKS_PER_MS, milliseconds
 
@@ -167,7 +167,7 @@ def _heading(name: str, records: Sequence[LatencyRecord]) -> str:
 
 def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[_Mark]:
     near = shown_bounds(summary, milliseconds(record.histogram.maximum or 0))
-    far = {case: bound for case, bound in told_bounds(summary).items() if case not in near}
+    far = {case: bound for case, bound in bounds_in_words(summary).items() if case not in near}
     return [
         *(
             _bound_mark(case, bound, "", DISTRIBUTION, "-", 1 if number else 2)

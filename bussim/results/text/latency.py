@@ -33,7 +33,7 @@ def shown_bounds(summary: Mapping[str, Any], longest: float = 0.0) -> dict[str, 
     return {case: bound for case, bound in bounds.items() if bound <= over}
 
 
-def told_bounds(summary: Mapping[str, Any]) -> dict[str, float]:
+def bounds_in_words(summary: Mapping[str, Any]) -> dict[str, float]:
     """The bounds of an entry of the summary that stand in words (ms), by case."""
     bounds: Mapping[str, float] = summary.get("bound_ms", {})
     return {case: bounds[case] for case in _SHOWN_BOUNDS if case in bounds}
@@ -73,7 +73,7 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         hint = lost_in_words(entry)
         if hint:
             yield f"  {hint}"
-        bounds = told_bounds(entry) if times["max"] is not None else {}
+        bounds = bounds_in_words(entry) if times["max"] is not None else {}
         if times["max"] is not None:
             numbers = {"min": "min", "median": "p50", "mean": "mean", "p99": "p99", "max": "max"}
             shown = [f"{word} {times[key]:.3f}" for word, key in numbers.items() if times[key] is not None]

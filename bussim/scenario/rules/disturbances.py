@@ -188,6 +188,6 @@ def _check_bits(path: Path, given: FlipBitsIn, node: Node, report: Report) -> No
         return
     kinds = LINK_FRAMES if _on_link(node) else MODBUS_FRAMES if node.mode is not None else ()
     if given.frame not in kinds:
-        speaks = "N:N" if _on_link(node) else "Modbus" if kinds else "no protocol with kinds of frames"
+        protocol = "N:N" if _on_link(node) else "Modbus" if kinds else "no protocol with kinds of frames"
         allowed = f"; allowed {', '.join(kinds)}" if kinds else ""
-        report.error((*path, "frame"), f"is {given.frame}, but {node.name} speaks {speaks}{allowed}")
+        report.error((*path, "frame"), f"is {given.frame}, but {node.name} speaks {protocol}{allowed}")

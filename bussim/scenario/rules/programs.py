@@ -118,7 +118,7 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
     found = [
         (at, shared, station)
         for at in program.instructions
-        for extent in extents(at, both_ways=turns)
+        for extent in extents(at, backwards=turns)
         if extent.writes
         for station, block in blocks.items()
         if (shared := _shared(extent, block)) is not None

@@ -108,7 +108,7 @@ class Network:
             yield Node(self.reads(item.condition), [level], item.condition)
             self._levels[item] = level
             for at in item.outputs:
-                touched = extents(at, both_ways=program.turns_bmov)
+                touched = extents(at, backwards=program.turns_bmov)
                 writes = [extent for extent in touched if extent.writes]
                 yield Node([*touched, level], writes, item.condition, at)
 

@@ -50,7 +50,7 @@ def text_sum(text: bytes) -> int:
 
 
 @pytest.mark.parametrize("name", GOLDEN)
-def test_golden_frames_both_ways(name: str) -> None:
+def test_golden_frames_backwards(name: str) -> None:
     frame, chars = GOLDEN[name]
     assert frame.chars == chars
     assert decode(chars) == frame

@@ -196,7 +196,7 @@ def test_preset_0_is_as_1() -> None:
         assert rig.scan(X0=1).bit("C0") == 1
 
 
-def test_a_32_bit_counter_counts_both_ways() -> None:
+def test_a_32_bit_counter_counts_backwards() -> None:
     rig = Rig("LD X1 / OUT M8200 / LD X0 / OUT C200 K-3").put(C200=-5)
     seen = []
     for down in (0, 0, 0, 0, 1, 1, 1):

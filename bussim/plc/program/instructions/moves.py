@@ -179,9 +179,9 @@ def block_writer(machine: Machine, operand: Operand, *, wide: bool = False) -> C
 
 
 def move_block(machine: Machine, at: Instruction) -> Act:
-    """BMOV: n words (or groups) on, as if all were read before the first is written; M8024: the other way."""
+    """BMOV: n words (or groups) on, as if all were read before the first is written; M8024: backwards."""
     source, target, count = at.operands
-    onwards, back = (_move_block(machine, *way, count) for way in ((source, target), (target, source)))
+    onwards, back = (_move_block(machine, *pair, count) for pair in ((source, target), (target, source)))
     flags = machine.bits["M"]
 
     def act() -> None:

@@ -177,13 +177,13 @@ def _extent_problem(name: str, operand: Operand, extent: Extent) -> str | None:
     return None
 
 
-def extents(instruction: Instruction, *, both_ways: bool = False) -> list[Extent]:
+def extents(instruction: Instruction, *, backwards: bool = False) -> list[Extent]:
     """What an instruction touches whose operands have no index; of an indexed one nothing is known.
 
-    ``both_ways``: M8024 may make a BMOV write its source.
+    ``backwards``: M8024 may make a BMOV write its source.
     """
     found = _extents(instruction.form, instruction.operands)
-    if both_ways and instruction.spec.name == "BMOV" and found[0] is not None and found[0].letter != "X":
+    if backwards and instruction.spec.name == "BMOV" and found[0] is not None and found[0].letter != "X":
         found[0] = replace(found[0], writes=True)
     kept = [
         extent
