@@ -187,7 +187,7 @@ def test_the_exact_solver_knows_it(name: str) -> None:
                 if record.sent is not None and record.answer_end is not None
             ]
             assert len(times) > 10
-            assert poll.answer.least <= min(times) <= max(times) <= poll.answer.most
+            assert poll.response_end.least <= min(times) <= max(times) <= poll.response_end.most
         case "master":
             assert lists[device].valid, lists[device].obstacles
         case "free protocol":
