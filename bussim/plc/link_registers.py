@@ -54,14 +54,21 @@ def setting_defaults(profile: Profile) -> dict[int, int]:
     return {D_STATION: 0, D_SLAVES: 7, D_MODE: 0, D_RETRIES: 3, D_TIMEOUT: profile.default_timeout}
 
 
-def memory_at_power_on(profile: Profile, registers: Mapping[Device, int]) -> Memory:
-    """The memory of a PLC when its supply comes; ``registers`` are what the scenario sets."""
+def memory_at_power_on(
+    profile: Profile, registers: Mapping[Device, int], before: Memory | None = None
+) -> Memory:
+    """The memory of a PLC when its supply comes; ``registers`` are what the scenario sets.
+
+    ``before`` is its memory when the supply went: what the profile's family keeps stays as it was there.
+    """
     memory = Memory()
     for address, value in setting_defaults(profile).items():
         memory.set_word("D", address, value)
     memory.set(COM2_STATION, profile.com2_station)
     for device, value in registers.items():
         memory.set(device, value)
+    if before is not None:
+        memory.keep(before, profile.latched)
     return memory
 
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 import sys
 from array import array
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 #: Bit devices and their address ranges (both ends included). T and C are the contacts.
 BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
@@ -28,6 +29,8 @@ WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "C": ((0, 255),),
 }
 FIRST_LONG_COUNTER = 200
+#: M8000 and D8000 on are special devices.
+FIRST_SPECIAL = 8000
 #: V0–V7 and Z0–Z7.
 INDEX_REGISTERS = 8
 #: Words that can be observed and that nothing but a program sets: current values, index registers.
@@ -115,6 +118,32 @@ def _near(name: str, *, observed: bool) -> str | None:
     return None
 
 
+class DeviceRange(NamedTuple):
+    """Devices of one letter, both ends included; of T and C the contact, the value and the hold of RST."""
+
+    letter: str
+    first: int
+    last: int
+
+    def __str__(self) -> str:
+        return f"{self.letter}{self.first}-{self.letter}{self.last}"
+
+
+#: What a program uses: all devices but inputs and special ones.
+OWN_DEVICES = tuple(DeviceRange(letter, 0, FIRST_SPECIAL - 1) for letter in "YMSTCDVZ")
+
+
+def parse_range(text: str) -> DeviceRange:
+    """The range of a text such as ``M500-M3071``. Raises ValueError with a message for the user."""
+    ends = [parse_device(end.strip()) for end in text.replace("–", "-").split("-")]
+    first, last = ends[0], ends[-1]
+    if len(ends) != 2 or first.letter != last.letter or first.letter not in "MSTCD":
+        raise ValueError(f"is {text!r}, expected a range of M, S, T, C or D such as M500-M3071")
+    if last.address < first.address or (first.address < FIRST_SPECIAL) != (last.address < FIRST_SPECIAL):
+        raise ValueError(f"is {text!r}; the first must not lie above the last, nor specials among others")
+    return DeviceRange(first.letter, first.address, last.address)
+
+
 @dataclass(frozen=True, slots=True)
 class BlockRange:
     """Where a station's shared block lies: ``bits`` M points from ``bit``, ``words`` D from ``word``."""
@@ -149,6 +178,8 @@ class Memory:
             "Z": array("H", bytes(2 * INDEX_REGISTERS)),
         }
         self._words |= {"TN": self._words["T"], "CN": self._words["C"]}
+        #: Of each timer and counter: whether an RST holds it.
+        self.held = {letter: bytearray(256) for letter in "TC"}
 
     def bits(self, letter: str) -> bytearray:
         """All bits of a letter by address, 0 or 1 each: the memory itself, where speed matters.
@@ -184,6 +215,18 @@ class Memory:
         """Set a word device to the value's low 16 bits (C200–C255: 32)."""
         long = letter == "C" and address >= FIRST_LONG_COUNTER
         self._words[letter][address] = value & (0xFFFFFFFF if long else 0xFFFF)
+
+    def keep(self, other: Memory, latched: Iterable[DeviceRange]) -> None:
+        """Take over what another memory holds of some devices; those that there are not are passed over."""
+        shelves: tuple[tuple[Any, Any], ...] = (
+            (self._bits, other._bits),
+            (self._words, other._words),
+            (self.held, other.held),
+        )
+        for letter, first, last in latched:
+            for mine, others in shelves:
+                if letter in mine:
+                    mine[letter][first : last + 1] = others[letter][first : last + 1]
 
     def block_image(self, block: BlockRange) -> bytes:
         """A shared block as its frame carries it: M low byte first, then D words high byte first."""

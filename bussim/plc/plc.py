@@ -13,7 +13,7 @@ from bussim.plc.errors import SerialErrors
 from bussim.plc.inputs import Stimulus
 from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power_on
 from bussim.plc.logic import Logic
-from bussim.plc.memory import Device, Memory, parse_device
+from bussim.plc.memory import OWN_DEVICES, Device, Memory, parse_device
 from bussim.plc.observer import PlcObserver
 from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.ports.port_registers import Maps, PortRegisters
@@ -28,6 +28,8 @@ from bussim.units import round_half_up
 Received = Callable[[int, int], Iterable[tuple[int, bytes]]]
 
 _NEVER = 1 << 62
+#: M8033 keeps what is not latched, outputs too, at RUN→STOP (FX programming manual).
+HOLD_MEMORY = 8033
 
 
 class PlcState(Enum):
@@ -92,6 +94,7 @@ class Plc:
         self._registers = {parse_device(name): value for name, value in registers.items()}
         self._sources = {parse_device(name): source for name, source in sources.items()}
         self._linked = linked
+        self._kept: Memory | None = None  # at the latest power-off
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
@@ -118,8 +121,8 @@ class Plc:
     # -- supply and mode switch --------------------------------------------------------------------
 
     def power_on(self, now: int = 0) -> None:
-        """The supply comes back: memory at its power-on values, then STOP."""
-        self.memory = memory_at_power_on(self.profile, self._registers)
+        """The supply comes (back): memory at its power-on values, but what is latched, then STOP."""
+        self.memory = memory_at_power_on(self.profile, self._registers, self._kept)
         self.errors = SerialErrors(self.memory)
         self.link_registers = LinkRegisters(self.profile, self.memory, self.errors)
         for port, code in self._board_errors:
@@ -165,7 +168,11 @@ class Plc:
         return engine, first_end
 
     def stop(self, now: int) -> None:
-        """RUN→STOP: what had arrived by the last END stays in memory. An END at ``now`` does not happen."""
+        """RUN→STOP. An END at ``now`` does not happen.
+
+        What had arrived by the last END stays in memory where that is latched. All else that a program
+        uses becomes what it is at power-on, unless M8033 is on (FX programming manual, 4.12.1).
+        """
         self.sync(now - 1)
         self.cycle.stop(now - 1)
         self.link_registers.release()
@@ -174,12 +181,16 @@ class Plc:
         if self.logic is not None:
             self.record_faults(now)
             self.logic.stop()
+        if not self.memory.bits("M")[HOLD_MEMORY]:
+            again = memory_at_power_on(self.profile, self._registers, self.memory)
+            self.memory.keep(again, OWN_DEVICES)
         self.state = PlcState.STOP
 
     def power_off(self, now: int) -> None:
-        """The supply goes; the memory is lost when it comes back."""
+        """The supply goes; of the memory only what is latched will be there when it comes back."""
         if self.state is PlcState.RUN:
             self.stop(now)
+        self._kept = self.memory
         self.state = PlcState.OFF
 
     def board_error(self, port: str, code: int) -> None:

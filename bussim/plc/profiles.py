@@ -2,7 +2,7 @@
 
 Sources: "PW10" is the user guide of the PW10-2RS485-BD board, sections 5 to 8; "FX" the FX series
 communication manual JY992D69901 rev. E, chapters 2.2.1, 4 and 12.2, whose N:N network the PW10
-copies; "std" Modbus over serial line V1.02, section 2; "fit" was derived from the link times
+copies; "FX programming" the FX series programming manual JY992D88101, chapter 4; "std" Modbus over serial line V1.02, section 2; "fit" was derived from the link times
 published by FX; "assumed" is ours, because no public source says so, and is therefore a field that a
 scenario can change.
 """
@@ -16,6 +16,7 @@ from typing import Annotated, NamedTuple, assert_never
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
+from bussim.plc.memory import DeviceRange
 from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -129,6 +130,32 @@ _PW10_DEVICES = LinkDevices(8201, 8183, 8191)
 _FX1S_DEVICES = LinkDevices(201, 504, 503)
 
 
+#: M500–M3071, S500–S999, T246–T255, C100–C199, C220–C255, D200–D7999 (FX programming, for the FX2N).
+_FX2N_LATCHED = (
+    DeviceRange("M", 500, 3071),
+    DeviceRange("S", 500, 999),
+    DeviceRange("T", 246, 255),
+    DeviceRange("C", 100, 199),
+    DeviceRange("C", 220, 255),
+    DeviceRange("D", 200, 7999),
+)
+#: As the FX2N, and M to M7679, S to S4095, and R (FX3U: from memory, assumed).
+_FX3U_LATCHED = (
+    *_FX2N_LATCHED,
+    DeviceRange("M", 3072, 7679),
+    DeviceRange("S", 1000, 4095),
+    DeviceRange("R", 0, 32767),
+)
+#: FX1S: M384–M511, S0–S127, C16–C31, C235–C255, D128–D255 (FX programming).
+_FX1S_LATCHED = (
+    DeviceRange("M", 384, 511),
+    DeviceRange("S", 0, 127),
+    DeviceRange("C", 16, 31),
+    DeviceRange("C", 235, 255),
+    DeviceRange("D", 128, 255),
+)
+
+
 class Ticks(NamedTuple):
     """The times that a scenario may give a field, in ticks, both ends included."""
 
@@ -144,7 +171,7 @@ class Number(NamedTuple):
 
 
 class Composed:
-    """Marks a field that a scenario gives as a mapping with a form of its own."""
+    """Marks a field that a scenario gives in a form of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +200,8 @@ class Profile:
     ``documented_modes``      those of them that the settings table lists                    PW10, FX
     ``word_spacing``          distance of the stations' D blocks                             PW10, FX
     ``devices``               addresses of the special devices                               PW10, FX
+    ``latched``               what stays over a power loss and RUN→STOP                      FX programming;
+                                                                                             PW10: assumed
     ``transaction_time``      what each active transaction of a port adds to a PLC scan      assumed
     ``broadcast_turnaround``  a Modbus master's pause after a broadcast (100 to 200 ms)      std
     ``rtu_gaps``              the silences of Modbus RTU on the ports                        std
@@ -202,6 +231,7 @@ class Profile:
     documented_modes: tuple[int, ...] = (0, 1, 2)
     word_spacing: Annotated[int, Number(4, 1000)] = 32
     devices: LinkDevices = _PW10_DEVICES
+    latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED
     transaction_time: Annotated[int, Ticks(0, TICKS_PER_SECOND)] = TICKS_PER_MS // 5
     broadcast_turnaround: Annotated[int, Ticks(0, 60 * TICKS_PER_SECOND)] = 100 * TICKS_PER_MS
     rtu_gaps: Annotated[GapRule, Composed] = STANDARD_GAPS
@@ -223,8 +253,15 @@ _FX2N = replace(
 PROFILES: dict[str, Profile] = {
     "pw10": _PW10,
     "fx2n": _FX2N,
-    "fx3u": replace(_FX2N, name="fx3u"),
-    "fx1s": replace(_FX2N, name="fx1s", modes=(0,), documented_modes=(0,), devices=_FX1S_DEVICES),
+    "fx3u": replace(_FX2N, name="fx3u", latched=_FX3U_LATCHED),
+    "fx1s": replace(
+        _FX2N,
+        name="fx1s",
+        modes=(0,),
+        documented_modes=(0,),
+        devices=_FX1S_DEVICES,
+        latched=_FX1S_LATCHED,
+    ),
 }
 
 #: Largest number of slaves and of retries (PW10, section 7.4: D8177 1–7, D8179 0–10).

@@ -65,10 +65,10 @@ class PlcUnit:
             plc.stop(now)
             for port in self.ports:
                 port.report_events()
-        if plc.state is not PlcState.OFF and not powered:
-            plc.power_off(now)
             if self.link is not None:
                 self.link.bus.block_history.forget(self.link.position)
+        if plc.state is not PlcState.OFF and not powered:
+            plc.power_off(now)
         if plc.state is PlcState.OFF and powered:
             plc.power_on(now)
         if plc.state is PlcState.STOP and running and powered:

@@ -9,7 +9,7 @@ import pytest
 from bussim.engines.nn.frames import LinkSettings
 from bussim.engines.nn.slave import Slave
 from bussim.line.random_streams import Streams
-from bussim.plc.memory import Device
+from bussim.plc.memory import Device, DeviceRange, parse_device
 from bussim.plc.plc import Plc, PlcState
 from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.profiles import PROFILES, Profile
@@ -57,19 +57,112 @@ def test_power_on_gives_the_memory_its_values_and_stops() -> None:
     tested.run(0, traced=False)
     tested.memory.set_word("D", 100, 99)
     tested.memory.set_word("D", 101, 99)
+    tested.memory.set_word("D", 8120, 99)
     tested.power_off(10)
     assert tested.state is PlcState.OFF
     tested.power_on()
-    assert (tested.read("D100"), tested.read("D101")) == (7, 0)
+    assert (tested.read("D100"), tested.read("D101"), tested.read("D8120")) == (7, 0, 0)
 
 
-def test_stop_keeps_the_memory() -> None:
-    tested = plc()
+#: Of each profile: devices that are general, and such as are latched, at the ends of the ranges.
+MEMORY = {
+    "fx2n": (
+        "M0 M499 S0 S499 T0 T245 C0 C99 C200 C219 D0 D199 Y0",
+        "M500 M3071 S500 S999 T246 T255 C100 C199 C220 C255 D200 D7999",
+    ),
+    "fx1s": (
+        "M0 M383 M512 S128 T0 T246 C0 C15 C32 C234 D0 D127 D256 Y0",
+        "M384 M511 S0 S127 C16 C31 C235 C255 D128 D255",
+    ),
+}
+MEMORY["pw10"] = MEMORY["fx3u"] = MEMORY["fx2n"]
+
+
+def marked(profile: Profile, *, hold: int = 0, **registers: int) -> Plc:
+    """A PLC in RUN all of whose devices named above hold something."""
+    tested = plc(profile=profile, linked=False, **registers)
     tested.run(0, traced=False)
-    tested.memory.set_word("D", 100, 99)
+    memory = tested.memory
+    memory.set(Device("M", 8033), hold)
+    for name in " ".join(MEMORY[profile.name]).split():
+        device = parse_device(name)
+        memory.set(device, 1)
+        if device.letter in "TC":
+            memory.set_word(device.letter, device.address, 5)
+            memory.held[device.letter][device.address] = 1
+    memory.words("V")[3] = memory.words("D")[8200] = memory.bits("M")[8200] = memory.bits("X")[1] = 1
+    return tested
+
+
+def held(tested: Plc, names: str) -> list[tuple[int, int, int]]:
+    """Of each device: its bit or word, and of a timer or counter its value and whether an RST holds it."""
+    found = []
+    for name in names.split():
+        letter, address = parse_device(name)
+        timed = letter in "TC"
+        found.append(
+            (
+                tested.read(name),
+                tested.memory.word(letter, address) if timed else 5,
+                tested.memory.held[letter][address] if timed else 1,
+            )
+        )
+    return found
+
+
+@pytest.mark.parametrize("name", MEMORY)
+@pytest.mark.parametrize("supply", [False, True])
+def test_what_is_latched_stays_over_stop_and_over_a_power_loss(name: str, *, supply: bool) -> None:
+    tested = marked(PROFILES[name])
+    general, latched = MEMORY[name]
     tested.stop(10)
-    tested.run(20, traced=False)
-    assert tested.read("D100") == 99
+    if supply:
+        tested.power_off(10)
+        tested.power_on(20)
+    tested.run(30, traced=False)
+    assert held(tested, latched) == [(1, 5, 1)] * len(latched.split())
+    assert [item[0] for item in held(tested, general)] == [0] * len(general.split())
+    for device in map(parse_device, general.split()):
+        if device.letter in "TC":
+            assert tested.memory.word(*device) == tested.memory.held[device.letter][device.address] == 0
+    # Special devices and inputs are no program's to keep: STOP leaves them alone.
+    kept = 0 if supply else 1
+    memory = tested.memory
+    assert (memory.words("V")[3], memory.words("D")[8200], memory.bits("M")[8200]) == (0, kept, kept)
+    assert memory.bits("X")[1] == kept
+
+
+def test_m8033_keeps_all_at_stop_but_nothing_without_supply() -> None:
+    general, latched = MEMORY["fx2n"]
+    tested = marked(PROFILES["fx2n"], hold=1)
+    tested.stop(10)
+    assert held(tested, f"{general} {latched}") == [(1, 5, 1)] * len(f"{general} {latched}".split())
+    tested.power_off(20)
+    tested.power_on(30)
+    assert [item[0] for item in held(tested, general)] == [0] * len(general.split())
+    assert held(tested, latched) == [(1, 5, 1)] * len(latched.split())
+
+
+@pytest.mark.parametrize("supply", [False, True])
+def test_registers_are_what_a_general_device_begins_with_again(*, supply: bool) -> None:
+    tested = plc(D100=7, D300=8)
+    tested.run(0, traced=False)
+    for address in (100, 101, 300):
+        tested.memory.set_word("D", address, 99)
+    tested.stop(10)
+    if supply:
+        tested.power_off(10)
+        tested.power_on(20)
+    assert [tested.read(name) for name in ("D100", "D101", "D300")] == [7, 0, 99]
+
+
+def test_a_profile_says_what_is_latched() -> None:
+    tested = plc(profile=replace(PW10, latched=(DeviceRange("D", 3, 4), DeviceRange("R", 0, 9))))
+    tested.run(0, traced=False)
+    for address in range(2, 6):
+        tested.memory.set_word("D", address, 99)
+    tested.stop(10)
+    assert [tested.read(f"D{address}") for address in range(2, 6)] == [0, 99, 99, 0]
 
 
 @pytest.mark.parametrize(("linked", "mean", "jitter"), [(True, 1100, 110), (False, 1000, 100)])
@@ -174,9 +267,9 @@ def test_another_stations_block_is_overwritten_by_what_was_received() -> None:
     assert tested.read("D32") == 99
 
 
-def test_a_slave_takes_nothing_before_it_knows_the_mode_and_keeps_it_at_stop() -> None:
+def test_a_slave_takes_nothing_before_it_knows_the_mode_and_keeps_what_is_latched_at_stop() -> None:
     tested = plc(1)
-    tested.received = lambda *_: [(0, bytes(4) + b"\x00\x63" * 4)]
+    tested.received = lambda *_: [(0, b"\1" + bytes(3) + b"\x00\x63" * 4)]
     engine, _ = tested.run(0, traced=False)
     assert isinstance(engine, Slave)
     tested.sync(PHASE)
@@ -184,18 +277,18 @@ def test_a_slave_takes_nothing_before_it_knows_the_mode_and_keeps_it_at_stop() -
     tested.parameters(SETTINGS, PHASE)
     engine.stop(PHASE + 3)
     tested.stop(PHASE + 3)
-    assert tested.read("D0") == 99
+    assert (tested.read("M1000"), tested.read("D0")) == (1, 0)
     assert tested.state is PlcState.STOP
 
 
 def test_an_end_at_the_tick_of_stop_does_not_happen() -> None:
-    tested = plc(sources={"D100": Counter(1)})
+    tested = plc(sources={"D200": Counter(1)})
     tested.run(0, traced=False)
     tested.stop(PHASE + SCAN)
-    assert tested.read("D100") == PHASE
+    assert tested.read("D200") == PHASE
     tested.run(10_000, traced=False)
     tested.stop(10_000 + PHASE + 1)
-    assert tested.read("D100") == 10_000 + PHASE
+    assert tested.read("D200") == 10_000 + PHASE
 
 
 @pytest.mark.parametrize(("profile", "word"), [("pw10", 64), ("fx2n", 20)])

@@ -15,9 +15,8 @@ What a PLC does after the watchdog has expired is not public. Assumed: its outpu
 scan follows until STOP→RUN, while its END goes on serving the link and the ports, with what memory
 holds; the scan in which it expired lasts as long as its instructions took until then.
 
-At STOP→RUN the outputs Y, the timers T0–T245 and the counters C0–C99 and C200–C219 are cleared, as are
-all memories of edges, the holds of RST and the operation error (M8067 M8068, D8067–D8069). M, S and D
-keep what they have: a scenario's registers are set before RUN (assumed).
+At STOP→RUN all memories of edges are cleared, and the operation error (M8067 M8068, D8067–D8069). What
+becomes of devices at RUN→STOP and at a power loss is the PLC's business (:mod:`bussim.plc.plc`).
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ from bussim.plc.memory import Memory
 from bussim.plc.program.compiled.build import blocks
 from bussim.plc.program.compiled.code import END
 from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes, ticks_of
-from bussim.plc.program.instructions.coils import FIRST_RETENTIVE_TIMER
 from bussim.plc.program.machine import (
     CALLS_TOO_DEEP,
     ERROR,
@@ -52,8 +50,6 @@ WATCHDOG_CODE = 6105
 MAX_BLOCKS = 1_000_000
 
 _NS_PER_MS = 1_000_000
-_CLEARED_TIMERS = range(FIRST_RETENTIVE_TIMER)
-_CLEARED_COUNTERS = (range(100), range(200, 220))
 #: D8010, D8011 and D8012, and their unit of 0.1 ms.
 _SCAN_NOW, _SCAN_LEAST, _SCAN_MOST = 8010, 8011, 8012
 _SCAN_UNIT = TICKS_PER_MS // 10
@@ -115,13 +111,7 @@ class ProgramRun:
         """STOP→RUN at a tick."""
         machine, m = self._machine, self._m
         machine.now[0] = now - self._origin
-        self._clear_outputs()
-        for letter, ranges in (("T", (_CLEARED_TIMERS,)), ("C", _CLEARED_COUNTERS)):
-            contacts, values = machine.bits[letter], machine.words[letter]
-            for numbers in ranges:
-                for number in numbers:
-                    contacts[number] = values[number] = 0
-        for memories in (machine.earlier, machine.counter_input, machine.saved, *machine.held.values()):
+        for memories in (machine.earlier, machine.counter_input, machine.saved):
             memories[:] = bytes(len(memories))
         machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 256
         machine.scan[0] = 0
@@ -136,10 +126,9 @@ class ProgramRun:
         self.halted = 0
 
     def stop(self) -> None:
-        """RUN→STOP: the outputs go off."""
+        """RUN→STOP."""
         m = self._m
         m[8000], m[8001], m[8002], m[8003], m[LINK_SETTINGS] = 0, 1, 0, 1, 0
-        self._clear_outputs()
 
     def on_error(self, failed: Callable[[int, int], None]) -> None:
         """Call ``failed(code, step)`` for every operation error (M8067): D8067 and the program step."""

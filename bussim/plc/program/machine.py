@@ -83,7 +83,7 @@ class Machine:
         #: Called for every operation error with its code and the program step.
         self.failed: Callable[[int, int], None] | None = None
         #: Of each timer and counter: whether an RST holds it.
-        self.held = {letter: bytearray(256) for letter in "TC"}
+        self.held = memory.held
 
     def fail(self, code: int, step: int) -> None:
         """An operation error: M8067 and D8067, D8069; M8068 and D8068 keep the first one."""

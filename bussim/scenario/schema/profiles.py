@@ -14,8 +14,9 @@ from pydantic import Field, create_model, field_validator, model_validator
 
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.engines.nn.frames import MODES
-from bussim.forms.fields import Flag, Time, choice, fail, nanoseconds, number, time, time_or, whole
+from bussim.forms.fields import DEVICE_RANGE, Flag, Time, choice, fail, nanoseconds, number, time, time_or, whole
 from bussim.forms.form import Model
+from bussim.plc.memory import DeviceRange
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.units import TICKS_PER_SECOND
@@ -106,8 +107,11 @@ class InstructionTimesIn(Model):
         return value
 
 
-#: The forms of fields that are mappings, by the type of the field.
-_FORMS: dict[object, type[Model]] = {
+_Ranges = Annotated[list[Annotated[DeviceRange, DEVICE_RANGE]], Field(max_length=100)]
+
+#: The forms of fields that are no single values, by the type of the field.
+_FORMS: dict[object, Any] = {
+    tuple[DeviceRange, ...]: _Ranges,
     Turnaround: TurnaroundIn,
     GapRule: RtuGapsIn,
     InstructionTimes: InstructionTimesIn,

@@ -91,7 +91,7 @@ class BlockHistory:
             history.popleft()
 
     def forget(self, position: int) -> None:
-        """A PLC lost its memory: nothing received so far reaches it any more."""
+        """A PLC has stopped: nothing received so far reaches it any more."""
         for histories in self._stations.values():
             histories.before.pop(position, None)
             histories.own[position] = deque()

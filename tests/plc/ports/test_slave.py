@@ -166,11 +166,11 @@ def test_misuse() -> None:
 
 def test_cpavl_moves_the_words_and_bits_from_the_next_run_on() -> None:
     bench = Bench("COM3", "modbus-rtu-slave")
-    assert bench.program_ports.cpavl(Device("D", 0), Device("M", 0), 3)
+    assert bench.program_ports.cpavl(Device("D", 300), Device("M", 0), 3)
     assert not bench.program_ports.cpavl(Device("D", 0), Device("M", 0), 4)
     assert not bench.program_ports.cpavl(Device("D", 8250), Device("M", 0), 3)
     assert isinstance(bench.port_registers.engine, Slave)
-    bench.plc.memory.set_word("D", 6, 0x20)
+    bench.plc.memory.set_word("D", 306, 0x20)
     bench.stop_plc()
     bench.run_plc()
     assert isinstance(bench.port_registers.engine, Master)

@@ -9,7 +9,8 @@ one runs on (and round, at ±2³¹), its contact going on where it comes up to t
 goes down below it.
 RST of a timer or counter is a coil too: while its condition is on, and where a jump then leaves it out,
 the timer or counter is held: it neither counts nor closes. The hold lasts until an RST of it is
-carried out with its condition off, or until RUN (FX3 programming manual, 7.13 and 8.1.1). ZRST holds nothing.
+carried out with its condition off (FX3 programming manual, 7.13 and 8.1.1), of what is not latched also no
+longer than until STOP. ZRST holds nothing.
 Where the manual is silent, assumed: a timer's contact, once on, stays until the timer is reset, and
 the timer counts no further; a preset of 0 or less is reached at once; at RUN every condition counts as
 having been off before; a held counter follows its input, so that one that has come on during the hold

@@ -26,7 +26,6 @@ SPECIAL_BITS: dict[int, _Bit] = {
     8028: _Bit("which on some PLCs makes T32–T62 timers of 10 ms", timers=range(32, 63)),
     8031: _Bit("which clears what is not latched"),
     8032: _Bit("which clears what is latched"),
-    8033: _Bit("which keeps the outputs in STOP"),
     8034: _Bit("which switches all outputs off"),
     8035: _Bit("which with M8036 and M8037 forces RUN and STOP"),
     8036: _Bit("which forces RUN"),
