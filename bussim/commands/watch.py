@@ -104,6 +104,15 @@ def command(
             "from_s": round(seconds(begin), 9),
             "to_s": round(seconds(end), 9),
             "devices": watch.to_json(begin, end),
+            "stale": [
+                {
+                    "plc": plc,
+                    "source": source,
+                    "from_s": round(seconds(since), 9),
+                    "to_s": round(seconds(until), 9),
+                }
+                for plc, source, since, until in watch.stale_within(begin, end)
+            ],
         }
         print_json(found, indent=1)
         return
@@ -175,7 +184,9 @@ def _simulated(scenario: Scenario, watched: list[Watched]) -> Watch:
     )
     watch = Watch(watched)
     with simulating_bar() as progress:
-        simulate(replace(scenario, plcs=plcs), Collector(rows=watch), progress=progress)
+        collector = Collector(rows=watch)
+        totals = simulate(replace(scenario, plcs=plcs), collector, progress=progress)
+    watch.set_stale(collector.links(totals).values())
     return watch
 
 
@@ -215,3 +226,8 @@ def _show(watch: Watch, begin: int, end: int) -> None:
     wide_console().print(table)
     if len(rows) > _MOST_ROWS:
         click.echo(f"{counted(len(rows) - _MOST_ROWS, 'more row')}: write them all with --csv FILE")
+    for plc, source, since, until in watch.stale_within(begin, end):
+        click.echo(
+            f"{plc} worked on old data of {source} from {seconds(since):.6f} to {seconds(until):.6f} s: "
+            "received before one of the two was away"
+        )

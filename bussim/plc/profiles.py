@@ -2,9 +2,9 @@
 
 Sources: "PW10" is the user guide of the PW10-2RS485-BD board, sections 5 to 8; "FX" the FX series
 communication manual JY992D69901 rev. E, chapters 2.2.1, 4 and 12.2, whose N:N network the PW10
-copies; "FX programming" the FX series programming manual JY992D88101, chapter 4; "std" Modbus over serial line V1.02, section 2; "fit" was derived from the link times
-published by FX; "assumed" is ours, because no public source says so, and is therefore a field that a
-scenario can change.
+copies; "FX programming" the FX series programming manual JY992D88101, chapter 4; "std" Modbus over serial
+line V1.02, section 2; "fit" was derived from the link times published by FX; "assumed" is ours, because no
+public source says so, and is therefore a field that a scenario can change.
 """
 
 from __future__ import annotations

@@ -140,6 +140,10 @@ class Collector:
         self._refresh.refreshed(bus, source, tick, heard)
         self._latency.refreshed(bus, source, tick, heard)
 
+    def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
+        """See :meth:`bussim.trace.records.Sink.switched`."""
+        self._refresh.switched(bus, position, tick, fresh)
+
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """What was kept of every link, in the order of the totals."""
         return {

@@ -145,6 +145,7 @@ def _check(
             if path.unmeasured:
                 report.warn((*entry.path, "to"), path.unmeasured)
     # Without their positions, two may be the same.
-    warnings = tuple(dict.fromkeys(report.plain.get(each, each.message) for each in report.warnings))
+    said = (report.plain.get(each, each.message) for each in report.warnings)
+    warnings = tuple(dict.fromkeys(text for text in said if text))
     scenario = replace(scenario, warnings=warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

@@ -66,7 +66,9 @@ class PlcUnit:
             for port in self.ports:
                 port.report_events()
             if self.link is not None:
-                self.link.bus.block_history.forget(self.link.position)
+                bus, position = self.link.bus, self.link.position
+                bus.block_history.forget(position)
+                bus.sink.switched(bus.name, position, now, None)
         if plc.state is not PlcState.OFF and not powered:
             plc.power_off(now)
         if plc.state is PlcState.OFF and powered:
@@ -79,6 +81,8 @@ class PlcUnit:
         engine, first_end = self.plc.run(now, traced=link is not None and link.bus.sink.traced)
         if link is not None:
             link.run(engine, first_end, now)
+            # Blocks with the image of the first END, or a later one, are new.
+            link.bus.sink.switched(link.bus.name, link.position, now, first_end + link.bus.block_time)
         for port in self.ports:
             port.run(now)
         if self._clock is not None:

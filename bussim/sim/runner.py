@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol, assert_never
 
 from bussim.devices.lx.map import LxMap
+from bussim.engines.nn.frames import data_chars
 from bussim.line.characters import LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.line.random_streams import Streams
 from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
-from bussim.plc.link_registers import D_STATION, bad_parameters, setting_values
+from bussim.plc.link_registers import D_MODE, D_STATION, bad_parameters, setting_values
 from bussim.plc.memory import parse_device
 from bussim.plc.plc import Plc
 from bussim.scenario import model
@@ -162,6 +163,10 @@ class Simulation:
         ]
         horizon = max((port.plc.longest_scan() for port in ports), default=0)
         bus.connect(ports, horizon)
+        if primary is not None:
+            master = next(plc for plc in linked if plc.name == primary)
+            mode = setting_values(master.profile, master.registers)[D_MODE]
+            bus.block_time = spec.timing.characters(data_chars(mode))
         self.links[line] = bus
         self._lines[spec.name].append(bus)
         for port in ports:

@@ -32,6 +32,7 @@ LINK_FIGURES = (
     "undetected_frames",
     "collisions",
     "refresh_gap_max_ms",
+    "stale_max_ms",
     "healthy_at_s",
 )
 _OF_SCAN_TIMES = ("mean", "min", "p50", "p95", "p99", "p999", "max")
@@ -94,7 +95,8 @@ def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[s
 
     Times are in ms, ``healthy_at_s`` in s. A quantile for which there are too few scans is None.
     ``refresh_gap_max_ms`` is the longest time that any station waited for the block of any other
-    one, also if it still waited when the run ended.
+    one, also if it still waited when the run ended; ``stale_max_ms`` the longest time in all that a
+    station worked on data of another from before one of the two was in STOP or without supply.
     """
     found: dict[str, Number | None] = {}
     for bus, link in summary["links"].items():
@@ -154,6 +156,7 @@ def _link(link: Mapping[str, Any], registers: Mapping[str, int]) -> dict[str, Nu
         "undetected_frames": link["undetected_frames"],
         "collisions": link["collisions"],
         "refresh_gap_max_ms": max(gaps, default=None),
+        "stale_max_ms": max(link.get("stale_ms", {}).values(), default=0.0),
         "healthy_at_s": link["healthy_at_s"],
     }
 

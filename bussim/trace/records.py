@@ -234,6 +234,13 @@ class Sink(Protocol):
         the link took it, which is the ordinary case; else the positions of those that did.
         """
 
+    def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
+        """A PLC of a link goes to RUN, or (``fresh`` None) to STOP or off, at ``tick``.
+
+        What it has in its block at RUN is from before: of its blocks those are new that are complete at
+        ``fresh`` or later.
+        """
+
 
 #: What a driver does that is on while another node's frame begins: it sends a frame, it was not released
 #: after one, or it sends what is no frame.

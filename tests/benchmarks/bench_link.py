@@ -58,6 +58,9 @@ class Silent:
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """Not wanted."""
 
+    def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
+        """Not wanted."""
+
 
 class Summing(Collector):
     """What a run without trace and rows keeps, and a count of link scans."""

@@ -38,6 +38,8 @@ class Heard:
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None: ...
 
+    def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None: ...
+
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         del bus
         for receiver in range(8) if heard is None else heard:

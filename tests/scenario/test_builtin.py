@@ -21,6 +21,10 @@ ODD = {
     "timeout_too_short",
     "foreign_block",
     "manual_programs",
+    # They take bits of other stations without asking for the error flags.
+    "interlock",
+    "counter_preset",
+    "power_dips",
 }
 
 

@@ -474,3 +474,52 @@ def test_devices_of_one_block_must_be_the_same(
         if "x.yaml:16" in said
     ]
     assert any(warned in said for said in found) if warned else not found
+
+
+# -- shared bits without their station's error flag ------------------------------------------------------
+
+UNGUARDED = "without its error flag M8184: while that station is away the bit stays what it was"
+
+
+@pytest.mark.parametrize(
+    ("rungs", "line"),
+    [
+        ("LD M1064\nOUT Y0", 7),
+        ("LD X0\nAND M1095\nOUT Y0", 8),
+        ("LDP M1070\nSET Y0", 7),
+        ("LD X0\nMOV K1M1062 D0", 8),
+        ("LD= K2M1064 K3\nOUT Y0", 7),
+        ("LD M1064\nCJ P0\nP0", 7),
+        ("LDI M8183\nAND M1064\nOUT Y0", 8),  # another station's
+        ("LD M8184\nOUT Y1\nLD M1064\nOUT Y0", 9),  # in another rung
+        ("LD M1064\nANI M8184\nOUT Y0", None),
+        ("LDI M8184\nMOV K1M1064 D0", None),
+        ("LDI M8184\nMPS\nAND M1064\nOUT Y0\nMPP\nAND M1065\nOUT Y1", None),
+        ("LDI M8184\nMC N0 M50\nLD M1064\nOUT Y0\nMCR N0", None),
+        ("LD M8184\nOR M1064\nOUT Y0", None),
+        ("LD M1096\nOUT Y0", None),  # no bit of mode 1
+        ("LD M1000\nOUT Y0", None),  # its own
+        ("LD X0\nOUT M1000", None),
+    ],
+)
+def test_check_names_shared_bits_that_are_taken_without_the_error_flag(
+    tmp_path: Path, rungs: str, line: int | None
+) -> None:
+    program = MASTER.replace("K2 D8178", "K1 D8178").replace("END", f"{rungs}\nEND")
+    found = warnings(tmp_path, **{"one.il": program})
+    if line is None:
+        assert found == []
+    else:
+        (text,) = shown(found, tmp_path)
+        at = rungs.splitlines()[line - 7].split()  # MASTER has six lines
+        taken = {"K1M1062": "M1064", "K2M1064": "M1064"}.get(at[1], at[1])
+        assert text.startswith(f"one.il:{line}:1: one: {at[0]} takes {taken} of station 1 (two) ")
+        assert text.endswith(UNGUARDED)
+    assert load(folder(tmp_path, **{"one.il": program})).warnings == ()  # a run does not say it again
+
+
+def test_further_lines_of_one_station_are_named_together(tmp_path: Path) -> None:
+    rungs = "".join(f"LD M{1064 + n}\nOUT Y{n}\n" for n in range(7))
+    (found,) = warnings(tmp_path, **{"one.il": MASTER.replace("END", f"{rungs}END")})
+    assert found.startswith("one.il:7:1: one: LD takes M1064 of station 1 (two) without")
+    assert found.endswith("; also at line 9, at line 11, at line 13, at line 15")

@@ -82,6 +82,7 @@ class Recorder:
     failures: list[tuple[str, int, int, int]] = field(default_factory=list)
     notes: list[NoteRecord] = field(default_factory=list)
     refreshes: list[tuple[str, int, int, tuple[int, ...] | None]] = field(default_factory=list)
+    switches: list[tuple[str, int, int, int | None]] = field(default_factory=list)
     transactions: list[TransactionRecord] = field(default_factory=list)
     turns: list[PollRecord] = field(default_factory=list)
     cycles: list[CycleRecord] = field(default_factory=list)
@@ -121,6 +122,9 @@ class Recorder:
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         self.refreshes.append((bus, source, tick, None if heard is None else tuple(sorted(heard))))
+
+    def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
+        self.switches.append((bus, position, tick, fresh))
 
 
 @dataclass

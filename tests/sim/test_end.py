@@ -107,8 +107,8 @@ def test_before_the_first_end_a_frame_carries_the_memory_at_run() -> None:
     seen = [(frame.start, word(frame)) for frame in done.of("p1")]
     for start, value in seen:
         # D32 is general: it begins anew after STOP as after the power loss, as the phase does.
-        run = max(begun for begun in (0, 7 * SECOND // 10, 16 * SECOND // 10) if begun <= start)
-        assert value == (123 if start < run + phase else 5)
+        last = max(begun for begun in (0, 7 * SECOND // 10, 16 * SECOND // 10) if begun <= start)
+        assert value == (123 if start < last + phase else 5)
     for since, until in ((0.6, 1.5), (1.5, 2.5)):
         assert {value for start, value in seen if since * SECOND < start < until * SECOND} == {123, 5}
 

@@ -1,15 +1,16 @@
-"""Refresh gaps: the times between two arrivals of a source's block at a receiver."""
+"""Refresh gaps: the times between two arrivals of a source's block at a receiver; and stale data."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, pairwise
 
 from bussim.results.meters.histogram import Histogram
-from bussim.results.meters.plain_data import FLAT
+from bussim.results.meters.plain_data import FLAT, LATER
+from bussim.results.meters.timeline import Span, Spans
 
 #: Receptions that are counted at once: many are cheaper than one by one.
 _COUNTED_AT_ONCE = 512
@@ -20,11 +21,13 @@ class Refresh:
     """Refreshes of one (source, receiver) pair.
 
     ``gaps`` has the closed gaps from reception to reception (its minimum is None: it is not
-    counted). ``last`` is the tick of the last reception, None if there was none.
+    counted). ``last`` is the tick of the last reception, None if there was none. ``stale`` is when the
+    receiver worked on what it had received before one of the two was in STOP or without supply.
     """
 
     last: int | None = None
     gaps: Histogram = field(default_factory=Histogram, metadata=FLAT)
+    stale: list[Span] = field(default_factory=list, metadata=LATER)
 
     def take(self, ticks: Iterable[int]) -> None:
         """Count receptions in order; a second one at the same tick does not count."""
@@ -45,13 +48,47 @@ class _Source:
         self.others = Refresh()
         self.named: dict[int, Refresh] = {}
         self._pending: list[tuple[int, Sequence[int] | None]] = []
+        self._stale = Spans()
+        self._waiting: set[int] = set()  # receivers whose data of this source are stale
+        self._fresh = 0  # blocks that arrive earlier are from before this source's latest RUN
 
     def heard(self, tick: int, receivers: Sequence[int] | None) -> None:
         self._pending.append((tick, receivers if receivers is None else tuple(receivers)))
         if len(self._pending) == _COUNTED_AT_ONCE:
             self._count()
 
+    def switched(self, tick: int, fresh: int | None, running: Iterable[int]) -> None:
+        """This source goes to RUN, or leaves it: the data of the receivers in RUN are stale from then on."""
+        self._count()
+        if fresh is not None:
+            self._fresh = fresh
+            return
+        for receiver in running:
+            self._work(receiver, tick)
+
+    def receiver_switched(self, receiver: int, tick: int, *, running: bool) -> None:
+        """A receiver goes to RUN, or leaves it."""
+        self._count()
+        if running:
+            self._work(receiver, tick)
+        else:
+            self._renewed(receiver, tick)
+
+    def _work(self, receiver: int, tick: int) -> None:
+        if self.named.get(receiver, self.others).last is not None:
+            self._waiting.add(receiver)
+            self._stale.on(receiver, tick)
+
+    def _renewed(self, receiver: int, tick: int) -> None:
+        self._waiting.discard(receiver)
+        self._stale.off(receiver, tick)
+
     def _count(self) -> None:
+        for receiver in list(self._waiting):
+            for tick, heard in self._pending:
+                if tick >= self._fresh and (heard is None or receiver in heard):
+                    self._renewed(receiver, tick)
+                    break
         for position in set(chain.from_iterable(heard for _, heard in self._pending if heard is not None)):
             if position not in self.named:
                 self.named[position] = deepcopy(self.others)
@@ -63,7 +100,8 @@ class _Source:
     def pair(self, receiver: int) -> Refresh:
         """The gaps of one receiver."""
         self._count()
-        return self.named.get(receiver, self.others)
+        stale = self._stale.all().get(receiver, [])
+        return replace(self.named.get(receiver, self.others), stale=stale)
 
 
 class RefreshMeter:
@@ -71,6 +109,7 @@ class RefreshMeter:
 
     def __init__(self) -> None:
         self._sources: defaultdict[tuple[str, int], _Source] = defaultdict(_Source)
+        self._running: defaultdict[str, set[int]] = defaultdict(set)
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """Count a reception of a source's block at ``tick``; None: by all other stations.
@@ -79,6 +118,16 @@ class RefreshMeter:
         is named.
         """
         self._sources[bus, source].heard(tick, heard)
+
+    def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
+        """A position goes to RUN, or leaves it; see :meth:`bussim.trace.records.Sink.switched`."""
+        running = self._running[bus]
+        (running.discard if fresh is None else running.add)(position)
+        for (name, source), refreshes in self._sources.items():
+            if name == bus and source == position:
+                refreshes.switched(tick, fresh, running)
+            elif name == bus:
+                refreshes.receiver_switched(position, tick, running=fresh is not None)
 
     def pair(self, bus: str, source: int, receiver: int) -> Refresh:
         """The refreshes of one position of a bus by another so far."""

@@ -103,6 +103,7 @@ def _link(totals: LinkTotals, record: LinkRecord, duration: int) -> dict[str, An
             f"{source}->{receiver}": _gaps(pair, duration)
             for (source, receiver), pair in record.refresh.items()
         },
+        **_stale(record, duration),
         "undetected_frames": totals.undetected,
         "collisions": totals.collisions,
         "healthy_at_s": s(totals.healthy_at),
@@ -142,6 +143,15 @@ def _gaps(pair: Refresh, duration: int) -> dict[str, Any]:
         "open": ms(duration - (pair.last or 0)),
         "count": pair.gaps.count,
     }
+
+
+def _stale(record: LinkRecord, duration: int) -> dict[str, Any]:
+    """How long each receiver worked on data from before one of the two was away, where any was."""
+    lasted = {
+        f"{source}->{receiver}": sum((span.end or duration) - span.start for span in pair.stale)
+        for (source, receiver), pair in record.refresh.items()
+    }
+    return {"stale_ms": {pair: ms(ticks) for pair, ticks in lasted.items()}} if any(lasted.values()) else {}
 
 
 def _plc(totals: PlcTotals) -> dict[str, Any]:

@@ -65,6 +65,9 @@ def _show_link(
             _print(console, f"  codes            {'; '.join(f'{code}: {meaning(code)}' for code in codes)}")
     _show_registers(console, record, bus)
     _show_refresh(console, link["refresh_gap_ms"])
+    if "stale_ms" in link:
+        pair, longest = max(link["stale_ms"].items(), key=lambda item: item[1])
+        _print(console, f"  on old data      {longest:.3f} ms ({pair}): from before one of the two was away")
 
 
 def _show_times(console: Console, link: dict[str, Any]) -> None:

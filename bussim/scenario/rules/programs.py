@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
@@ -13,7 +14,9 @@ from bussim.scenario.yaml.source_map import Report
 from bussim.wording import counted
 
 if TYPE_CHECKING:
+    from bussim.plc.program.program import Program
     from bussim.plc.program.text.catalog import Instruction
+    from bussim.plc.program.text.ladder import Condition
     from bussim.plc.program.text.operand_checks import Extent
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
@@ -35,6 +38,7 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         _check_specials(member, report)
         _check_ports(member, report)
         _check_writes(member, members, report)
+        _check_guards(member, members, report)
     if total > MAX_PROGRAMS:
         report.mistake(
             ("plcs",),
@@ -42,11 +46,14 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         )
 
 
-def _warn_at(member: Member, at: Instruction, message: str, report: Report) -> None:
+def _warn_at(member: Member, at: Instruction, message: str, report: Report, *, in_runs: bool = True) -> None:
     origin = member.logic.origin
     if origin is not None:
         problem = Problem("", at.line, at.column, f"{member.name}: {message}")
-        report.add(origin.problem(report, problem, warning=True), fatal=False)
+        placed = origin.problem(report, problem, warning=True)
+        report.add(placed, fatal=False)
+        if not in_runs:
+            report.plain[placed] = ""
 
 
 def _check_settings(member: Member, report: Report) -> None:
@@ -125,7 +132,7 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
     ]
     link = link_of(member, members)
     for at, (letter, first, last), station in found[:MAX_FOREIGN]:
-        who = f"station {station}" + (f" ({link[station].name})" if station in link else "")
+        who = _station(station, link)
         span = f"{Device(letter, first)}" + (f" to {Device(letter, last)}" if last > first else "")
         message = (
             f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "
@@ -140,6 +147,55 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
             f"{counted(more, 'more write')} into blocks of other stations",
             report,
         )
+
+
+def _check_guards(member: Member, members: list[Member], report: Report) -> None:
+    """Rungs that act on another station's shared bits without its error flag: only check says so."""
+    program, blocks = member.logic.program, blocks_of(member, members)
+    if program is None or not blocks:
+        return
+    from bussim.plc.program.text.operand_checks import extents
+    from bussim.scenario.signals.network import contacts_of
+
+    link, flags = link_of(member, members), member.profile.devices.first_flag
+    found: dict[int, dict[Instruction, Device]] = {}
+    for condition, outputs in _conditioned(program):
+        contacts = contacts_of(*condition)
+        guards = {at.operands[0].address - flags for at in contacts if at.operands[0].kind == "M"}
+        for at in (*contacts, *outputs):
+            reads = [extent for extent in extents(at) if not extent.writes and not extent.word]
+            for station, place in blocks.items():
+                taken = next((part for extent in reads if (part := _shared(extent, place))), None)
+                if taken is not None and station not in (member.station, *guards):
+                    found.setdefault(station, {}).setdefault(at, Device(*taken[:2]))
+    for station, places in found.items():
+        (at, bit), *more = places.items()
+        lines = ", ".join(f"at line {each.line}" for each, _ in more[:4])
+        message = (
+            f"{at.name} takes {bit} of {_station(station, link)} without its error flag M{flags + station}: "
+            f"while that station is away the bit stays what it was{'; also ' if lines else ''}{lines}"
+        )
+        _warn_at(member, at, message, report, in_runs=False)
+
+
+def _station(number: int, link: Mapping[int, Member]) -> str:
+    return f"station {number}" + (f" ({link[number].name})" if number in link else "")
+
+
+def _conditioned(program: Program) -> Iterator[tuple[list[Condition], list[Instruction]]]:
+    """Each rung's conditions, those of the MC around it included, with its outputs; so each jump."""
+    from bussim.plc.program.text.ladder import Rung
+
+    masters: dict[int, list[Condition]] = {}
+    for block in program.blocks:
+        for item in (*block.rungs, block.exit):
+            if item is None or item.condition is None:
+                continue
+            around = masters.get(item.level, []) if item.level is not None else []
+            outputs = item.outputs if isinstance(item, Rung) else [item.instruction]
+            if outputs and outputs[0].name == "MC":
+                masters[outputs[0].operands[0].address] = [item.condition, *around]
+            yield [item.condition, *around], outputs
 
 
 def _shared(extent: Extent, block: BlockRange) -> tuple[str, int, int] | None:

@@ -192,6 +192,17 @@ def vague_instructions(plc: Plc) -> Iterator[Instruction]:
             yield at
 
 
+def contacts_of(*conditions: Condition) -> list[Instruction]:
+    """The contacts of conditions and of all rungs whose level they take."""
+    found: list[Instruction] = []
+    waiting = [*conditions]
+    while waiting:
+        contacts, rungs = parts(waiting.pop(0))
+        found += contacts
+        waiting += [rung.condition for rung in rungs]
+    return found
+
+
 def parts(condition: Condition) -> tuple[list[Instruction], list[Rung]]:
     """The contacts of a condition, and the earlier rungs whose level it takes."""
     contacts: list[Instruction] = []

@@ -100,7 +100,7 @@ class Report:
         self.warnings: list[Problem] = []
         #: Those of the mistakes that are keys which do not exist.
         self.unknown: list[Problem] = []
-        #: What a run says in place of a warning whose message names lines of the file.
+        #: What a run says in place of a warning whose message names lines of the file; "": nothing.
         self.plain: dict[Problem, str] = {}
         self._seen: set[tuple[bool, Problem]] = set()
 

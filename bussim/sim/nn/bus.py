@@ -36,6 +36,8 @@ class LinkBus(Line):
         self.fast_path = FastPath(self, kernel, self.shared_listener, self.block_history)
         self._shared_timer = kernel.timer(self._watch_shared, DEADLINES)
         self._others = 0
+        #: How long a data frame lasts, in ticks; 0 on a link without a working master.
+        self.block_time = 0
 
     def connect(self, ports: Sequence[LinkStation], horizon: int) -> None:
         """Put the ports on the cable, in cable order; ``horizon`` is the longest PLC scan in ticks."""

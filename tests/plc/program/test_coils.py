@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.units import TICKS_PER_MS
 from tests.plc.program.rigs import Rig
 
 
