@@ -19,6 +19,11 @@ from bussim.wording import counted
 
 #: Settings of the Pareto front that are printed.
 _MOST = 12
+#: What the figures of a line with noise are.
+_WORSE = (
+    "each figure is the worse of two: with the noise as entered, and at the assumed level bad, where failed "
+    "attempts take the whole timeout"
+)
 
 
 def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Sequence[Verification]) -> None:
@@ -51,6 +56,8 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
         for cost in _costs(best, sizing.goals.errors, sizing.level):
             line(cost, 4)
         line(NOT_COVERED, 4)
+        if sizing.model.noisy:
+            line(_WORSE, 4)
         for mov in sizing.mov_lines():
             line(mov, 4)
     line(f"the timeout is at least {ms(sizing.floor)} ms: longest reply, PLC scan and one tick of 10 ms")

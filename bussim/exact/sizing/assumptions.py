@@ -19,6 +19,7 @@ from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, attempts_per_
 _MOST = 3
 #: A figure that changes by less than this part of it is not named.
 _SLIGHT = 0.02
+_NOTHING = "the figures hardly change"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +42,16 @@ class Assumption:
         now, then = self.before, self.otherwise
         pairs = ((now.dead, then.dead), (now.errors, then.errors), (now.ride, then.ride))
         change = sum(abs(math.log((b + 1e-30) / (a + 1e-30))) for a, b in pairs)
-        same = self.instead is not None and _setting(self.instead) == _setting(self.before)
-        return change if same else 1_000.0 + change
+        return change if self._stays else 1_000.0 + change
+
+    @property
+    def _stays(self) -> bool:
+        return self.instead is not None and _setting(self.instead) == _setting(self.before)
+
+    @property
+    def differs(self) -> bool:
+        """Whether another setting would be recommended, or a figure of this one be another."""
+        return not self._stays or changes(self.before, self.otherwise) != _NOTHING
 
     def in_words(self) -> str:
         """What changes, in figures on the safe side."""
@@ -51,7 +60,7 @@ class Assumption:
         if self.instead is None:
             return f"{self.name}; {self.alternative}: {found}; no setting meets the goals"
         advice = f"D8179 = {self.instead.retries}, D8180 = {self.instead.d8180} would be recommended"
-        if _setting(self.instead) == _setting(before):
+        if self._stays:
             advice = "the setting stays"
         return f"{self.name}; {self.alternative}: {found}; {advice}"
 
@@ -77,7 +86,7 @@ def changes(before: Choice, then: Choice) -> str:
     ):
         if abs(new - old) > _SLIGHT * old and in_words(new) != in_words(old):
             parts.append(f"{said.format(in_words(new))} instead of {in_words(old)}")
-    return ", ".join(parts) or "the figures hardly change"
+    return ", ".join(parts) or _NOTHING
 
 
 def setting_assumptions(model: LinkModel) -> tuple[str, ...]:
@@ -143,16 +152,15 @@ def _alternatives(model: LinkModel) -> list[tuple[str, str, LinkModel]]:
 
 def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumption]:
     """What the level of noise that is assumed changes."""
-    name = "the noise counts as at least the level bad (assumed)"
+    name = "the level bad counts beside the noise as entered (assumed)"
     alternative, changed = "with the noise as entered alone", model
     if not model.noisy:
         name = "the noise is of the level bad (assumed)"
         alternative, changed = "at the level typical", with_level(model, LEVELS[TYPICAL])
     checked = evaluate_goals(changed, goals, alone=True)
     then = choice_of(checked.grid, model.reading, recommended.retries, recommended.timeout)
-    if then.errors > recommended.errors * 0.99:
-        return []  # the noise as entered is the worse one
-    return [Assumption(name, alternative, recommended, then, recommend(changed, goals, alone=True))]
+    found = Assumption(name, alternative, recommended, then, recommend(changed, goals, alone=True))
+    return [found] if found.differs else []
 
 
 def _setting(choice: Choice) -> tuple[int, int]:

@@ -10,11 +10,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from bussim.exact.link import TIMEOUT_UNIT, LinkModel
+from bussim.exact.bursts.exchange import line_of, poll_path
+from bussim.exact.link import MASTER, TIMEOUT_UNIT, LinkModel
 from bussim.exact.metrics import YEAR
 from bussim.exact.refresh import gap_distributions
-from bussim.exact.scan.memoryless import probabilities_of
 from bussim.exact.scan.mixture import Distribution
+from bussim.exact.scan.outages import clean_scan
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.grid import Grid, evaluate
@@ -29,6 +30,9 @@ Mask = NDArray[np.bool_]
 _BURST_SAMPLES = 8
 #: Components lighter than this are dropped from the gaps: a few a year are looked for, of 1e9.
 _GAP_FLOOR = 1e-14
+#: With more station errors a scan than this a link is out of order, whatever the goal allows: only up to
+#: there more noise always makes all figures worse.
+_MOST_ERRORS = 0.05
 
 
 def timeout_floor(model: LinkModel) -> int:
@@ -54,7 +58,8 @@ class Checked:
         self.grid = grid
         self.goals = goals
         self.values: dict[str, Floats] = {"errors": grid.errors}
-        self.met: dict[str, Mask] = {"errors": grid.errors <= goals.errors}
+        few = grid.error_per_scan <= _MOST_ERRORS
+        self.met: dict[str, Mask] = {"errors": few & (grid.errors <= goals.errors)}
         if goals.onsets is not None:
             self.values["onsets"] = grid.onsets
             self.met["onsets"] = grid.onsets <= goals.onsets
@@ -67,8 +72,10 @@ class Checked:
         if goals.ride:
             self.values["ride"] = grid.silence
             self.met["ride"] = grid.silence >= goals.ride
-        #: How often a year a heartbeat is missed falsely, for the settings that were evaluated.
+        #: How often a year a heartbeat is missed falsely, for the settings that were evaluated, and those
+        #: with which it is so too often.
         self.missed = np.full(grid.mean.shape, np.nan)
+        self.refused = np.zeros(grid.mean.shape, dtype=np.bool_)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,15 +106,24 @@ class Checked:
         if self.goals.heartbeat is None:
             return True
         preset, most = self.goals.heartbeat
-        grid = self.grid
-        if self.memoryless and bool((self.missed[row, :column] > most).any()):
-            return False  # with as many attempts, a longer timeout only lengthens the gaps
-        if np.isnan(self.missed[row, column]):
-            setting = grid.attempts[row], grid.timeouts[column]
-            self.missed[row, column] = max(
-                missed_per_year(view.with_setting(*setting), preset) for view in self.views
-            )
-        return bool(self.missed[row, column] <= most)
+        # With as many attempts, a longer timeout only lengthens the gaps.
+        known = self.refused[row, : column + 1] if self.memoryless else self.refused[row, [column]]
+        if not known.any():
+            quick = max(missed_at_least(view, preset) for view in self._with_setting(row, column))
+            self.refused[row, column] = quick > most or self.missed_at(row, column) > most
+        return not known.any()
+
+    def missed_at(self, row: int, column: int) -> float:
+        """How often a year a heartbeat is missed falsely with one setting."""
+        if self.goals.heartbeat is not None and np.isnan(self.missed[row, column]):
+            preset = self.goals.heartbeat[0]
+            views = self._with_setting(row, column)
+            self.missed[row, column] = max(missed_per_year(view, preset) for view in views)
+        return float(self.missed[row, column])
+
+    def _with_setting(self, row: int, column: int) -> list[LinkModel]:
+        setting = self.grid.attempts[row], self.grid.timeouts[column]
+        return [view.with_setting(*setting) for view in self.views]
 
     def possible(self, names: Iterable[str], rows: Iterable[int]) -> bool:
         """Whether some setting of these rows meets the named goals.
@@ -150,17 +166,12 @@ def rows_of(checked: Checked, reading: Attempts) -> list[int]:
 def noise_views(model: LinkModel) -> tuple[LinkModel, ...]:
     """A link under each noise at which its goals must be met.
 
-    What is entered is never known to a factor, so less than the level ``bad`` counts as that, as it stands
-    for noise that is not known at all: entering some noise never leads to fewer attempts.
+    What is entered is never known to a factor, so the level ``bad`` counts beside it, as it stands for noise
+    that is not known at all: entering some noise, or more, never leads to fewer attempts, and never meets a
+    goal that was refused.
     """
     bad = with_level(model, LEVELS[BAD])
-    if not model.noisy:
-        return (bad,)
-    if model.noise.memoryless:
-        chances = zip(model.stations, probabilities_of(model), probabilities_of(bad), strict=True)
-        if all(own.failed >= least.failed for station, own, least in chances if station.alive):
-            return (model,)
-    return (model, bad)
+    return (model, bad) if model.noisy else (bad,)
 
 
 def evaluate_goals(
@@ -189,23 +200,37 @@ def _worst_grid(views: tuple[LinkModel, ...], deadlines: tuple[int, ...]) -> Gri
 
 
 @lru_cache(maxsize=512)
-def _gaps(model: LinkModel) -> tuple[tuple[Distribution, int, float], ...]:
-    """The refresh gaps of all pairs that differ: distribution, PLC scans of both, gaps a year."""
-    solved = Solved(model)
-    year = YEAR / solved.distribution.mean
+def _gaps(model: LinkModel) -> tuple[tuple[Distribution, int], ...]:
+    """The refresh gaps of all pairs that differ: distribution, and PLC scans of both."""
     found = {}
-    for gap in gap_distributions(solved, _GAP_FLOOR, by_position=False).values():
+    for gap in gap_distributions(Solved(model), _GAP_FLOOR, by_position=False).values():
         scans = model.scans_between(gap.source, gap.receiver)
-        found[id(gap.distribution), scans] = (gap.distribution, scans, year * gap.per_scan)
+        found[id(gap.distribution), scans] = (gap.distribution, scans)
     return tuple(found.values())
+
+
+def missed_at_least(model: LinkModel, preset: int) -> float:
+    """A lower bound of :func:`missed_per_year` that takes no distribution.
+
+    The master's data frame is not repeated: after so many damaged ones in a row that scans without errors
+    fill the preset, the heartbeat is missed.
+    """
+    clean = clean_scan(model, slowest=False)
+    line = line_of(model)
+    found = 0.0
+    for station in (*model.stations, *model.listeners):
+        in_a_row = max(0, preset - model.scans_between(MASTER, station.number)) // clean
+        hit = line.outcome(poll_path(model, station.number), model.data_bits).hit.sum(axis=1).min()
+        found = max(found, float(hit) ** in_a_row if station.hears else 0.0)
+    return YEAR / clean * found
 
 
 def missed_per_year(model: LinkModel, preset: int) -> float:
     """How often a year a heartbeat's watchdog (ticks) runs out although all stations live, worst pair.
 
     The heartbeat is a word that changes in every PLC scan of its source; the longest PLC scans of
-    both stations are taken off the preset.
+    both stations are taken off the preset. There are as many gaps a year as scans without errors: that
+    noise makes scans slower, and thereby gaps fewer, is no merit.
     """
-    return max(
-        (float(gaps.tail(float(preset - scans))) + gaps.lost) * year for gaps, scans, year in _gaps(model)
-    )
+    year = YEAR / clean_scan(model, slowest=False)
+    return year * max(float(gaps.tail(float(preset - scans))) + gaps.lost for gaps, scans in _gaps(model))

@@ -147,7 +147,7 @@ class Goals:
 
 
 def _times(rate: Rate) -> str:
-    return f"{rate.count:.12g} times {_UNITS[rate.unit]}"
+    return f"{'once' if rate.count == 1 else f'{rate.count:.12g} times'} {_UNITS[rate.unit]}"
 
 
 def _time(text: str, value: str, least: int = 1) -> int:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from bussim.exact.link import LinkModel
+from bussim.exact.link import MASTER, LineNoise, LinkModel, NoiseSource
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.text import in_ms
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
@@ -70,14 +70,24 @@ class NoiseLevels:
 
 def failing(model: LinkModel, ber: float) -> float:
     """The chance that a bit error rate damages an attempt: its poll or its reply."""
-    return -math.expm1((model.poll_bits + model.data_bits) * math.log1p(-ber))
+    return _damaged(model.poll_bits + model.data_bits, ber)
 
 
 def with_level(model: LinkModel, ber: float) -> LinkModel:
-    """A link with a level of noise instead of its own: what it damages does not arrive at all."""
-    clean = model.without_noise()
-    loss = failing(model, ber)
-    return replace(clean, stations=tuple(replace(station, loss=loss) for station in clean.stations))
+    """A link with a level of noise instead of its own: what it damages on the wire does not arrive at all.
+
+    Replies are lost whole; what the master sends is damaged, its data frames too, which nobody repeats.
+    """
+    loss = _damaged(model.data_bits, ber)
+    return replace(
+        model,
+        noise=LineNoise((NoiseSource("tx", MASTER, ber),)),
+        stations=tuple(replace(station, loss=loss) for station in model.stations),
+    )
+
+
+def _damaged(bits: int, ber: float) -> float:
+    return -math.expm1(bits * math.log1p(-ber))
 
 
 def noise_levels_of(model: LinkModel, timeout: int) -> NoiseLevels:

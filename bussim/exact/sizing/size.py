@@ -13,7 +13,6 @@ from bussim.exact.sizing.evaluation import (
     Checked,
     evaluate_goals,
     least,
-    noise_views,
     rows_of,
     timeout_floor,
 )
@@ -81,13 +80,11 @@ class Sizing:
 
     @property
     def level(self) -> str:
-        """The noise that the figures are for, in words."""
-        entered, views = self.model.noisy, noise_views(self.model)
-        if not entered:
+        """The noise that the false station errors of the recommended setting are for, in words."""
+        if not self.model.noisy or self.recommended is None:
             return "at the assumed level bad"
-        return (
-            "with the noise as entered" if len(views) == 1 else "at the assumed level bad, which is the more"
-        )
+        entered = self.margins[0].errors >= self.recommended.errors * (1 - 1e-9)
+        return "with the noise as entered" if entered else "at the assumed level bad, which is the more"
 
     def apart(self) -> str:
         """How far the robust setting lies from the recommended one, in words."""

@@ -55,6 +55,11 @@ def unmet_goals(model: LinkModel, goals: Goals, checked: Checked) -> tuple[Unmet
     index = sorted(set(rows_of(checked, model.reading)))
     sets = conflicts(checked, index)
     helps = tuple(change.text for change in helpful_changes(model, goals)) if sets else ()
+    if model.noisy and (alone := _setting(model, goals, alone=True)):
+        helps = (
+            f"the level bad left out, which is assumed: with the noise as entered alone, {alone}",
+            *helps,
+        )
     return tuple(Unmet(names, _conflict(checked, index, names), helps) for names in sets)
 
 
@@ -86,6 +91,10 @@ def best_value(
     checked: Checked, index: Sequence[int], name: str, among: Mask
 ) -> tuple[float, int, int] | None:
     """The best value that a goal's figure has among settings, with its row of ``index`` and its column."""
+    if name == "heartbeat":  # with the shortest timeout of each row
+        for row, met in zip(index, among, strict=True):
+            if met.any():
+                checked.missed_at(row, int(np.argmax(met)))
     every = checked.missed if name == "heartbeat" else checked.values[name]
     values = np.where(among, every[list(index)], np.nan)
     if np.isnan(values).all():
@@ -265,9 +274,9 @@ def _times(rate: float, factor: float) -> Rate:
     return Rate(known.count * factor, known.unit)
 
 
-def _setting(model: LinkModel, goals: Goals) -> str | None:
+def _setting(model: LinkModel, goals: Goals, *, alone: bool = False) -> str | None:
     """The least setting that meets all goals, in words, or None."""
-    checked = evaluate_goals(model, goals)
+    checked = evaluate_goals(model, goals, alone=alone)
     chosen = least([(checked, rows_of(checked, model.reading))])
     if chosen is None:
         return None

@@ -201,11 +201,11 @@ def test_no_setting_beats_one_of_the_front(model: LinkModel) -> None:
 
 def test_a_heartbeat_that_must_not_be_missed() -> None:
     model = link(2, ber=1e-5)
-    strict = Goals(heartbeat=(300 * MS, 0.1))
+    strict = Goals(heartbeat=(500 * MS, 0.1))
     sizing = size(model, strict)
     assert sizing.recommended is not None
     chosen = model.with_setting(sizing.recommended.attempts, sizing.recommended.timeout)
-    assert missed_per_year(chosen, 300 * MS) <= 0.1
+    assert missed_per_year(chosen, 500 * MS) <= 0.1
     impossible = size(model, Goals(heartbeat=(120 * MS, 0.1)))
     assert impossible.recommended is None
     assert impossible.unmet[0].goals == ("heartbeat",)
