@@ -14,7 +14,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.wording import counted
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Console
 
     from bussim.sweep.result import SweepResult
 
@@ -25,6 +25,7 @@ _SHOWN = {
     "scan_time_mean_ms": "mean scan\n(ms)",
     "scan_time_max_ms": "longest scan\n(ms)",
     "station_errors": "station\nerrors",
+    "station_error_onsets": "onsets",
     "refresh_gap_max_ms": "longest gap\n(ms)",
 }
 #: Those of a Modbus master.
@@ -131,11 +132,10 @@ def command(
 
 
 def _show(result: SweepResult) -> None:
-    from rich.console import Console
-
+    from bussim.commands.common.console import wide_console
     from bussim.sweep.figures import LATENCY, latencies_in, masters_in
 
-    console = Console(highlight=False)
+    console = wide_console()
     plan = result.plan
     runs = f"{counted(plan.runs, 'run')} at {counted(len(plan.points), 'point')}"
     if result.already_there:
@@ -143,14 +143,14 @@ def _show(result: SweepResult) -> None:
     click.echo(f"{plan.title}: {runs}")
     for bus in plan.base.buses:
         if bus.protocol is BusProtocol.NN and f"{bus.name}.scans" in result.figures:
-            console.print(_table(result, bus.name, f"link {bus.name}", _SHOWN))
+            _show_table(console, result, bus.name, f"link {bus.name}", _SHOWN)
     for node in masters_in(result.figures):
-        console.print(_table(result, node, f"Modbus master {node}", _SHOWN_OF_MASTER))
+        _show_table(console, result, node, f"Modbus master {node}", _SHOWN_OF_MASTER)
     for name in latencies_in(result.figures):
         shown = {
             figure: head for figure, head in _SHOWN_OF_LATENCY.items() if f"{name}.{figure}" in result.figures
         }
-        console.print(_table(result, name, f"latency {name.removeprefix(LATENCY)}", shown))
+        _show_table(console, result, name, f"latency {name.removeprefix(LATENCY)}", shown)
     if len(plan.points) > _MOST_ROWS:
         console.print(f"the first {_MOST_ROWS} points; points.csv has all")
     if plan.repeat == 1:
@@ -162,20 +162,30 @@ def _show(result: SweepResult) -> None:
         click.echo(f"picture: {picture}")
 
 
-def _table(result: SweepResult, name: str, title: str, shown: dict[str, str]) -> Table:
+def _show_table(console: Console, result: SweepResult, name: str, title: str, shown: dict[str, str]) -> None:
     from rich.text import Text
 
     from bussim.commands.common.console import plain_table
+    from bussim.sweep.text import footnotes, with_interval
 
     plan = result.plan
     keys = _short([axis.key for axis in plan.axes])
     table = plain_table((), [*keys, *shown.values()], title=title, gap=1)
     for column in table.columns:
         column.no_wrap, column.vertical = True, "bottom"
+    texts, needed = "", {head.partition("(")[0].replace("\n", " ").strip(): 0 for head in shown.values()}
     for number, point in enumerate(plan.points[:_MOST_ROWS]):
-        cells = [_in_words(*result.mean(f"{name}.{figure}", number)) for figure in shown]
-        table.add_row(*(Text(value.text) for value in point), *cells)
-    return table
+        cells = [Text(value.text) for value in point]
+        for figure, label in zip((f"{name}.{figure}" for figure in shown), needed, strict=True):
+            mean = result.mean(figure, number)
+            cells.append(Text(with_interval(mean, result.values(figure, number))))
+            if mean.needed is not None and mean.too_few(plan.repeat):
+                needed[label] = max(needed[label], mean.needed)
+        table.add_row(*cells)
+        texts += "".join(map(str, cells))
+    console.print(table)
+    for text in footnotes(texts, plan.repeat, needed) if plan.repeat > 1 else ():
+        console.print(text)
 
 
 def _short(keys: Sequence[str]) -> list[str]:
@@ -186,13 +196,3 @@ def _short(keys: Sequence[str]) -> list[str]:
         if len(set(names)) == len(names):
             return names
     return list(keys)
-
-
-def _in_words(mean: float | None, low: float | None, high: float | None) -> str:
-    if mean is None:
-        return "–"
-    text = f"{mean:,.0f}" if mean == int(mean) else f"{mean:,.2f}" if abs(mean) >= 1 else f"{mean:.3g}"
-    if low is None or high is None:
-        return text
-    half = high - mean
-    return f"{text} ± {half:.0f}" if half >= 10 or half == 0 else f"{text} ± {half:.2g}"

@@ -5,19 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import fsum, isfinite, sqrt
+from math import ceil, exp, fsum, isfinite, sqrt
 
 #: How often an interval covers the true mean, for figures that are spread normally.
 CONFIDENCE = 0.95
+#: Repeats are enough for a mean from so many on, where its interval is within so much of it on either side.
+LEAST_REPEATS, WITHIN = 3, 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """A mean and the limits of its confidence interval, None where they are not known."""
+    """A mean and the limits of its confidence interval, None where they are not known.
+
+    ``needed`` is how many repeats would be enough for it (see :data:`WITHIN`), judged by the spread of those
+    that there are; None where nothing is known of the spread, or the mean is 0.
+    """
 
     mean: float | None
     low: float | None = None
     high: float | None = None
+    needed: int | None = None
+
+    def too_few(self, repeats: int) -> bool:
+        """Whether so many repeats are known to be too few."""
+        return self.needed is not None and self.needed > repeats
 
 
 def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
@@ -28,6 +39,10 @@ def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
     are never less, which takes nothing from its coverage. The repeats are independent;
     each figure is itself a mean or a count over many link scans, so that it is roughly normal.
 
+    Counts of rare ``events``, and shares of them, are not. Theirs is that of the mean's logarithm, which is
+    above 0 and longer upwards; of whole counts at least the exact one of Poisson's distribution
+    (Garwood, Biometrika 28, 1936), and their spread at least its √mean, which a few repeats may not show.
+
     Where a figure is None in a repeat (a quantile that takes more scans) the mean is None as well:
     the others alone would be a choice that depends on the result. One repeat has no interval. Nor
     has a count of ``events`` that is 0 in every repeat: never seen is not never.
@@ -36,16 +51,34 @@ def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
     count = len(numbers)
     if not count or count < len(values):
         return Mean(None)
-    mean = _rounded(fsum(numbers) / count)
+    mean = fsum(numbers) / count
     if count == 1 or (events and not any(numbers)):
-        return Mean(mean)
-    exact = fsum(numbers) / count
-    spread = sqrt(fsum((value - exact) ** 2 for value in numbers) / (count - 1))
+        return Mean(_rounded(mean))
+    spread = sqrt(fsum((value - mean) ** 2 for value in numbers) / (count - 1))
     half = student_t(count - 1) * spread / sqrt(count)
-    low = exact - half
-    if min(numbers) >= 0:  # times and counts, which are never less
+    low, high = mean - half, mean + half
+    if events:
+        low, high = mean * exp(-half / mean), min(mean * exp(half / mean), 1.0)
+        if all(isinstance(value, int) for value in numbers):
+            from scipy.special import gammaincinv
+
+            seen, tail = sum(numbers), (1 - CONFIDENCE) / 2
+            low = min(low, float(gammaincinv(seen, tail)) / count)
+            high = max(mean * exp(half / mean), float(gammaincinv(seen + 1, 1 - tail)) / count)
+            spread = max(spread, sqrt(mean))
+    elif min(numbers) >= 0:  # times and counts, which are never less
         low = max(low, 0.0)
-    return Mean(mean, _rounded(low), _rounded(exact + half))
+    return Mean(_rounded(mean), _rounded(low), _rounded(high), _needed(mean, spread))
+
+
+def _needed(mean: float, spread: float) -> int | None:
+    """The number of repeats that are enough."""
+    if mean <= 0:
+        return None
+    repeats = max(LEAST_REPEATS, ceil((student_t(1_000_000) * spread / (WITHIN * mean)) ** 2))
+    while student_t(repeats - 1) * spread / sqrt(repeats) > WITHIN * mean:
+        repeats += 1
+    return repeats
 
 
 def _rounded(value: float) -> float:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite, log10, nan
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from bussim.results.plots.style import (
     DISTRIBUTION,
@@ -24,7 +26,8 @@ from bussim.results.plots.style import (
 from bussim.results.store.safe_names import file_names
 from bussim.sweep.figures import LATENCY, latencies_in, masters_in
 from bussim.sweep.plan import Plan
-from bussim.sweep.tables import HIGH, LOW, Table
+from bussim.sweep.tables import HIGH, LOW, Table, at_point, mean_at
+from bussim.sweep.text import TOO_FEW, footnotes, with_interval
 from bussim.sweep.vary import Axis
 from bussim.units import seconds
 from bussim.version import __version__
@@ -67,13 +70,17 @@ _MOST_WRITTEN = 10
 _MOST_SHAPES = 1000
 _LONGEST_TICK, _LONGEST_NUMBER = 14, 6
 _MAP = "viridis"
+#: Where the repeats are too few: the least run, the mean and the greatest run; in a cell without a number.
+_HOLLOW: Any = {"c": SIMULATED, "ls": ":", "lw": 1, "marker": "o", "mfc": "w", "markevery": [1], "zorder": 3}
+_NO_LINE: Any = {"ls": ""}
+_DOT: Any = {"ls": "", "marker": "o", "ms": 2.5, "mfc": "white", "mec": "black", "mew": 0.5}
 
 
-def draw(plan: Plan, points: Table, folder: Path) -> list[Path]:
+def draw(plan: Plan, runs: Table, points: Table, folder: Path) -> list[Path]:
     """Draw every N:N link, Modbus master and latency of a sweep over one key or two.
 
-    The files are ``sweep_<name>.png`` and ``.svg``. ``points`` is the table of
-    :func:`bussim.sweep.tables.points_table`. A sweep over more keys has no picture. Returns the paths.
+    The files are ``sweep_<name>.png`` and ``.svg``. ``runs`` and ``points`` are the tables of
+    :mod:`bussim.sweep.tables`. A sweep over more keys has no picture. Returns the paths.
     """
     if len(plan.axes) > 2:
         return []
@@ -81,18 +88,19 @@ def draw(plan: Plan, points: Table, folder: Path) -> list[Path]:
     paths: list[Path] = []
     for bus, stem in file_names([*buses, *masters_in(points), *latencies_in(points)]).items():
         shape = heat_maps if len(plan.axes) == 2 else lines
-        paths += shape(plan, points, bus).save_both(folder / f"sweep_{stem}")
+        paths += shape(plan, runs, points, bus).save_both(folder / f"sweep_{stem}")
     return paths
 
 
-def lines(plan: Plan, points: Table, bus: str) -> Picture:
+def lines(plan: Plan, runs: Table, points: Table, bus: str) -> Picture:
     """The means of a link's, master's or latency's figures over one key, with 95 % confidence intervals.
 
-    With the longest latency goes what it may be at worst without error.
+    Where the repeats are too few the dot is hollow, and the least and the greatest run are its limits. With
+    the longest latency goes what it may be at worst without error.
     """
     axis = plan.axes[0]
     positions, logarithmic = _positions(axis)
-    bounded = False
+    bounded, few = False, False
     with style():
         picture = _new(plan)
         for panel, figure in _panels(picture, points, bus):
@@ -102,6 +110,11 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
             panel.plot(
                 positions, mean, color=SIMULATED, marker="o", markersize=3.5, linestyle=line, clip_on=False
             )
+            for point, at in enumerate(positions):
+                if mean_at(points, column, point).too_few(plan.repeat):
+                    seen = _numbers(at_point(plan, runs[column], point))
+                    panel.plot([at] * 3, [min(seen), mean[point], max(seen)], **_HOLLOW)
+                    low[point], high[point], few = nan, nan, True
             bound = _numbers(points.get(f"{bus}.{_BOUNDS.get(figure)}", []))
             if any(map(isfinite, bound)):
                 panel.plot(positions, bound, color=DISTRIBUTION, linestyle=line, marker="_", clip_on=False)
@@ -115,22 +128,29 @@ def lines(plan: Plan, points: Table, bus: str) -> Picture:
             elif positions == list(range(len(positions))):
                 _label_positions(panel, axis, "x")
                 panel.set_xlim(-0.5, len(positions) - 0.5)
-            if min((value for value in (*mean, *low) if isfinite(value)), default=0) >= 0:
+            elif all(float(position).is_integer() for position in positions):
+                panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+            if not any(mean):
+                panel.set_ylim(0, 1)  # an axis of nothing would show hundredths of an event
+            elif min((value for value in (*mean, *low) if isfinite(value)), default=0) >= 0:
                 panel.set_ylim(bottom=max(0, panel.get_ylim()[0]))
             panel.set_xlabel(_axis_label(axis))
-        finish_picture(
-            picture, _heading(plan, bus), _line_key(plan, band=axis.unit is not None, bounded=bounded)
-        )
+        key = _line_key(plan, band=axis.unit is not None, bounded=bounded, few=few)
+        finish_picture(picture, _heading(plan, bus), key)
     return picture
 
 
-def heat_maps(plan: Plan, points: Table, bus: str) -> Picture:
+def heat_maps(plan: Plan, runs: Table, points: Table, bus: str) -> Picture:
     """The means of figures as of :func:`lines` over two keys: the first to the right, the second upwards."""
     across, up = plan.axes
+    numbered = len(across.values) <= _MOST_WRITTEN and len(up.values) <= 2 * _MOST_WRITTEN
+    written = ""
     with style():
         picture = _new(plan)
         for panel, figure in _panels(picture, points, bus):
-            means = _numbers(points[f"{bus}.{figure}"])
+            column = f"{bus}.{figure}"
+            means = _numbers(points[column])
+            found = [mean_at(points, column, point) for point in range(len(means))]
             height = len(up.values)
             # The last key changes fastest in the table.
             rows = [means[row::height] for row in range(height)]
@@ -140,13 +160,18 @@ def heat_maps(plan: Plan, points: Table, bus: str) -> Picture:
             many = len(means) > _MOST_SHAPES  # an SVG of thousands of squares is slow to show
             mesh = panel.pcolormesh(rows, cmap=_MAP, norm=colours, rasterized=many)
             picture.colorbar(mesh, ax=panel)
-            if len(across.values) <= _MOST_WRITTEN and height <= 2 * _MOST_WRITTEN:
-                _write_numbers(panel, rows, colours)
+            texts = [with_interval(mean, at_point(plan, runs[column], at)) for at, mean in enumerate(found)]
+            written += "".join(texts)
+            if numbered:
+                _write(panel, texts, rows, colours)
+            else:
+                few = [divmod(at, height) for at, mean in enumerate(found) if mean.too_few(plan.repeat)]
+                panel.plot([x + 0.5 for x, _ in few], [y + 0.5 for _, y in few], **_DOT)
             _label_positions(panel, across, "x", 0.5)
             _label_positions(panel, up, "y", 0.5)
             panel.set_xlabel(_axis_label(across))
             panel.set_ylabel(_axis_label(up))
-        finish_picture(picture, _heading(plan, bus), _map_key(plan))
+        finish_picture(picture, _heading(plan, bus), _map_key(plan, written, _NO_LINE if numbered else _DOT))
     return picture
 
 
@@ -235,27 +260,31 @@ def _colours(values: Sequence[float]) -> Normalize:
     return Normalize(low, high if high > low else low + 1)
 
 
-def _write_numbers(panel: Axes, rows: Sequence[Sequence[float]], colours: Normalize) -> None:
+def _write(panel: Axes, texts: Sequence[str], rows: Sequence[Sequence[float]], colours: Normalize) -> None:
+    """Write into each cell its text, on lines that are short."""
     size = 8 if max(len(rows), len(rows[0])) <= 6 else 6.5
-    for y, row in enumerate(rows):
-        for x, value in enumerate(row):
-            known = isfinite(value)
-            dark = known and float(colours(value)) < 0.6
-            text, colour = f"{value:.4g}" if known else "–", "white" if dark else "black"
-            panel.text(x + 0.5, y + 0.5, text, ha="center", va="center", size=size, color=colour)
+    for point, text in enumerate(texts):
+        x, y = divmod(point, len(rows))
+        dark = isfinite(rows[y][x]) and float(colours(rows[y][x])) < 0.6
+        lines = text.replace(" ± ", "\n± ").replace("–", "–\n").strip()
+        colour = "white" if dark else "black"
+        panel.text(x + 0.5, y + 0.5, lines, ha="center", va="center", size=size, color=colour)
 
 
 def _heading(plan: Plan, bus: str) -> str:
     return f"{plan.title}: {bus} over {' and '.join(axis.key for axis in plan.axes)}"
 
 
-def _line_key(plan: Plan, *, band: bool, bounded: bool) -> list[Line2D | Patch]:
+def _line_key(plan: Plan, *, band: bool, bounded: bool, few: bool) -> list[Line2D | Patch]:
     bound = (
         [Line2D([], [], color=DISTRIBUTION, marker="_", label="at worst with no error")] if bounded else []
     )
     if plan.repeat == 1:
         return [Line2D([], [], color=SIMULATED, marker="o", label="one run a point, spread unknown"), *bound]
     label = "95 % confidence interval of the mean"
+    if few:
+        (text,) = footnotes(TOO_FEW, plan.repeat)
+        bound.append(Line2D([], [], label=text.removeprefix(TOO_FEW).strip(), **_HOLLOW | {"markevery": 1}))
     return [
         Line2D([], [], color=SIMULATED, marker="o", label=f"mean of {plan.repeat} runs"),
         Patch(color=SIMULATED, alpha=0.25, label=label)
@@ -265,6 +294,9 @@ def _line_key(plan: Plan, *, band: bool, bounded: bool) -> list[Line2D | Patch]:
     ]
 
 
-def _map_key(plan: Plan) -> list[Line2D]:
-    label = "one run a point" if plan.repeat == 1 else f"means of {plan.repeat} runs a point"
-    return [Line2D([], [], linestyle="", label=label)]
+def _map_key(plan: Plan, written: str, dot: Mapping[str, Any]) -> list[Line2D]:
+    if plan.repeat == 1:
+        return [Line2D([], [], linestyle="", label="one run a point, spread unknown")]
+    labels = [f"means of {plan.repeat} runs a point ± half of the 95 % confidence interval"]
+    labels += footnotes(written, plan.repeat)
+    return [Line2D([], [], label=text, **(dot if TOO_FEW in text else _NO_LINE)) for text in labels]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bussim.sweep.identity import SCHEMA
+from bussim.sweep.intervals import Mean
 from bussim.sweep.plan import Plan
-from bussim.sweep.tables import HIGH, LOW, POINTS, RUNS, Table, axis_cell, read_csv
+from bussim.sweep.tables import LOW, POINTS, RUNS, Table, at_point, axis_cell, mean_at, read_csv
 from bussim.version import __version__
 from bussim.wording import counted
 
@@ -30,15 +32,20 @@ class SweepResult:
     @cached_property
     def runs(self) -> pd.DataFrame:
         """One row a run: run, point, the varied keys, repeat, seed, and its figures."""
-        return _frame(read_csv(self.folder / RUNS))
+        return _frame(self._runs)
 
     @cached_property
     def points(self) -> pd.DataFrame:
-        """One row a point: point, the varied keys, runs, and X, X_low, X_high for each figure X.
+        """One row a point: point, the varied keys, runs, and X, X_low, X_high, X_needed for each figure X.
 
-        The mean over its runs and the limits of the 95 % confidence interval.
+        The mean over its runs, the limits of the 95 % confidence interval, and how many runs put these
+        within 10 % of the mean: more than there are says that these are too few.
         """
         return _frame(self._points)
+
+    @cached_property
+    def _runs(self) -> Table:
+        return read_csv(self.folder / RUNS)
 
     @cached_property
     def _points(self) -> Table:
@@ -49,10 +56,13 @@ class SweepResult:
         """The names of all figures, such as ``link.scan_time_mean_ms``."""
         return [name.removesuffix(LOW) for name in self._points if name.endswith(LOW)]
 
-    def mean(self, figure: str, point: int) -> tuple[Any, Any, Any]:
-        """Mean, low and high of a figure at a point (from 0), None where they are not known."""
-        low, high = (self._points[figure + ending][point] for ending in (LOW, HIGH))
-        return self._points[figure][point], low, high
+    def mean(self, figure: str, point: int) -> Mean:
+        """The mean of a figure at a point (from 0) with its confidence interval."""
+        return mean_at(self._points, figure, point)
+
+    def values(self, figure: str, point: int) -> list[float | None]:
+        """What each run at a point (from 0) gave of a figure."""
+        return list(at_point(self.plan, self._runs.get(figure, []), point))
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -73,10 +83,7 @@ class SweepResult:
             "points": [
                 {
                     "at": {a.key: axis_cell(a, v) for a, v in zip(plan.axes, at, strict=True)},
-                    "figures": {
-                        name: dict(zip(("mean", "low", "high"), self.mean(name, number), strict=True))
-                        for name in self.figures
-                    },
+                    "figures": {name: asdict(self.mean(name, number)) for name in self.figures},
                 }
                 for number, at in enumerate(plan.points)
             ],

@@ -131,4 +131,4 @@ def _write(plan: Plan, journal: Journal, folder: Path) -> None:
     with (folder / "scenario.yaml").open("w", encoding="utf-8", newline="\n") as file:
         file.write(f"# What a sweep by bussim {__version__} varied, with every default filled in.\n")
         file.write(dumps(plan.base))
-    draw(plan, points, folder)
+    draw(plan, runs, points, folder)

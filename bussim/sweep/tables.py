@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from bussim.errors import UsageError
 from bussim.results.store.safe_names import cell, from_cell
 from bussim.results.store.tables import import_pyarrow
 from bussim.sweep.figures import Number, in_order, is_event_count, rare_count_of
-from bussim.sweep.intervals import mean_of
+from bussim.sweep.intervals import Mean, mean_of
 from bussim.sweep.plan import Plan
 from bussim.sweep.vary import Axis, Value
 
@@ -20,8 +20,9 @@ Cell = Number | str | None
 #: Columns by name, all of the same length.
 Table = dict[str, list[Cell]]
 
-#: What is added to a figure's name for the limits of its confidence interval.
-LOW, HIGH = "_low", "_high"
+#: What is added to a figure's name for the limits of its confidence interval, and for how many repeats it
+#: takes to know it within 10 %.
+LOW, HIGH, NEEDED = "_low", "_high", "_needed"
 
 
 def runs_table(plan: Plan, entries: Iterable[tuple[int, Mapping[str, Number | None]]]) -> Table:
@@ -62,10 +63,11 @@ def _count_what_did_not_occur(figures: Table) -> None:
 
 
 def points_table(plan: Plan, runs: Table) -> Table:
-    """One row a point: point, the varied keys, runs, and for each figure mean, low and high.
+    """One row a point: point, the varied keys, runs, and for each figure mean, low, high and needed.
 
     ``X`` is the mean of the figure X over the point's runs, ``X_low`` and ``X_high`` are the limits
-    of its 95 % confidence interval, see :func:`bussim.sweep.intervals.mean_of`.
+    of its 95 % confidence interval, ``X_needed`` is how many runs would put these within 10 % of the mean,
+    see :func:`bussim.sweep.intervals.mean_of`.
     """
     count = len(plan.points)
     table: Table = {"point": list(range(1, count + 1))}
@@ -75,14 +77,24 @@ def points_table(plan: Plan, runs: Table) -> Table:
     for name in figure_names(runs, plan):
         column = runs[name]
         events = is_event_count(name)
-        means = []
-        for point in range(count):
-            values = column[point * plan.repeat : (point + 1) * plan.repeat]
-            means.append(mean_of([v for v in values if not isinstance(v, str)], events=events))
+        means = [mean_of(at_point(plan, column, point), events=events) for point in range(count)]
         table[name] = [each.mean for each in means]
         table[name + LOW] = [each.low for each in means]
         table[name + HIGH] = [each.high for each in means]
+        table[name + NEEDED] = [each.needed for each in means]
     return table
+
+
+def at_point(plan: Plan, column: Sequence[Cell], point: int) -> list[Number | None]:
+    """What the repeats of a point (from 0) gave of a figure, of its column in the runs' table."""
+    values = column[point * plan.repeat : (point + 1) * plan.repeat]
+    return [value for value in values if not isinstance(value, str)]
+
+
+def mean_at(points: Table, figure: str, point: int) -> Mean:
+    """The mean of a figure at a point (from 0); a table of an earlier version has no ``X_needed``."""
+    columns = (points.get(figure + ending) for ending in ("", LOW, HIGH, NEEDED))
+    return Mean(*(None if column is None else column[point] for column in columns))  # type: ignore[arg-type] # numbers
 
 
 def figure_names(runs: Table, plan: Plan) -> list[str]:

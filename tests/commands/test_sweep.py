@@ -49,7 +49,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 def test_a_sweep_from_the_command_line(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [
         "sweep", "noisy.yaml", "--vary", f"{RETRIES}=0:2:1", "--vary", f"{TIMEOUT}=50ms,100ms",
-        "--repeat", "2", "--duration", "500ms", "--seed", "9", "--set", f"{BER}=2e-3", "--workers", "1",
+        "--repeat", "3", "--duration", "500ms", "--seed", "9", "--set", f"{BER}=2e-3", "--workers", "1",
     ]  # fmt: skip
     assert main(arguments) == 0
     said = capsys.readouterr()
@@ -59,14 +59,19 @@ def test_a_sweep_from_the_command_line(here: Path, capsys: pytest.CaptureFixture
         "sweep.json", "scenario.yaml", "runs.csv", "runs.parquet", "points.csv", "sweep_link.png",
         "sweep_link.svg",
     }  # fmt: skip
-    assert said.out.startswith("noisy pair: 12 runs at 6 points\n")
+    assert said.out.startswith("noisy pair: 18 runs at 6 points\n")
     assert re.search(r"retries +timeout", said.out)
-    assert re.search(r"\n +2 +100ms +\d+\.\d\d ± ", said.out)
+    assert re.search(r"\n +2 +100ms +(\d+\.\d+ ± \d|\d+\.\d\d–\d+\.\d\d\*)", said.out)
+    assert re.search(r"errors +onsets +\(ms\)\n", said.out)
+    assert (
+        "* least and greatest run: 3 repeats are too few for a mean within ±10 %; it takes at least "
+        in said.out
+    )
     assert said.out.endswith(
         f"\nresults: {Path('sweeps/noisy')}\npicture: {Path('sweeps/noisy/sweep_link.png')}\n"
     )
     runs, points = rows(folder / "runs.csv"), rows(folder / "points.csv")
-    assert (len(runs), len(points)) == (12, 6)
+    assert (len(runs), len(points)) == (18, 6)
     assert [(row[RETRIES], row[f"{TIMEOUT}_ms"]) for row in points] == [
         (str(retries), str(timeout)) for retries in range(3) for timeout in (50, 100)
     ]
@@ -86,7 +91,7 @@ def test_a_sweep_from_the_command_line(here: Path, capsys: pytest.CaptureFixture
     assert row["link.scans"] == str(link["scans"])
     assert row["link.scan_time_max_ms"] == str(link["scan_time_ms"]["max"])
     assert main(arguments) == 0
-    assert "12 runs at 6 points, 12 of them were there already" in capsys.readouterr().out
+    assert "18 runs at 6 points, 18 of them were there already" in capsys.readouterr().out
 
 
 def test_json_is_the_points_and_nothing_else(
@@ -104,7 +109,9 @@ def test_json_is_the_points_and_nothing_else(
     scans = data["points"][1]["figures"]["link.scans"]
     assert scans["mean"] == 14.0  # 13, 14 and 15
     assert scans["high"] - 14.0 == pytest.approx(14.0 - scans["low"])
-    assert data["points"][0]["figures"]["link.scan_time_p99_ms"] == dict.fromkeys(("mean", "low", "high"))
+    assert data["points"][0]["figures"]["link.scan_time_p99_ms"] == dict.fromkeys(
+        ("mean", "low", "high", "needed")
+    )
 
 
 def test_folders_of_other_sweeps(here: Path, quick: None, capsys: pytest.CaptureFixture[str]) -> None:

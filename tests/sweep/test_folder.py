@@ -75,7 +75,7 @@ def sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Swee
     """A small sweep into tmp_path/place/out that costs nothing."""
     scenario = noisy(tmp_path)
     monkeypatch.setattr(run, "open_executor", lambda *_: _recorded())
-    monkeypatch.setattr(plots, "draw", lambda _, __, folder: (folder / "sweep_link.png").write_bytes(b"x"))
+    monkeypatch.setattr(plots, "draw", lambda *given: (given[-1] / "sweep_link.png").write_bytes(b"x"))
 
     def call(vary: str = f"{RETRIES}=0,1", *, out: str = "out", **options: object) -> SweepResult:
         return run_sweep(scenario, [vary], out=tmp_path / "place" / out, **options)  # type: ignore[arg-type] # any option

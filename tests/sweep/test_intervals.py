@@ -6,7 +6,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from bussim.sweep.intervals import mean_of, student_t
+from bussim.sweep.intervals import LEAST_REPEATS, WITHIN, mean_of, student_t
 
 #: Two-sided 95 % and 99 % points of Student's t, as in every table.
 TABLE = {
@@ -79,4 +79,66 @@ def test_what_cannot_be_said_is_not_said() -> None:
     never = mean_of([0, 0, 0], events=True)
     assert (never.mean, never.low, never.high) == (0.0, None, None)
     constant = mean_of([0.5] * 3)
-    assert (constant.low, constant.high) == (0.5, 0.5)
+    assert (constant.low, constant.high, constant.needed) == (0.5, 0.5, LEAST_REPEATS)
+
+
+@pytest.mark.parametrize("rate", [0.3, 2.0, 40.0])
+@pytest.mark.parametrize("count", [3, 10])
+def test_intervals_of_rare_counts_cover_and_never_reach_below_0(rate: float, count: int) -> None:
+    trials = 3000
+    samples = np.random.default_rng(round(10 * rate) + count).poisson(rate, (trials, count)).tolist()
+    means = [mean_of(sample, events=True) for sample in samples]
+    known = [each for each in means if each.low is not None and each.high is not None]
+    assert all(0 < (each.low or 0) < (each.mean or 0) < (each.high or 0) for each in known)
+    missed = sum(not (each.low or 0) <= rate <= (each.high or 0) for each in known)
+    # Garwood's interval covers at least 95 %: within four standard deviations of that.
+    assert missed <= 0.05 * trials + 4 * math.sqrt(trials * 0.05 * 0.95)
+    # What never occurred has no interval, with Poisson's probability.
+    never = math.exp(-rate * count)
+    assert abs(trials - len(known) - never * trials) <= 4 * math.sqrt(trials * never * (1 - never)) + 1e-9
+
+
+def test_clustered_events_have_an_interval_of_their_own_spread() -> None:
+    # 40 at once, or nothing: Poisson's law of the sum alone would give 12 to 15.
+    mean = mean_of([0, 40, 0, 0, 40, 0], events=True)
+    assert mean.low is not None
+    assert mean.high is not None
+    assert (mean.low < 4, mean.high > 50) == (True, True)
+
+
+def test_by_hand_of_one_event() -> None:
+    # Garwood: -ln(0.975) and the 0.975 quantile of the gamma distribution of shape 2.
+    mean = mean_of([1, 0, 0], events=True)
+    assert mean.low is not None
+    assert mean.low <= -math.log(0.975) / 3
+    assert mean.high is not None
+    assert mean.high >= 5.5716 / 3
+    share = mean_of([0.5, 0.9], events=True)
+    assert share.high == 1.0
+
+
+def test_repeats_that_are_needed_are_those_with_which_the_interval_is_within_10_percent() -> None:
+    rng = np.random.default_rng(5)
+    for count in (2, 3, 4, 9, 30):
+        for spread in (0.1, 1.0, 3.0, 9.0, 40.0):
+            values = np.abs(rng.normal(50.0, spread, count)).tolist()
+            mean = mean_of(values)
+            assert mean.needed is not None
+            assert mean.needed >= LEAST_REPEATS
+            s = float(np.std(values, ddof=1))
+            within = student_t(mean.needed - 1) * s / math.sqrt(mean.needed)
+            assert within <= WITHIN * float(np.mean(values)) * (1 + 1e-9)
+            if mean.needed > LEAST_REPEATS:
+                fewer = student_t(mean.needed - 2) * s / math.sqrt(mean.needed - 1)
+                assert fewer > WITHIN * float(np.mean(values))
+            assert mean.too_few(count) == (mean.needed > count)
+
+
+def test_a_count_needs_as_many_repeats_as_its_own_chance_takes() -> None:
+    # Three equal counts of 1 have no spread; a Poisson mean of 1 takes (1.96 / 0.1)² of them, all the same.
+    needed = mean_of([1, 1, 1], events=True).needed
+    assert needed is not None
+    assert 384 <= needed <= 390
+    assert mean_of([0, 0, 0]).needed is None
+    assert mean_of([0.0, 0.0], events=True).needed is None
+    assert mean_of([7.0]).needed is None

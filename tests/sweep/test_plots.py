@@ -1,9 +1,12 @@
 from __future__ import annotations
 
 import random
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
@@ -16,8 +19,8 @@ from tests.results.plots.test_scan_times import assert_legible, has
 from tests.sweep.samples import BER, RETRIES, TIMEOUT, noisy
 
 
-def results(plan: Plan, *, rare: bool = False) -> Table:
-    """Figures with a known law: the mean scan time is 40 + 2·(number of the point), give or take 1 ms."""
+def results(plan: Plan, *, rare: bool = False) -> tuple[Table, Table]:
+    """The runs and the points, with a known law: the mean scan time is 40 + 2·(number of the point), give or take 1 ms."""
     rng = random.Random(1)
 
     def figures(run: int) -> dict[str, Any]:
@@ -30,7 +33,12 @@ def results(plan: Plan, *, rare: bool = False) -> Table:
             "link.refresh_gap_max_ms": None if rare else 200 + rng.uniform(-50, 50),
         }
 
-    return points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
+    return tables(plan, figures)
+
+
+def tables(plan: Plan, figures: Callable[[int], dict[str, Any]]) -> tuple[Table, Table]:
+    runs = runs_table(plan, ((run, figures(run)) for run in range(plan.runs)))
+    return runs, points_table(plan, runs)
 
 
 def panels(picture: Picture) -> dict[str, Axes]:
@@ -45,8 +53,8 @@ def scenario(tmp_path: Path) -> Path:
 @pytest.mark.slow
 def test_a_heat_map_has_each_mean_at_its_point(scenario: Path) -> None:
     plan = Plan(scenario, [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"], repeat=3)
-    points = results(plan)
-    picture = heat_maps(plan, points, "link")
+    runs, points = results(plan)
+    picture = heat_maps(plan, runs, points, "link")
     axes = panels(picture)
     assert set(axes) == set(PANELS.values())
     mean = axes[PANELS["scan_time_mean_ms"]]
@@ -62,6 +70,14 @@ def test_a_heat_map_has_each_mean_at_its_point(scenario: Path) -> None:
     assert (mean.get_xlabel(), mean.get_ylabel()) == (RETRIES, f"{TIMEOUT} (ms)")
     assert has(picture, "means of 3 runs a point")
     assert has(picture, "36 runs")
+    scans = [text.get_text() for text in mean.texts]
+    assert all(re.fullmatch(r"\d\d(\.\d+)?\n± \d(\.\d+)?", text) for text in scans), scans
+    gaps = [text.get_text() for text in axes[PANELS["refresh_gap_max_ms"]].texts]
+    assert any(re.fullmatch(r"\d+\.\d\d–\n\d+\.\d\d\*", text) for text in gaps)
+    assert has(picture, "* least and greatest run: 3 repeats are too few for a mean within ±10 %")
+    errors = [text.get_text() for text in axes[PANELS["station_errors"]].texts]
+    assert errors[0] == "0°"
+    assert has(picture, "° in none of 3 runs; with 95 % confidence in at most 64 % of all")
     assert has(picture, "–")  # the point whose longest scan is not known
     assert_legible(picture)
 
@@ -69,8 +85,8 @@ def test_a_heat_map_has_each_mean_at_its_point(scenario: Path) -> None:
 @pytest.mark.slow
 def test_a_large_heat_map_is_legible(scenario: Path) -> None:
     plan = Plan(scenario, [f"{TIMEOUT}=50ms:1000ms:10ms", f"{BER}=1e-6:1e-3:log31"])
-    points = results(plan, rare=True)
-    picture = heat_maps(plan, points, "link")
+    runs, points = results(plan, rare=True)
+    picture = heat_maps(plan, runs, points, "link")
     assert_legible(picture)
     assert has(picture, "not known at any point")
     longest = panels(picture)[PANELS["scan_time_max_ms"]]
@@ -80,8 +96,8 @@ def test_a_large_heat_map_is_legible(scenario: Path) -> None:
 
 def test_a_line_with_its_band(scenario: Path) -> None:
     plan = Plan(scenario, [f"{RETRIES}=0:5:1"], repeat=4)
-    points = results(plan)
-    picture = lines(plan, points, "link")
+    runs, points = results(plan)
+    picture = lines(plan, runs, points, "link")
     mean = panels(picture)[PANELS["scan_time_mean_ms"]]
     assert list(mean.lines[0].get_xdata()) == [0, 1, 2, 3, 4, 5]
     assert list(mean.lines[0].get_ydata()) == points["link.scan_time_mean_ms"]
@@ -92,10 +108,56 @@ def test_a_line_with_its_band(scenario: Path) -> None:
     assert_legible(picture)
 
 
+def test_where_repeats_are_too_few_there_is_no_interval(scenario: Path) -> None:
+    plan = Plan(scenario, [f"{RETRIES}=0:2:1"], repeat=3)
+    longest = {0: (50.0, 50.1, 50.2), 1: (50.0, 60.0, 140.0), 2: (60.0, 60.0, 60.0)}
+
+    def figures(run: int) -> dict[str, Any]:
+        point, repeat = plan.point_of(run)
+        errors = {"link.station_errors": 2 * repeat if point == 2 else 0}
+        return {"link.scans": 100, "link.scan_time_max_ms": longest[point][repeat - 1], **errors}
+
+    runs, points = tables(plan, figures)
+    picture = lines(plan, runs, points, "link")
+    panel = panels(picture)[PANELS["scan_time_max_ms"]]
+    hollow = [line for line in panel.lines if line.get_markerfacecolor() == "w"]
+    assert [(list(line.get_xdata()), list(line.get_ydata())) for line in hollow] == [
+        ([1, 1, 1], [50.0, pytest.approx(250 / 3), 140.0])
+    ]
+    assert list(panel.lines[0].get_ydata()) == pytest.approx([50.1, 250 / 3, 60.0])
+    shown = [path.vertices[:, 1] for path in panel.collections[0].get_paths() if len(path.vertices)]
+    assert sum(bool(np.isfinite(limits).all()) for limits in shown) == 2
+    assert has(picture, "least and greatest run: 3 repeats are too few for a mean within ±10 %")
+    assert panel.get_xticks().tolist() == [tick for tick in panel.get_xticks().tolist() if tick == int(tick)]
+    assert_legible(picture)
+
+
+def test_an_axis_of_events_that_never_occurred_goes_to_one(scenario: Path) -> None:
+    plan = Plan(scenario, [f"{RETRIES}=0,1"], repeat=2)
+    picture = lines(plan, *results(plan, rare=True), "link")
+    assert panels(picture)[PANELS["station_errors"]].get_ylim() == (0, 1)
+
+
+def test_a_large_heat_map_marks_where_repeats_are_too_few(scenario: Path) -> None:
+    plan = Plan(scenario, [f"{TIMEOUT}=50ms:150ms:10ms", f"{RETRIES}=0,1"], repeat=3)
+
+    def figures(run: int) -> dict[str, Any]:
+        point, repeat = plan.point_of(run)
+        return {"link.scans": 100, "link.scan_time_max_ms": 50.0 + 40 * repeat * (point == 5)}
+
+    runs, points = tables(plan, figures)
+    picture = heat_maps(plan, runs, points, "link")
+    panel = panels(picture)[PANELS["scan_time_max_ms"]]
+    assert not panel.texts
+    (dots,) = panel.lines
+    assert (list(dots.get_xdata()), list(dots.get_ydata())) == ([2.5], [1.5])
+    assert has(picture, "* least and greatest run: 3 repeats are too few")
+
+
 def test_the_axis_of_a_line_fits_its_values(scenario: Path) -> None:
     def axes_of(vary: str) -> Axes:
         plan = Plan(scenario, [vary])
-        picture = lines(plan, results(plan), "link")
+        picture = lines(plan, *results(plan), "link")
         return panels(picture)[PANELS["scan_time_mean_ms"]]
 
     assert axes_of(f"{BER}=1e-6:1e-3:log7").get_xscale() == "log"
@@ -109,12 +171,12 @@ def test_the_axis_of_a_line_fits_its_values(scenario: Path) -> None:
 
 def test_a_picture_of_each_kind_for_one_key_or_two(scenario: Path, tmp_path: Path) -> None:
     plan = Plan(scenario, [f"{RETRIES}=0,1"])
-    paths = draw(plan, results(plan), tmp_path)
+    paths = draw(plan, *results(plan), tmp_path)
     assert [path.name for path in paths] == ["sweep_link.png", "sweep_link.svg"]
     assert paths[0].read_bytes().startswith(b"\x89PNG")
     assert b"<svg" in paths[1].read_bytes()
     three = Plan(scenario, [f"{RETRIES}=0,1", f"{BER}=0,1", "seed=1,2"])
-    assert draw(three, results(three), tmp_path) == []
+    assert draw(three, *results(three), tmp_path) == []
 
 
 @pytest.mark.slow
@@ -134,10 +196,10 @@ def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path
 
     for vary in ([f"{RETRIES}=0:4:1"], [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"]):
         plan = Plan(scenario, vary, repeat=2)
-        points = points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
-        paths = draw(plan, points, tmp_path)
+        runs, points = tables(plan, figures)
+        paths = draw(plan, runs, points, tmp_path)
         assert {path.stem for path in paths} == {"sweep_link", "sweep_press.COM3"}
-        picture = (lines if len(vary) == 1 else heat_maps)(plan, points, "press.COM3")
+        picture = (lines if len(vary) == 1 else heat_maps)(plan, runs, points, "press.COM3")
         assert set(panels(picture)) == set(MASTER_PANELS.values())
         assert has(picture, "not known at any point")  # the poll cycle
         assert_legible(picture)
@@ -157,17 +219,17 @@ def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) ->
 
     for vary in ([f"{RETRIES}=0:4:1"], [f"{RETRIES}=0:3:1", f"{TIMEOUT}=50ms:70ms:10ms"]):
         plan = Plan(scenario, vary, repeat=2)
-        points = points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
-        paths = draw(plan, points, tmp_path)
+        runs, points = tables(plan, figures)
+        paths = draw(plan, runs, points, tmp_path)
         assert {path.stem for path in paths} == {"sweep_link", "sweep_latency.door", "sweep_latency.age"}
         for name, expected in (("latency.door", LATENCY_PANELS), ("latency.age", AGE_PANELS)):
-            picture = (lines if len(vary) == 1 else heat_maps)(plan, points, name)
+            picture = (lines if len(vary) == 1 else heat_maps)(plan, runs, points, name)
             assert set(panels(picture)) == set(expected.values())
             assert has(picture, "not known at any point")  # p99
             assert_legible(picture)
     plan = Plan(scenario, [f"{RETRIES}=0:4:1"], repeat=2)
-    points = points_table(plan, runs_table(plan, ((run, figures(run)) for run in range(plan.runs))))
-    picture = lines(plan, points, "latency.door")
+    runs, points = tables(plan, figures)
+    picture = lines(plan, runs, points, "latency.door")
     share = panels(picture)[LATENCY_PANELS["lost_share"]]
     assert list(share.lines[0].get_ydata()) == pytest.approx([0.005, 0.025, 0.045, 0.065, 0.085])
     bounds = [
@@ -175,4 +237,4 @@ def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) ->
     ]
     assert [list(line.get_ydata()) for line in bounds] == [[70.5] * 5]
     assert has(picture, "at worst with no error")
-    assert not has(lines(plan, points, "latency.age"), "at worst with no error")
+    assert not has(lines(plan, runs, points, "latency.age"), "at worst with no error")

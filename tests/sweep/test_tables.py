@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from bussim.sweep.plan import Plan
 from bussim.sweep.tables import (
     Table,
     figure_names,
+    mean_at,
     points_table,
     read_csv,
     runs_table,
@@ -76,6 +78,10 @@ def test_one_row_a_point(plan: Plan, runs: Table) -> None:
     expected = mean_of([12, 13])
     assert points["link.scans"] == [10.5, 12.5]
     assert (points["link.scans_low"][1], points["link.scans_high"][1]) == (expected.low, expected.high)
+    assert points["link.scans_needed"] == [mean_of([10, 11]).needed, expected.needed]
+    assert mean_at(points, "link.scans", 1) == expected
+    del points["link.scans_needed"]  # as a table of an earlier version
+    assert mean_at(points, "link.scans", 1) == replace(expected, needed=None)
     # A count that was 0 in every repeat has no interval, a figure that one repeat lacks no mean.
     assert (points["link.failed_attempts"][0], points["link.failed_attempts_high"][0]) == (0.0, None)
     assert points["link.mean_ms"] == [0.15, None]
