@@ -45,6 +45,7 @@ from bussim.scenario.model import (
     LateRelease,
     LoseChar,
     Noise,
+    Pause,
     Plc,
     PowerOff,
     ReplyLoss,
@@ -222,6 +223,8 @@ class _LinkReader:
             case WrongFormat():
                 reason = "what a station with a wrong format hears depends on the data"
                 self.obstacles.append(f"{what}: {reason}")
+            case Pause():
+                self.obstacles.append(f"{what}: pauses inside frames are not worked out")
             case LoseChar() | InsertChar() | FlipBits():
                 self.obstacles.append(f"{what}: what it damages depends on the data")
             case BoardError() | CableCut():

@@ -1,7 +1,7 @@
 """The waveform as level changes on lanes, in microseconds.
 
-Each bus is a lane: what a receiver on it sees, damaged bits inverted, and low where any of several
-transmitters pulls it low (a 0 wins, assumed). Each transmitter is a lane: what its own driver puts
+Each bus is a lane: what a receiver on it sees, damaged bits inverted, and where several drivers are on what
+its ``contention`` makes of them. Each transmitter is a lane: what its own driver puts
 out, free of noise and of others, so that the difference to the bus's lane is what the wire did to
 it. A receiver with damage of its own (noise in one receiver) is a lane ``NAME_rx``.
 Edges are rounded to the nearest microsecond one by one, so that errors do not add up.
@@ -17,9 +17,10 @@ from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from bussim.export.received import lows_of
 from bussim.export.selection import Job, Selection, Survey, Written, in_order
-from bussim.line.wave import Interval
+from bussim.line.contention import Disputed, Driver, line_lows
+from bussim.line.wave import Interval, clip
+from bussim.trace.levels import driver_of
 from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_US
 
@@ -102,21 +103,26 @@ class Lanes:
         """Every change of levels inside the picture, by time; what is low as it begins, changes then."""
         low = [0] * len(self.lanes)
         pending: list[_Event] = []
+        driven = {name: _Driven(bus.disputed) for name, bus in self._survey.buses.items()}
         for frame in in_order(self._selection.frames(), self._survey.lateness):
             # No later frame begins before this one: what lies before it is settled.
-            begun = microseconds(frame.start)
+            for each in driven.values():
+                for lanes, lows in each.up_to(frame.start):
+                    pending += self._events(lanes, lows)
             pending.sort()
-            settled = bisect_left(pending, (begun,))
+            settled = bisect_left(pending, (microseconds(frame.start),))
             if settled:
                 yield from _changes(low, pending[:settled])
                 del pending[:settled]
-            for lanes, lows in self._pulls(frame):
+            driven[frame.bus].frames.append(list(self._drivers(frame)))
+        for each in driven.values():
+            for lanes, lows in each.up_to(None):
                 pending += self._events(lanes, lows)
         pending.sort()
         yield from _changes(low, pending)
 
-    def _pulls(self, frame: FrameRecord) -> Iterator[tuple[tuple[int, ...], list[Interval]]]:
-        """Where a frame pulls which lanes low."""
+    def _drivers(self, frame: FrameRecord) -> Iterator[tuple[tuple[int, ...], Driver]]:
+        """The driver of a frame, as lanes have it."""
         sender = self._sender[frame.bus, frame.sender]
         alike = [self._bus[frame.bus]]
         for node, lane in self._receivers[frame.bus]:
@@ -125,13 +131,13 @@ class Lanes:
                 continue  # it receives nothing while its own driver is on
             if own:
                 # A bit inverted on the wire and again in the receiver is right once more.
-                yield (lane,), lows_of(frame, sorted(set(frame.damaged_bits) ^ set(own)))
+                yield (lane,), driver_of(frame, sorted(set(frame.damaged_bits) ^ set(own)))
             else:
                 alike.append(lane)
-        clean = lows_of(frame, ())
+        clean = driver_of(frame, ())
         if frame.damaged_bits:
             yield (sender,), clean
-            yield tuple(alike), lows_of(frame, frame.damaged_bits)
+            yield tuple(alike), driver_of(frame, frame.damaged_bits)
         else:
             yield (sender, *alike), clean
 
@@ -145,6 +151,33 @@ class Lanes:
             if since < until:
                 yield since, 1, lanes
                 yield until, -1, lanes
+
+
+class _Driven:
+    """The drivers of one bus that are on: of each frame, its driver as some lanes have it."""
+
+    def __init__(self, disputed: Disputed) -> None:
+        self._disputed = disputed
+        self._at = 0
+        self.frames: list[list[tuple[tuple[int, ...], Driver]]] = []
+
+    def up_to(self, tick: int | None) -> Iterator[tuple[tuple[int, ...], list[Interval]]]:
+        """Where lanes are low from the last such tick up to this one (None: to the end)."""
+        frames, since = self.frames, self._at
+        if len(frames) == 1:
+            for lanes, driver in frames[0]:
+                yield lanes, clip(driver.lows, since, tick)
+        else:
+            drivers: dict[int, list[Driver]] = {}
+            for frame in frames:
+                for lanes, driver in frame:
+                    for lane in lanes:
+                        drivers.setdefault(lane, []).append(driver)
+            for lane, several in drivers.items():
+                yield (lane,), clip(line_lows(several, self._disputed), since, tick)
+        if tick is not None:
+            self._at = tick
+            frames[:] = [frame for frame in frames if frame[0][1].until > tick]
 
 
 #: A time in microseconds, +1 or -1, and the lanes that are pulled low or let go.

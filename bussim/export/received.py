@@ -1,7 +1,8 @@
 """Frames as a receiver on the bus reads them.
 
 It stands for all of them: it has the bus's rate and format and an exact clock, sees what noise did on the
-wire, and both of two frames that collide (a 0 wins). What noise did in one receiver only, it does not see.
+wire, and of two frames that collide what their bus has then (its ``contention``). What noise did in one
+receiver only, it does not see.
 A character belongs to the frame that began last before it.
 """
 
@@ -11,11 +12,14 @@ import heapq
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from bussim.export.selection import Survey, timing_of
+from bussim.export.selection import BusSurvey, Survey
 from bussim.line.characters import LineTiming
+from bussim.line.contention import line_lows
 from bussim.line.uart import Uart
-from bussim.line.wave import Interval, Wave, clip, low_intervals
+from bussim.line.wave import Wave, character_at
+from bussim.trace.levels import driver_of, pieces_of_frame, timing_of_frame
 from bussim.trace.records import FrameRecord
+from bussim.units import format_time
 from bussim.wording import counted
 
 #: Most overlapping frames that are read at once: a jabbering station has no end.
@@ -35,15 +39,9 @@ class Received(NamedTuple):
     over: tuple[str, ...] = ()
 
 
-def lows_of(frame: FrameRecord, flips: Sequence[int]) -> list[Interval]:
-    """Where a frame pulls the line low if these of its bits are inverted; the part cut off left out."""
-    timing = timing_of(frame.baud, frame.format, frame.ppm)
-    return clip(low_intervals(frame.chars, timing, frame.start, flips), frame.start, frame.end)
-
-
 def receive(frames: Iterable[FrameRecord], survey: Survey) -> Iterator[Received]:
     """What is read of frames that come by their starts; in the same order."""
-    receivers = {name: _Receiver(bus.timing) for name, bus in survey.buses.items()}
+    receivers = {name: _Receiver(bus) for name, bus in survey.buses.items()}
     ready: list[tuple[int, int, Received]] = []
     number = 0
 
@@ -70,8 +68,9 @@ def receive(frames: Iterable[FrameRecord], survey: Survey) -> Iterator[Received]
 class _Receiver:
     """One bus: ``frames`` that may overlap, and ``until`` when they are over."""
 
-    def __init__(self, timing: LineTiming) -> None:
-        self._timing = timing
+    def __init__(self, bus: BusSurvey) -> None:
+        self._timing = timing = bus.timing
+        self._disputed = bus.disputed
         self._format = str(timing.format)
         self._mask = (1 << timing.format.data_bits) - 1
         self._uart = Uart(timing)
@@ -88,7 +87,7 @@ class _Receiver:
         self.frames.append(frame)
         # A receiver may still be inside a character that began in what is damaged.
         after = 0 if self._plain(frame) else self._character
-        self.until = max(self.until, frame.end + after)
+        self.until = max(self.until, frame.end + after, frame.released or 0)
 
     def _plain(self, frame: FrameRecord) -> bool:
         return not (
@@ -111,7 +110,8 @@ class _Receiver:
         return self._read(frames) if frames else []
 
     def _read(self, frames: list[FrameRecord]) -> list[Received]:
-        wave = Wave(lows_of(frame, frame.damaged_bits) for frame in frames)
+        drivers = [driver_of(frame, frame.damaged_bits) for frame in frames]
+        wave = Wave([line_lows(drivers, self._disputed)])
         chars = [bytearray() for _ in frames]
         wrong: list[list[tuple[int, str]]] = [[] for _ in frames]
         at, ready = 0, frames[0].start
@@ -133,7 +133,9 @@ def _senders_over(frame: FrameRecord, others: Iterable[FrameRecord]) -> tuple[st
         dict.fromkeys(
             other.sender
             for other in others
-            if other is not frame and other.start < frame.end and frame.start < other.end
+            if other is not frame
+            and other.start < frame.end
+            and frame.start < max(other.end, other.released or 0)
         )
     )
 
@@ -149,9 +151,10 @@ def remarks(received: Received, timing: LineTiming) -> list[str]:
     ]
     if received.over or frame.collided:
         found.append(f"collided with {', '.join(received.over)}" if received.over else "collided")
-    own = timing_of(frame.baud, frame.format, frame.ppm)
+    found += [f"a pause of {format_time(ticks)} after character {index + 1}" for index, ticks in frame.pauses]
+    own = timing_of_frame(frame)
     if frame.cut:
-        left = min(len(frame.chars), int((frame.end - frame.start) / own.character))
+        left = min(len(frame.chars), character_at(pieces_of_frame(frame), own, frame.end))
         found.append(f"cut off after {left} of {counted(len(frame.chars), 'character')}")
     if (own.baud, own.format) != (timing.baud, timing.format):
         found.append(f"sent at {frame.baud} {frame.format}, the bus has {timing.baud} {timing.format}")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 from bussim.errors import UsageError
-from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.characters import LineTiming
+from bussim.line.contention import Disputed
 from bussim.trace.file import Trace
+from bussim.trace.levels import disputed_of, timing_of
 from bussim.trace.records import FrameRecord
 from bussim.units import format_time, seconds
 from bussim.wording import suggest
@@ -68,7 +69,7 @@ class BusSurvey:
     """One bus: its rate and format, the nodes on it (in cable order), and its protocols.
 
     ``stations`` are station numbers by node, ``receivers`` the nodes in whose receiver alone something
-    was damaged.
+    was damaged, ``disputed`` how bits were decided on which drivers disagreed.
     """
 
     name: str
@@ -77,6 +78,7 @@ class BusSurvey:
     stations: dict[str, int]
     receivers: list[str] = field(default_factory=list)
     protocols: list[str] = field(default_factory=list)
+    disputed: Disputed = None
 
 
 @dataclass(slots=True)
@@ -99,7 +101,10 @@ def survey(selection: Selection) -> Survey:
     for bus in selection.trace.header.buses:
         if bus.name in selection.buses:
             timing = timing_of(bus.baud, bus.format, 0.0)
-            buses[bus.name] = BusSurvey(bus.name, timing, list(bus.nodes), dict(bus.stations))
+            disputed = disputed_of(selection.trace.header, bus.name)
+            buses[bus.name] = BusSurvey(
+                bus.name, timing, list(bus.nodes), dict(bus.stations), disputed=disputed
+            )
     found = Survey(buses)
     newest = 0
     for frame in selection.frames():
@@ -138,19 +143,6 @@ def nothing_there(selection: Selection, what: str) -> str:
         else f"its frames are between {seconds(begin):.3f} s and {seconds(end):.3f} s"
     )
     return f"the trace has {what}{where} from {since} to {until}; {there}"
-
-
-@lru_cache(maxsize=256)
-def timing_of(baud: int, fmt: str, ppm: float) -> LineTiming:
-    """The timing of a transmitter. Raises UsageError for what no UART can be set to."""
-    try:
-        parsed = CharFormat.parse(fmt)
-    except ValueError as error:
-        raise UsageError(f"the trace is damaged: a format {error}") from None
-    if not 1 <= baud <= 100_000_000 or not abs(ppm) < 1_000_000:
-        raise UsageError(f"the trace is damaged: a frame at {baud} bps with a clock {ppm} ppm off")
-    # The shortest text of the float is the number that the scenario had.
-    return LineTiming(baud, parsed, Fraction(repr(ppm)))
 
 
 def in_order(frames: Iterable[FrameRecord], lateness: int) -> Iterator[FrameRecord]:

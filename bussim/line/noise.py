@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Protocol
 
@@ -23,8 +23,12 @@ Run = tuple[int, float]
 class ErrorRate(Protocol):
     """How likely each bit of a frame is inverted."""
 
-    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
-        """The frame's bits in order, as runs. ``start``: first edge; ``bit``: ticks of a bit."""
+    def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
+        """Bits that are back to back, in order, as runs.
+
+        ``start``: their first edge; ``bit``: ticks of a bit; ``begun``: the first edge of their frame, None
+        if they are its first.
+        """
 
 
 class ConstantRate:
@@ -33,7 +37,7 @@ class ConstantRate:
     def __init__(self, ber: float) -> None:
         self.ber = ber
 
-    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
+    def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
         """See :class:`ErrorRate`."""
         return [(bits, self.ber)]
 
@@ -69,11 +73,11 @@ class BurstRate:
             self._changes.append(self._horizon)
             state ^= 1
 
-    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
+    def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
         """See :class:`ErrorRate`."""
         self._extend(start + math.ceil(bit * bits))
         changes = self._changes
-        passed = bisect_right(changes, start)
+        passed = bisect_right(changes, start if begun is None else begun)
         if passed:
             del changes[:passed]
             self._state = (self._state + passed) & 1
@@ -97,7 +101,7 @@ class ImpulseRate:
     def __init__(self, every: int, width: int, ber: float, first: int) -> None:
         self._every, self._width, self._ber, self._first = every, width, ber, first
 
-    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
+    def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
         """See :class:`ErrorRate`."""
         found: list[Run] = []
         done = 0
@@ -136,8 +140,13 @@ class BitNoise:
             {} if isinstance(rate, ConstantRate) and since == 0 and until is None else None
         )
 
-    def inverted(self, start: int, bits: int, bit: Fraction, key: str) -> tuple[int, ...]:
-        """The numbers of a frame's bits that are inverted, in order; usually none."""
+    def inverted(
+        self, start: int, bits: int, bit: Fraction, key: str, pieces: Sequence[tuple[int, int]] = ()
+    ) -> tuple[int, ...]:
+        """The numbers of a frame's bits that are inverted, in order; usually none.
+
+        ``pieces``, of a frame with pauses: the first edge and the number of the bits that are back to back.
+        """
         if self._until is not None and start >= self._until:
             return ()
         draws = self._draws.get(key)
@@ -155,7 +164,11 @@ class BitNoise:
             if draw >= chance:
                 return ()
             return _errors(self._rate.runs(start, bits, bit), draw, draws[1])
-        runs = self._clipped(self._rate.runs(start, bits, bit), start, bits, bit)
+        runs = [
+            run
+            for at, count in pieces or ((start, bits),)
+            for run in self._clipped(self._rate.runs(at, count, bit, start), at, count, bit)
+        ]
         draw = next(draws[0])
         return () if draw >= hit_probability(runs) else _errors(runs, draw, draws[1])
 

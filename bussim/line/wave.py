@@ -1,7 +1,7 @@
 """The level of a line over time, kept as the intervals in which it is low.
 
-Where two drivers overlap a 0 wins (assumed), so the line is low on the union of what its drivers
-pull low. Times are ticks; an interval is low from its first tick up to, not including, its second.
+Times are ticks; an interval is low from its first tick up to, not including, its second. What a line has
+where several drivers are on stands in :mod:`bussim.line.contention`.
 """
 
 from __future__ import annotations
@@ -10,10 +10,48 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import groupby
+from typing import NamedTuple
 
 from bussim.line.characters import CharFormat, LineTiming
 
 Interval = tuple[int, int]
+#: A pause inside a frame: the number of the character that it comes after (from 0), and its ticks.
+Pause = tuple[int, int]
+
+
+class Piece(NamedTuple):
+    """Characters of a frame back to back: from ``first`` to before ``behind``, and where they start."""
+
+    first: int
+    behind: int
+    start: int
+
+
+def pieces_of(count: int, timing: LineTiming, start: int, pauses: Iterable[Pause] = ()) -> list[Piece]:
+    """The pieces into which pauses cut a frame of ``count`` characters; those that are not inside it do not.
+
+    A pause ends on a tick, and the characters after it are timed from there.
+    """
+    found: list[Piece] = []
+    first = 0
+    for index, ticks in sorted(pauses):
+        if first <= index < count - 1:
+            found.append(Piece(first, index + 1, start))
+            start += timing.characters(index + 1 - first) + ticks
+            first = index + 1
+    return [*found, Piece(first, count, start)]
+
+
+def end_of(pieces: Sequence[Piece], timing: LineTiming) -> int:
+    """When the last stop bit of a frame's pieces is over."""
+    first, behind, start = pieces[-1]
+    return start + timing.characters(behind - first)
+
+
+def character_at(pieces: Sequence[Piece], timing: LineTiming, tick: int) -> int:
+    """The number of the character that is on the line at a tick, in a pause as if it went on before it."""
+    piece = next((piece for piece in reversed(pieces) if piece.start <= tick), pieces[0])
+    return piece.first + (tick - piece.start) // timing.character
 
 
 @cache
@@ -38,7 +76,7 @@ def encode_bits(chars: bytes, fmt: CharFormat) -> list[int]:
 
 
 def low_intervals(
-    chars: bytes, timing: LineTiming, start: int, inverted: Iterable[int] = ()
+    chars: bytes, timing: LineTiming, start: int, inverted: Iterable[int] = (), pauses: Sequence[Pause] = ()
 ) -> list[Interval]:
     """Where a transmitter pulls the line low that sends these characters from ``start`` on.
 
@@ -46,6 +84,13 @@ def low_intervals(
     numbers beyond the frame are ignored.
     """
     fmt = timing.format
+    if pauses:
+        found: list[Interval] = []
+        for first, behind, at in pieces_of(len(chars), timing, start, pauses):
+            before, after = first * fmt.bits, behind * fmt.bits
+            own = [number - before for number in inverted if before <= number < after]
+            found += low_intervals(chars[first:behind], timing, at, own)
+        return found
     flips = set(inverted)
     if flips:
         bits = encode_bits(chars, fmt)

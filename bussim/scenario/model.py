@@ -12,6 +12,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
 from bussim.line.characters import LineTiming
+from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.plc.inputs import InputSpec
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
@@ -32,6 +33,7 @@ class Bus:
     name: str
     protocol: BusProtocol
     timing: LineTiming
+    contention: Contention = Contention.UNDEFINED
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,6 +226,19 @@ class InsertChar(_OfNode):
 
 
 @dataclass(frozen=True, slots=True)
+class Pause(_OfNode):
+    """A station pauses for ``by`` ticks inside frames that it sends, after the character at ``index``.
+
+    ``index`` counts the frame's characters from 0; None: a random one but the last. A frame that ends with
+    that character or before it has no pause, and is not counted.
+    """
+
+    by: int
+    count: int | None
+    index: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class FlipBits(_OfNode):
     """Chosen bits of frames are inverted: of a station's frames (tx), in its receiver only (rx).
 
@@ -249,7 +264,7 @@ class BoardError(_OfNode):
 
 
 #: Faults that damage single frames, and those of a PLC or device as a whole.
-_FrameFault = DropReply | LoseChar | InsertChar | FlipBits
+_FrameFault = DropReply | LoseChar | InsertChar | FlipBits | Pause
 _OwnerFault = PowerOff | Stop | BoardError
 FaultKind = _FrameFault | _OwnerFault | Slow | Jabber | CableCut | WrongFormat | ClockPpm | LateRelease
 

@@ -76,7 +76,7 @@ class Bridge:
             self._echo = 0  # no echo of what was sent will come
         elif self.wire.options.echo:
             self._echo += len(chars)
-        if not self.wire.options.paced:
+        if not (self.wire.options.paced or tx.pauses):
             if chars:
                 self.wire.write(chars)
             return

@@ -24,6 +24,7 @@ KINDS = (
     "flip_bits",
     "lose_char",
     "insert_char",
+    "pause",
     "cable_cut",
     "board_error",
 )

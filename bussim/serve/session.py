@@ -277,8 +277,9 @@ def session_header(scenario: model.Scenario, targets: Sequence[Target]) -> Trace
             nodes = bus.nodes if bus.protocol is BusProtocol.NN else tuple(node.node for node in target.nodes)
             stations = dict(bus.stations) if bus.protocol is BusProtocol.NN else _only(bus.stations, nodes)
             timing = target.timing
+            fmt = str(timing.format)
             buses.append(
-                TraceBus(target.name, bus.protocol, timing.baud, str(timing.format), nodes, stations)
+                bus._replace(name=target.name, baud=timing.baud, format=fmt, nodes=nodes, stations=stations)
             )
         if (
             left and bus.protocol is not BusProtocol.NN

@@ -110,7 +110,7 @@ class FaultPlan:
         match kind:
             case model.Jabber():
                 return self._jabber(fault.name, node, now)
-            case model.DropReply() | model.LoseChar() | model.InsertChar() | model.FlipBits():
+            case model.DropReply() | model.LoseChar() | model.InsertChar() | model.FlipBits() | model.Pause():
                 return self._frame_fault(fault.name, node, kind)
             case model.Slow(_, extra):
                 return _added(node, "extra_turnaround", extra)
@@ -177,7 +177,7 @@ class FaultPlan:
         self,
         name: str,
         node: Node,
-        kind: model.DropReply | model.LoseChar | model.InsertChar | model.FlipBits,
+        kind: model.DropReply | model.LoseChar | model.InsertChar | model.FlipBits | model.Pause,
     ) -> Undo:
         disturber = node.line.disturber
         if isinstance(kind, model.DropReply):
@@ -187,7 +187,7 @@ class FaultPlan:
         item = FrameFault(
             action="flip",
             position=node.position,
-            receiver=kind.direction is model.Direction.RX,
+            receiver=not isinstance(kind, model.Pause) and kind.direction is model.Direction.RX,
             left=kind.count,
             draws=self._streams.uniforms("fault", name),
         )
@@ -198,6 +198,8 @@ class FaultPlan:
                 item.action, item.index = "lose", kind.index
             case model.InsertChar():
                 item.action, item.index, item.value = "insert", kind.index, kind.value
+            case model.Pause():
+                item.action, item.index, item.value = "pause", kind.index, kind.by
             case _:
                 assert_never(kind)
         disturber.add(item)
@@ -280,6 +282,8 @@ def describe(kind: model.FaultKind) -> str:
             return f"{plc} loses characters"
         case model.InsertChar(plc):
             return f"{plc} inserts characters"
+        case model.Pause(plc, by):
+            return f"{plc} pauses for {format_time(by)} inside frames"
         case model.FlipBits(plc):
             return f"{plc}: chosen bits inverted"
         case model.BoardError(plc, port, code):

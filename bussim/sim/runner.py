@@ -8,6 +8,7 @@ from typing import Protocol, assert_never
 from bussim.devices.lx.map import LxMap
 from bussim.engines.nn.frames import data_chars
 from bussim.line.characters import LineTiming
+from bussim.line.contention import disputed_level
 from bussim.line.protocols import BusProtocol
 from bussim.line.random_streams import Streams
 from bussim.plc.inputs import InputSpec, Random, RandomInput, Stimulus
@@ -102,6 +103,8 @@ class Simulation:
                     self._build_serial_bus(spec)
                 case _:
                     assert_never(spec.protocol)
+            for line in self._lines[spec.name]:
+                line.disputed = disputed_level(spec.contention, scenario.seed, line.name)
         for noise in scenario.noise:
             self._place_noise(noise)
         self.units = self._build_units()

@@ -3,7 +3,8 @@
 The key ``type`` comes first and names the record; the others are the record's fields by their names,
 except that the first tick of what lasts is called ``tick`` where it is always known. Ticks are of
 1/72 MHz, bytes are hexadecimal. The baud rate, format and clock error of a frame are written only where
-they are not those of its bus in the header.
+they are not those of its bus in the header, its pauses and the release of its driver only where there
+are any.
 
 Lines are made from the annotations of the record types. A new field of a record needs a default: it
 stands for the field in traces of earlier versions. Keys and types of lines that are not known here,
@@ -15,7 +16,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
+from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
+from bussim.line.wave import Pause
 from bussim.trace import records
 from bussim.trace.records import Record, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_SECOND
@@ -44,6 +47,8 @@ _TYPES: dict[type[Record], str] = {
 _KEYS: dict[tuple[str, Any], str] = {("start", int): "tick", ("protocol", BusProtocol): "nn"}
 #: Fields of a frame that are those of its bus where the line does not have them.
 _OF_THE_BUS = ("baud", "format")
+#: Fields of a frame that most have not, and that lines have only where they are set.
+_SELDOM = ("ppm", "released", "pauses")
 
 # -- values ----------------------------------------------------------------------------------------
 
@@ -72,6 +77,21 @@ def _ints(value: Any) -> tuple[int, ...]:
     return tuple(map(_int, _list(value)))
 
 
+def _pause(value: Any) -> Pause:
+    try:
+        index, ticks = _ints(value)
+    except ValueError:
+        raise ValueError(f"has {value!r}, not two whole numbers") from None
+    return index, ticks
+
+
+def _contention(value: Any) -> Contention:
+    try:
+        return Contention(value)
+    except ValueError:
+        raise ValueError(f"is {value!r}, not one of {', '.join(Contention)}") from None
+
+
 #: How a value of each type of field is read. One without an entry raises KeyError on import.
 _READERS: dict[Any, Callable[[Any], Any]] = {
     int: _int,
@@ -80,8 +100,10 @@ _READERS: dict[Any, Callable[[Any], Any]] = {
     bool: _flag,
     float: lambda value: float(value) if type(value) is int else _float(value),
     BusProtocol: lambda value: BusProtocol.NN if _flag(value) else BusProtocol.SERIAL,
+    Contention: _contention,
     bytes: lambda value: bytes.fromhex(_text(value)),
     tuple[int, ...]: _ints,
+    tuple[Pause, ...]: lambda value: tuple(map(_pause, _list(value))),
     tuple[str, ...]: lambda value: tuple(map(_text, _list(value))),
     dict[str, int]: lambda value: {name: _int(each) for name, each in _by_name(value).items()},
     dict[str, int | str]: lambda value: {
@@ -134,12 +156,12 @@ def _fields_of(record: type[Any], apart: str = "") -> list[_Field]:
 
 _FIELDS: dict[type[Record], list[_Field]] = {record: _fields_of(record) for record in get_args(Record)}
 _RECORDS = {_TYPES[record]: record for record in _FIELDS}
-# What is written of each record, in this order; the clock error and what a frame's bus has only if needed.
+# What is written of each record, in this order; the rest of a frame only if needed.
 _WRITTEN = {
     record: [
         (field.key, field.position, field.write)
         for field in sorted(fields, key=lambda field: field.key != "tick")
-        if record is not records.FrameRecord or field.name not in (*_OF_THE_BUS, "ppm")
+        if record is not records.FrameRecord or field.name not in (*_OF_THE_BUS, *_SELDOM)
     ]
     for record, fields in _FIELDS.items()
 }
@@ -163,8 +185,7 @@ def to_line(record: Record, buses: Mapping[str, TraceBus]) -> Line:
             line["baud"] = record.baud
         if bus is None or record.format != bus.format:
             line["format"] = record.format
-        if record.ppm:
-            line["ppm"] = record.ppm
+        line |= {name: value for name in _SELDOM if (value := getattr(record, name))}
     return line
 
 
@@ -219,7 +240,10 @@ def header_line(header: TraceHeader) -> Line:
         "schema": TRACE_SCHEMA,
         "tick_hz": TICKS_PER_SECOND,
         **_written(header, _HEADER_FIELDS),
-        "buses": {bus.name: _written(bus, _BUS_FIELDS) for bus in header.buses},
+        "buses": {
+            bus.name: _written(bus, [field for field in _BUS_FIELDS if bus[field.place] != field.default])
+            for bus in header.buses
+        },
     }
 
 

@@ -119,11 +119,13 @@ class Trace:
 def interval(record: Record) -> tuple[int, int]:
     """When a record began and when it was over, in ticks; equal for what happens at an instant.
 
-    A transaction begins with its request (or, never sent, where it ended) and is over when it was
-    taken. ENDs last from the first to the last of them.
+    A frame lasts as long as its sender's driver is on. A transaction begins with its request (or, never
+    sent, where it ended) and is over when it was taken. ENDs last from the first to the last of them.
     """
     match record:
-        case FrameRecord() | AttemptRecord() | PollRecord():
+        case FrameRecord():
+            return record.start, record.end if record.released is None else record.released
+        case AttemptRecord() | PollRecord():
             return record.start, record.end
         case ScanRecord() | CycleRecord():
             return record.start, record.start + record.duration

@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
+from bussim.line.wave import Pause
 
 
 class ScanRecord(NamedTuple):
@@ -58,6 +60,8 @@ class FrameRecord(NamedTuple):
     baud: int = 38400  # the sender's rate, format and clock error
     format: str = "7E1"
     ppm: float = 0.0
+    released: int | None = None  # when the sender's driver went off, if later than ``end``
+    pauses: tuple[Pause, ...] = ()  # inside the frame: after which character (from 0), and for how long
 
 
 class TransactionRecord(NamedTuple):
@@ -185,6 +189,7 @@ class TraceBus(NamedTuple):
     format: str  # "7E1"
     nodes: tuple[str, ...]  # in cable order
     stations: dict[str, int]  # station number by node, as far as it is known from the start
+    contention: Contention = Contention.ZERO_WINS  # that of earlier versions
 
     @property
     def plcs(self) -> frozenset[str]:

@@ -44,8 +44,8 @@ def burst(good: int, bad: int, seed: int = 1) -> BurstRate:
 class Steps:
     """A rate that changes once, half way through the frame's 60 bits."""
 
-    def runs(self, start: int, bits: int, bit: Fraction) -> list[Run]:
-        del start, bit
+    def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
+        del start, bit, begun
         return [(bits // 2, 0.02), (5, 0.0), (bits - bits // 2 - 5, 0.3)]
 
 

@@ -52,10 +52,10 @@ def _latency(latency: LatencyIn) -> dict[str, object]:
 
 
 def _bus(line: Line) -> dict[str, object]:
+    own, timing = {"contention": line.bus.contention}, line.timing
     if line.is_link:
-        return {"name": line.name, "nn": True}
-    timing = line.timing
-    return {"name": line.name, "nn": False, "baud": timing.baud, "format": str(timing.format)}
+        return {"name": line.name, "nn": True, **own}
+    return {"name": line.name, "nn": False, "baud": timing.baud, "format": str(timing.format), **own}
 
 
 def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:

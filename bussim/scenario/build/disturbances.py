@@ -22,6 +22,7 @@ from bussim.scenario.model import (
     LateRelease,
     LoseChar,
     Noise,
+    Pause,
     PowerOff,
     Slow,
     Stop,
@@ -103,6 +104,7 @@ _OF_NODES: dict[str, Callable[[Any, Node, int | None], FaultKind]] = {
     "insert_char": lambda given, at, count: InsertChar(
         at.name, Direction(given.direction), count, given.index, given.value
     ),
+    "pause": lambda given, at, count: Pause(at.name, given.by, count, given.index),
     "flip_bits": lambda given, at, count: FlipBits(
         at.name, Direction(given.direction), tuple(sorted(given.bits)), count, given.frame
     ),

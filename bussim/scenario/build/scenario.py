@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bussim.forms.fields import PlcPoint
+from bussim.line.contention import Contention
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.scan import Scan
 from bussim.scenario.build.canonical import canonical
@@ -41,7 +42,10 @@ def build(resolved: Resolved) -> Scenario:
         name=document.name,
         duration=document.duration,
         seed=document.seed,
-        buses=tuple(Bus(line.name, line.bus.protocol, line.timing) for line in resolved.lines.values()),
+        buses=tuple(
+            Bus(line.name, line.bus.protocol, line.timing, Contention(line.bus.contention))
+            for line in resolved.lines.values()
+        ),
         plcs=tuple(_plc(member, resolved, observed.get(member.name, ())) for member in resolved.members),
         devices=_devices(resolved) if draft.devices else (),
         noise=noise_of(values_of(draft.noise), nodes),

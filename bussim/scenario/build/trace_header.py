@@ -34,5 +34,5 @@ def _bus(bus: Bus, scenario: Scenario) -> TraceBus:
             nodes.append(device.name)
             if device.station is not None:
                 stations[device.name] = device.station
-    timing = bus.timing
-    return TraceBus(bus.name, bus.protocol, timing.baud, str(timing.format), tuple(nodes), stations)
+    timing, own = bus.timing, bus.contention
+    return TraceBus(bus.name, bus.protocol, timing.baud, str(timing.format), tuple(nodes), stations, own)

@@ -38,7 +38,7 @@ LINK_FRAMES, MODBUS_FRAMES = ("data", "poll", "parameters"), ("request", "respon
 BOARD_CODES = (*range(10, 20), *range(40, 48), 49)
 
 #: Faults of a station that damage single frames, so that ``count`` can limit them.
-COUNTED = ("drop_reply", "lose_char", "insert_char", "flip_bits")
+COUNTED = ("drop_reply", "lose_char", "insert_char", "pause", "flip_bits")
 #: Faults of a PLC or device as a whole, whatever bus it is on.
 OF_THE_OWNER = frozenset({"power_off", "stop"})
 
@@ -201,6 +201,15 @@ class InsertCharIn(LoseCharIn):
     value: Annotated[int, whole(0, 255)] | None = None
 
 
+class PauseIn(StationIn):
+    """A pause inside a frame, as a slow program or a USB bridge makes it."""
+
+    example = "{station: press1, index: 3, by: 5 ms}"
+
+    index: Annotated[int, whole(0, LONGEST_FRAME - 2)] | None = None
+    by: Positive
+
+
 class FlipBitsIn(StationIn):
     """Chosen bits inverted."""
 
@@ -255,6 +264,7 @@ class FaultIn(_FaultWhen):
     late_release: LateReleaseIn | None = None
     lose_char: LoseCharIn | None = None
     insert_char: InsertCharIn | None = None
+    pause: PauseIn | None = None
     flip_bits: FlipBitsIn | None = None
     board_error: BoardErrorIn | None = None
     power_on: dict[str, Time] | None = None

@@ -29,6 +29,7 @@ from bussim.forms.fields import (
     whole,
 )
 from bussim.forms.form import Model, ScanIn, given_of, only_one
+from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
@@ -72,6 +73,7 @@ class BusIn(Model):
     nn: Flag = False
     baud: Baud | None = None
     format: Format | None = None
+    contention: Annotated[str, choice(*Contention)] = Contention.UNDEFINED.value
 
     @property
     def protocol(self) -> BusProtocol:

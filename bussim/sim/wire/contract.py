@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, Protocol
 
 from bussim.engines.contract import RxChar
 from bussim.line.characters import LineTiming
-from bussim.line.wave import Interval, low_intervals
+from bussim.line.contention import Disputed
+from bussim.line.wave import Interval, Pause, Piece, end_of, low_intervals, pieces_of
 
 Bits = tuple[int, ...]
 #: An engine's ``receive_frame``. What it takes is a frame of its own protocol; a line passes it no other.
@@ -102,8 +103,8 @@ class LineNode(Protocol):
         """Whether its driver is on."""
 
     @property
-    def tail(self) -> bool:
-        """Whether its driver is still on after a frame."""
+    def tail(self) -> Transmission | None:
+        """The frame after whose end its driver is still on."""
 
     @property
     def jabbering(self) -> bool:
@@ -143,6 +144,8 @@ class Reading(NamedTuple):
 
 class NodeLine(Protocol):
     """A line as its nodes' receivers use it; see :class:`bussim.sim.wire.line.Line`."""
+
+    disputed: Disputed
 
     def hand_over(self, port: LineNode) -> None:
         """A node receives for itself from now on."""
@@ -189,8 +192,9 @@ class Transmission:
     """Characters that one node sends. ``frame`` is the frame that they encode, None for jabber.
 
     ``chars`` are the characters on the wire, which a fault may have made other than the frame's.
-    ``end`` moves when the sender is cut off. ``listeners`` receive it whole and undamaged at its end;
-    every other node receives it, or parts of it, character by character.
+    ``end`` moves when the sender is cut off; ``released`` is when its driver goes off where that is later.
+    ``listeners`` receive it whole and undamaged at its end; every other node receives it, or parts of it,
+    character by character.
     """
 
     # What most frames never change stands here, not in each of them.
@@ -198,7 +202,9 @@ class Transmission:
     rx_flips: dict[int, Bits] | None = None  # bits inverted in the receiver of one position only
     # Characters that one position's receiver loses (value None) or adds: (index, value).
     rx_chars: dict[int, tuple[int, int | None]] | None = None
+    pauses: tuple[Pause, ...] = ()
     damaged = False  # something above is set, or ``chars`` are not the frame's
+    released: int | None = None
     collided = False
     cut = False
     silent = False  # nothing of it reaches the wire
@@ -228,13 +234,30 @@ class Transmission:
         if chars is not self.chars:
             self.chars = chars
             self.damaged = True
-        timing = self.timing
-        self.end = self.start + timing.bits(len(chars) * timing.format.bits)
+        self.end = end_of(self.pieces, self.timing)
+
+    @property
+    def pieces(self) -> list[Piece]:
+        """Its characters as its pauses divide them."""
+        return pieces_of(len(self.chars), self.timing, self.start, self.pauses)
+
+    @property
+    def driven_until(self) -> int:
+        """When its driver goes off."""
+        return self.end if self.released is None else self.released
 
     @property
     def corrupted(self) -> bool:
-        """Whether what reaches the wire is not the frame, in every receiver."""
-        return bool(self.flips) or self.frame is None or self.chars is not self.frame.chars
+        """Whether what reaches the wire is not the frame back to back, in every receiver."""
+        return bool(self.flips or self.pauses) or self.frame is None or self.chars is not self.frame.chars
+
+    def pause(self, index: int, ticks: int) -> None:
+        """Wait so long after the character at an index."""
+        pauses = dict(self.pauses)
+        pauses[index] = pauses.get(index, 0) + ticks
+        self.pauses = tuple(sorted(pauses.items()))
+        self.damaged = True
+        self.set_chars(self.chars)
 
     def invert(self, position: int | None, bits: Bits) -> None:
         """Invert bits: on the wire (None) or in one position's receiver."""
@@ -273,5 +296,6 @@ class Transmission:
             self._lows = {}
         found = self._lows.get(flips)
         if found is None:
-            found = self._lows[flips] = low_intervals(self.chars, self.timing, self.start, flips)
+            found = low_intervals(self.chars, self.timing, self.start, flips, self.pauses)
+            self._lows[flips] = found
         return found

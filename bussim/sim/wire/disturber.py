@@ -41,7 +41,8 @@ class Drop:
 class FrameFault:
     """Damages the next ``left`` frames (None: all) sent by a position, or received there (``receiver``).
 
-    ``action`` is "flip", "lose" or "insert"; ``frame`` restricts it to one kind of frame.
+    ``action`` is "flip", "lose", "insert" or "pause"; ``value`` is the character that is inserted, or the
+    pause in ticks; ``frame`` restricts it to one kind of frame.
     """
 
     action: str
@@ -131,11 +132,13 @@ class Disturber:
         name = self._names.get(key)
         if name is None:
             name = self._names[key] = self._line.stream_name(tx)
-        bits, bit = len(tx.chars) * tx.timing.format.bits, tx.timing.bit
+        width, bit = tx.timing.format.bits, tx.timing.bit
+        bits = len(tx.chars) * width
+        pieces = [(at, (behind - first) * width) for first, behind, at in tx.pieces] if tx.pauses else ()
         for noise in self._noises:
             if noise.position is not None and (noise.position == sender.position) is noise.receiver:
                 continue  # tx noise: not the sender; rx noise: the receiver is itself the sender
-            hit = noise.process.inverted(tx.start, bits, bit, name)
+            hit = noise.process.inverted(tx.start, bits, bit, name, pieces)
             if hit:
                 tx.invert(noise.position if noise.receiver else None, hit)
 
@@ -149,7 +152,13 @@ class Disturber:
                 return
         if fault.frame is not None and fault.frame != self._line.kind_name(tx):
             return
-        if fault.action == "flip":
+        if fault.action == "pause":
+            last = len(tx.chars) - 1
+            index = fault.index if fault.index is not None else int(next(fault.draws) * last)
+            if index >= last or fault.value is None:
+                return
+            tx.pause(index, fault.value)
+        elif fault.action == "flip":
             inside = tuple(bit for bit in fault.bits if bit < len(tx.chars) * tx.timing.format.bits)
             tx.invert(fault.position if fault.receiver else None, inside)
         else:

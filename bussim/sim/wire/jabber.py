@@ -28,6 +28,7 @@ class JabberSender:
         if self._nested:
             return
         port.line.cut(port, now)
+        port.release(now)
         port.jabbering = True
         port.line.listeners_changed()
         self._send(now, first=True)

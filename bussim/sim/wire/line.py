@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable
 
 from bussim.line.characters import LineTiming
+from bussim.line.contention import Disputed
 from bussim.sim.wire.cable import Cable
 from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
 from bussim.sim.wire.disturber import Disturber
@@ -30,7 +31,13 @@ class Line(Cable):
         self._line_reporter = reporter
         self.disturber = Disturber(self)
         self.character = timing.characters(1)
+        #: Which level disputed bits have.
+        self.disputed: Disputed = None
         self._on_wire: list[Transmission] = []
+        #: Frames that are over, but whose driver is still on.
+        self._tails: list[Transmission] = []
+        #: Frames that are over, in that order, from the first on whose driver is still on.
+        self._unrecorded: list[Transmission] = []
         #: Drivers that are on: frames, jabber, and tails of late release.
         self.drivers = 0
         self._busy_since = 0
@@ -181,8 +188,15 @@ class Line(Cable):
             other.drop(sender)
         for port in self._receivers_of(sender):
             self._switch_to_characters(port, now)
+            self._attach_tails(port, now)
             port.receiver.attach(tx, now)
             port.receiver.replan(now)
+
+    def _attach_tails(self, port: LineNode, now: int) -> None:
+        """Let a node's receiver see the drivers that are on after their frames."""
+        for tail in self._tails:
+            if tail.sender is not port and self.connected(tail.sender, port):
+                port.receiver.attach(tail, now)
 
     def _switch_to_characters(self, port: LineNode, now: int) -> None:
         """A node that was to receive whole frames at their ends receives their characters after all."""
@@ -208,7 +222,9 @@ class Line(Cable):
             self.join_midway(port, now)
             return
         self._on_wire.remove(tx)
-        if not port.tail:
+        if port.tail:
+            self._tails.append(tx)
+        else:
             self.drivers -= 1
         if self.drivers:
             if not port.tail and not port.jabbering:
@@ -268,15 +284,20 @@ class Line(Cable):
                 port.receiver.settle()
 
     def count_driver_off(self, now: int) -> None:
-        """One driver less is on: its frame, jabber or tail of late release is over."""
+        """One driver less is on: its frame or jabber is over."""
         self.drivers -= 1
         if not self.drivers:
             self.busy += now - self._busy_since
 
-    def driver_off(self, port: LineNode, now: int) -> None:
-        """A node's driver is released without a frame ending (late release): it receives again."""
+    def release(self, tail: Transmission, now: int) -> None:
+        """The driver goes off that was still on after a frame."""
+        early = tail.driven_until > now
+        tail.released = now
+        self._tails.remove(tail)
         self.count_driver_off(now)
-        self.join_midway(port, now)
+        if early:
+            self._replan_open(self.ports, now)
+        self._record_released()
 
     def join_midway(self, port: LineNode, now: int) -> None:
         """A node begins to receive: frames on the wire reach it from here on."""
@@ -286,6 +307,7 @@ class Line(Cable):
             if tx.sender is not port and self.connected(tx.sender, port):
                 port.receiver.open(now)
                 port.receiver.attach(tx, now)
+        self._attach_tails(port, now)
         if port.receiver.is_open:
             port.receiver.replan(now)
 
@@ -320,7 +342,7 @@ class Line(Cable):
             segment += position in broken
         affected = [
             (tx, port)
-            for tx in self._on_wire
+            for tx in (*self._on_wire, *self._tails)
             for port in self.ports
             if port.engine is not None
             and port is not tx.sender
@@ -344,10 +366,22 @@ class Line(Cable):
         if self.drivers:
             self.busy += now - self._busy_since
             self._busy_since = now
+        for tx in self._unrecorded:
+            self._write(tx)
+        self._unrecorded.clear()
 
     # -- the trace ---------------------------------------------------------------------------------
 
     def _record(self, tx: Transmission) -> None:
+        """A frame is over; frames are recorded in this order, once it is known when drivers went off."""
+        self._unrecorded.append(tx)
+        self._record_released()
+
+    def _record_released(self) -> None:
+        while self._unrecorded and self._unrecorded[0] not in self._tails:
+            self._write(self._unrecorded.pop(0))
+
+    def _write(self, tx: Transmission) -> None:
         frame, timing = tx.frame, tx.timing
         station, counter = (None, None) if frame is None else self._numbers(frame)
         self.sink.take(
@@ -370,5 +404,7 @@ class Line(Cable):
                 baud=timing.baud,
                 format=str(timing.format),
                 ppm=float(timing.ppm),
+                released=tx.released,
+                pauses=tx.pauses,
             )
         )

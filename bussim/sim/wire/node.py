@@ -42,8 +42,8 @@ class Node:
         self.receiver = Receiver(self, kernel, self.timing)
         #: The frame that it is sending, if its driver is on for one.
         self.sending: Transmission | None = None
-        #: Its driver is still on after a frame (late release).
-        self.tail = False
+        #: The frame after whose end its driver is still on (late release).
+        self.tail: Transmission | None = None
         self.jabbering = False
         self.extra_turnaround = 0
         self.late_release = 0
@@ -78,7 +78,7 @@ class Node:
     @property
     def driving(self) -> bool:
         """Whether its driver is on: it receives nothing then."""
-        return self.sending is not None or self.tail or self.jabbering
+        return self.sending is not None or self.tail is not None or self.jabbering
 
     @property
     def powered(self) -> bool:
@@ -101,10 +101,7 @@ class Node:
             self._end_timer.cancel()
             self.line.cut(self, now)
             self.sending = None
-        if self.tail:
-            self._release_timer.cancel()
-            self.tail = False
-            self.line.driver_off(self, now)
+        self.release(now)
         self.line.listeners_changed()
 
     def retime(self, now: int) -> None:
@@ -212,10 +209,7 @@ class Node:
         line = self.line
         if self.receiver.is_open:
             self.receiver.close()
-        if self.tail:
-            self._release_timer.cancel()
-            self.tail = False
-            line.count_driver_off(now)
+        self.release(now)
         self.sending = tx = line.begin(self, frame, now)
         self._end_timer.chain(tx.end)
 
@@ -225,8 +219,8 @@ class Node:
             return
         self.sending = None
         if self.late_release and not (self.jabbering or tx.silent or tx.cut):
-            self.tail = True
-            self._release_timer.set(now + self.late_release)
+            self.tail, tx.released = tx, now + self.late_release
+            self._release_timer.set(tx.released)
         self.line.finish(self, tx, now)
         engine = self.engine
         if engine is not None:
@@ -245,6 +239,14 @@ class Node:
         tx.end = now
         self._on_end(now)
 
+    def release(self, now: int) -> None:
+        """Switch the driver off if it is still on after a frame."""
+        tail = self.tail
+        if tail is not None:
+            self._release_timer.cancel()
+            self.tail = None
+            self.line.release(tail, now)
+
     def _on_release(self, now: int) -> None:
-        self.tail = False
-        self.line.driver_off(self, now)
+        self.release(now)
+        self.line.join_midway(self, now)

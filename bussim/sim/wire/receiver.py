@@ -12,8 +12,9 @@ from collections.abc import Sequence
 
 from bussim.engines.contract import OPEN, RxChar
 from bussim.line.characters import LineTiming
+from bussim.line.contention import Driver, line_lows
 from bussim.line.uart import Sampled, Uart
-from bussim.line.wave import Wave, clip
+from bussim.line.wave import Wave, character_at, clip
 from bussim.sim.kernel import HEARING, Kernel
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 
@@ -106,8 +107,9 @@ class Receiver:
         self._idle_timer.set(now + self._quiet)
 
     def attach(self, tx: Transmission, since: int) -> None:
-        """A transmission reaches this node from ``since`` on."""
-        self._parts.append(_Part(tx, since))
+        """A transmission reaches this node from ``since`` on, if it does not already."""
+        if not any(part.tx is tx and part.until is None for part in self._parts):
+            self._parts.append(_Part(tx, since))
 
     def detach(self, tx: Transmission, until: int) -> None:
         """A transmission does not reach this node any more (cut cable), or ended there."""
@@ -121,13 +123,18 @@ class Receiver:
         # What ended before the receiver looks for an edge cannot matter any more.
         ready = self._ready
         if len(parts) > 1:
-            parts[:] = [p for p in parts if (p.tx.end if p.until is None else p.until) > ready]
-        self._wave = Wave(
-            clip(part.tx.lows(self._port.position), part.since, self._until(part)) for part in parts
-        )
+            parts[:] = [p for p in parts if (p.tx.driven_until if p.until is None else p.until) > ready]
+        self._wave = Wave([line_lows([self._driver(part) for part in parts], self._port.line.disputed)])
         self._plan()
         while self._next is not None and self._next.end <= now and self.is_open:
             self._deliver()
+
+    def _driver(self, part: _Part) -> Driver:
+        """A part's driver, as far as it reaches this node."""
+        tx, until = part.tx, self._until(part)
+        off = tx.driven_until if part.until is None else min(part.until, tx.driven_until)
+        lows = clip(tx.lows(self._port.position), part.since, until)
+        return Driver(part.since, off, lows, tx.pieces, tx.timing, tx.sender.name)
 
     @staticmethod
     def _until(part: _Part) -> int:
@@ -184,7 +191,7 @@ class Receiver:
         if tx is None or fault is None:
             return heard
         index, value = fault
-        if (char.start - tx.start + self._half_character) // tx.timing.characters(1) != index:
+        if character_at(tx.pieces, tx.timing, char.start + self._half_character) != index:
             return heard
         return [] if value is None else [RxChar(value), *heard]
 

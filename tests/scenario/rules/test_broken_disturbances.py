@@ -65,7 +65,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "fault none": (
         added("faults:\n  - {at: 1 s}\n"),
         [
-            "x.yaml:13:5: faults.0 says nothing; expected one of power_off, stop, drop_reply, slow, jabber, cable_cut, wrong_format, clock_ppm, late_release, lose_char, insert_char, flip_bits, board_error, power_on"
+            "x.yaml:13:5: faults.0 says nothing; expected one of power_off, stop, drop_reply, slow, jabber, cable_cut, wrong_format, clock_ppm, late_release, lose_char, insert_char, pause, flip_bits, board_error, power_on"
         ],
     ),
     "fault two": (
@@ -79,7 +79,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "fault count": (
         added("faults:\n  - {at: 1 s, stop: press2, count: 2}\n"),
         [
-            "x.yaml:13:36: count has no meaning for stop; use for (count goes with drop_reply, lose_char, insert_char, flip_bits)"
+            "x.yaml:13:36: count has no meaning for stop; use for (count goes with drop_reply, lose_char, insert_char, pause, flip_bits)"
         ],
     ),
     "fault count for": (

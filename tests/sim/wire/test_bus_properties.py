@@ -115,7 +115,7 @@ def on_wire(port: LinkPort) -> int:
 
 
 def drivers(port: LinkPort) -> int:
-    return on_wire(port) + int(port.tail)
+    return on_wire(port) + (port.tail is not None)
 
 
 def assert_ordered(record: Recorder) -> None:

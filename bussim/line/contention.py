@@ -1,0 +1,100 @@
+"""The level of a line on which several drivers may be on at once."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from enum import StrEnum
+from hashlib import blake2b
+from itertools import chain, pairwise
+from typing import NamedTuple, assert_never
+
+from bussim.line.characters import LineTiming
+from bussim.line.wave import Interval, Piece, Wave
+from bussim.units import round_half_up
+
+
+class Contention(StrEnum):
+    """What a line has where drivers that are on disagree (assumed).
+
+    RS485 leaves it open: two equal drivers hold the pair near 0 V, where a receiver's output is undefined
+    (TIA/EIA-485-A: its thresholds are ±200 mV).
+    """
+
+    UNDEFINED = "undefined"  # either level, at random, anew in each bit of the frame that began later
+    ZERO_WINS = "zero_wins"
+
+
+#: The level, 0 or 1, of a disputed bit that begins at a tick. None: a 0 wins.
+Disputed = Callable[[int], int] | None
+
+
+def disputed_level(contention: Contention, seed: int, bus: str) -> Disputed:
+    """How disputed bits of a bus are decided in a run of this seed: by a hash, whoever asks, in any order."""
+    match contention:
+        case Contention.ZERO_WINS:
+            return None
+        case Contention.UNDEFINED:
+            name = f"contention\x1f{seed}\x1f{bus}\x1f"
+            return lambda tick: blake2b(f"{name}{tick}".encode(), digest_size=1).digest()[0] & 1
+        case _:
+            assert_never(contention)
+
+
+class Driver(NamedTuple):
+    """A driver for one frame: on from ``since`` to before ``until``, high but for ``lows`` between the two.
+
+    ``pieces`` are those of its frame in full, which ``sender`` sends at the rate of ``timing``.
+    """
+
+    since: int
+    until: int
+    lows: Sequence[Interval]
+    pieces: Sequence[Piece]
+    timing: LineTiming
+    sender: str
+
+    def bit_at(self, tick: int) -> Interval:
+        """The bit of its frame that a tick lies in; in a pause and after the frame bits go on as before."""
+        place = bisect_right(self.pieces, tick, key=lambda piece: piece.start)
+        start, bit = self.pieces[max(0, place - 1)].start, self.timing.bit
+        # The last edge that is not behind the tick when it is rounded half up.
+        number = -((-2 * (tick - start) - 1) // (2 * bit)) - 1
+        following = start + round_half_up(bit * (number + 1))
+        if place < len(self.pieces):
+            following = min(following, self.pieces[place].start)
+        return start + round_half_up(bit * number), following
+
+
+def line_lows(drivers: Sequence[Driver], disputed: Disputed) -> list[Interval]:
+    """Where a line is low, in any order.
+
+    What drivers disagree on is cut at the bits of the frame that began last: each has one level.
+    """
+    if disputed is None or len(drivers) < 2:
+        return [low for driver in drivers for low in driver.lows]
+    waves = [(driver, Wave([driver.lows])) for driver in drivers]
+    marks = {tick for driver in drivers for tick in (driver.since, driver.until, *chain(*driver.lows))}
+    found: list[Interval] = []
+    for tick, until in pairwise(sorted(marks)):
+        on = [(driver, wave.level(tick)) for driver, wave in waves if driver.since <= tick < driver.until]
+        levels = {level for _, level in on}
+        if levels == {0}:
+            found.append((tick, until))
+        elif len(levels) == 2:
+            later = max((driver for driver, _ in on), key=_begun)
+            found += _disputed(later, tick, until, disputed)
+    return found
+
+
+def _begun(driver: Driver) -> tuple[int, str]:
+    return driver.pieces[0].start, driver.sender
+
+
+def _disputed(later: Driver, tick: int, until: int, level: Callable[[int], int]) -> Iterator[Interval]:
+    while tick < until:
+        edge, following = later.bit_at(tick)
+        following = min(following, until)
+        if level(edge) == 0:
+            yield tick, following
+        tick = following

@@ -1,0 +1,57 @@
+"""The level on a bus, from the frames of its trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+
+from bussim.errors import UsageError
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.contention import Disputed, Driver, disputed_level
+from bussim.line.wave import Piece, clip, low_intervals, pieces_of
+from bussim.trace.records import FrameRecord, TraceHeader
+
+
+@lru_cache(maxsize=256)
+def timing_of(baud: int, fmt: str, ppm: float) -> LineTiming:
+    """The timing of a transmitter. Raises UsageError for what no UART can be set to."""
+    try:
+        parsed = CharFormat.parse(fmt)
+    except ValueError as error:
+        raise UsageError(f"the trace is damaged: a format {error}") from None
+    if not 1 <= baud <= 100_000_000 or not abs(ppm) < 1_000_000:
+        raise UsageError(f"the trace is damaged: a frame at {baud} bps with a clock {ppm} ppm off")
+    # The shortest text of the float is the number that the scenario had.
+    return LineTiming(baud, parsed, Fraction(repr(ppm)))
+
+
+def timing_of_frame(frame: FrameRecord) -> LineTiming:
+    """The timing of a frame's sender; raises as :func:`timing_of`."""
+    return timing_of(frame.baud, frame.format, frame.ppm)
+
+
+def pieces_of_frame(frame: FrameRecord) -> list[Piece]:
+    """A frame's characters as its pauses divide them."""
+    return pieces_of(len(frame.chars), timing_of_frame(frame), frame.start, frame.pauses)
+
+
+def driver_of(frame: FrameRecord, flips: Sequence[int]) -> Driver:
+    """The driver of a frame's sender if these of its bits are inverted; the part cut off left out."""
+    timing = timing_of_frame(frame)
+    lows = low_intervals(frame.chars, timing, frame.start, flips, frame.pauses)
+    released = frame.end if frame.released is None else frame.released
+    return Driver(
+        frame.start,
+        released,
+        clip(lows, frame.start, frame.end),
+        pieces_of_frame(frame),
+        timing,
+        frame.sender,
+    )
+
+
+def disputed_of(header: TraceHeader, bus: str) -> Disputed:
+    """How disputed bits of a bus were decided in the run of a trace."""
+    found = header.bus(bus)
+    return None if found is None else disputed_level(found.contention, header.seed or 0, bus)
