@@ -8,17 +8,17 @@ from bussim.commands.common.output import print_json
 from bussim.errors import UsageError
 
 _OPTIONS = (
-    ("count", "N", "So many replies or frames (drop_reply, flip_bits, lose_char, insert_char)."),
+    ("count", "N", "So many replies or frames (drop_reply, flip_bits, lose_char, insert_char, pause)."),
     ("for", "T", "So long; else to the end."),
     ("extra", "T", "slow: so much later."),
-    ("by", "T", "late_release: so long."),
+    ("by", "T", "late_release, pause: so long."),
     ("format", "F", "wrong_format: such as 7O1."),
     ("baud", "N", "wrong_format: another rate."),
     ("ppm", "N", "clock_ppm: parts per million."),
     ("bits", "LIST", "flip_bits: bits of a frame from 0, such as [31,32]."),
     ("frame", "KIND", "flip_bits: only request, response, data, poll or parameters."),
     ("direction", "SIDE", "flip_bits, lose_char, insert_char: what it sends (tx) or hears (rx)."),
-    ("index", "N", "lose_char, insert_char: which character, from 0."),
+    ("index", "N", "lose_char, insert_char, pause: which character, from 0."),
     ("value", "N", "insert_char: which value."),
     ("code", "N", "board_error: 10…19, 40…47 or 49."),
 )
@@ -42,8 +42,8 @@ def command(
     """Let a fault begin now in a scenario that `bussim serve` is serving.
 
     NODE is a PLC, a port such as press1.COM3, or a device; FAULT is drop_reply, slow, power_off, stop,
-    jabber, late_release, wrong_format, clock_ppm, flip_bits, lose_char, insert_char, cable_cut (behind
-    the node) or board_error, as in a scenario. Without them: what is being served.
+    jabber, late_release, wrong_format, clock_ppm, flip_bits, lose_char, insert_char, pause, cable_cut
+    (behind the node) or board_error, as in a scenario. Without them: what is being served.
     """
     from bussim.serve.control import running
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
+from fractions import Fraction
 from hashlib import blake2b
 from itertools import chain, pairwise
 from typing import NamedTuple, assert_never
 
-from bussim.line.characters import LineTiming
 from bussim.line.wave import Interval, Piece, Wave
-from bussim.units import round_half_up
 
 
 class Contention(StrEnum):
@@ -44,26 +43,26 @@ def disputed_level(contention: Contention, seed: int, bus: str) -> Disputed:
 class Driver(NamedTuple):
     """A driver for one frame: on from ``since`` to before ``until``, high but for ``lows`` between the two.
 
-    ``pieces`` are those of its frame in full, which ``sender`` sends at the rate of ``timing``.
+    ``pieces`` are those of its frame in full, which ``sender`` sends with so many ticks a ``bit``.
     """
 
     since: int
     until: int
     lows: Sequence[Interval]
     pieces: Sequence[Piece]
-    timing: LineTiming
+    bit: Fraction
     sender: str
 
     def bit_at(self, tick: int) -> Interval:
         """The bit of its frame that a tick lies in; in a pause and after the frame bits go on as before."""
         place = bisect_right(self.pieces, tick, key=lambda piece: piece.start)
-        start, bit = self.pieces[max(0, place - 1)].start, self.timing.bit
-        # The last edge that is not behind the tick when it is rounded half up.
-        number = -((-2 * (tick - start) - 1) // (2 * bit)) - 1
-        following = start + round_half_up(bit * (number + 1))
-        if place < len(self.pieces):
-            following = min(following, self.pieces[place].start)
-        return start + round_half_up(bit * number), following
+        start = self.pieces[max(0, place - 1)].start
+        # In whole numbers, because each bit of a collision asks: the last edge, rounded half up, that is not
+        # behind the tick.
+        ticks, parts = self.bit.numerator, self.bit.denominator
+        number = -((-2 * (tick - start) - 1) * parts // (2 * ticks)) - 1
+        edge, following = (start + (2 * n * ticks + parts) // (2 * parts) for n in (number, number + 1))
+        return edge, following if place == len(self.pieces) else min(following, self.pieces[place].start)
 
 
 def line_lows(drivers: Sequence[Driver], disputed: Disputed) -> list[Interval]:

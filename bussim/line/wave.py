@@ -139,6 +139,11 @@ class Wave:
                 self._starts.append(low)
                 self._ends.append(high)
 
+    @property
+    def lows(self) -> list[Interval]:
+        """Where it is low, in order."""
+        return list(zip(self._starts, self._ends, strict=True))
+
     def level(self, tick: int) -> int:
         """0 or 1 at a tick."""
         index = bisect_right(self._starts, tick) - 1

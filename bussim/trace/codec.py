@@ -241,7 +241,7 @@ def header_line(header: TraceHeader) -> Line:
         "tick_hz": TICKS_PER_SECOND,
         **_written(header, _HEADER_FIELDS),
         "buses": {
-            bus.name: _written(bus, [field for field in _BUS_FIELDS if bus[field.place] != field.default])
+            bus.name: _written(bus, [field for field in _BUS_FIELDS if bus[field.position] != field.default])
             for bus in header.buses
         },
     }

@@ -46,7 +46,7 @@ def driver_of(frame: FrameRecord, flips: Sequence[int]) -> Driver:
         released,
         clip(lows, frame.start, frame.end),
         pieces_of_frame(frame),
-        timing,
+        timing.bit,
         frame.sender,
     )
 

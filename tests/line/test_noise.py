@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from fractions import Fraction
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from math import exp, sqrt
 
 import numpy as np
@@ -89,6 +89,36 @@ def test_a_burst_has_one_state_at_each_instant_whoever_asks(
     for start, (_, bits) in zip(starts, frames, strict=True):
         states = [history[bisect_right(changes, int(centre))][1] for centre in centres(start, bits, bit)]
         assert spread(rate.runs(start, bits, bit)) == states
+
+
+@settings(deadline=None)
+@given(
+    pieces=st.lists(st.tuples(st.integers(0, 60_000), st.integers(1, 60)), min_size=2, max_size=4),
+    other=st.integers(0, 50_000),
+    seed=st.integers(0, 1000),
+)
+def test_a_frame_with_pauses_has_the_state_of_each_instant_and_so_has_one_that_begins_in_a_pause(
+    pieces: list[tuple[int, int]], other: int, seed: int
+) -> None:
+    history = burst(9000, 4000, seed).runs(0, 1_500_000, Fraction(1))
+    changes = list(accumulate(count for count, _ in history))
+    starts = [7000]
+    for (_, bits), (pause, _) in pairwise(pieces):
+        starts.append(starts[-1] + bits * int(BIT) + pause)
+    rate = burst(9000, 4000, seed)
+    for at, bits, begun in (
+        *((at, bits, starts[0]) for at, (_, bits) in zip(starts, pieces, strict=True)),
+        (starts[0] + other, 50, None),
+    ):
+        states = [history[bisect_right(changes, int(centre))][1] for centre in centres(at, bits, BIT)]
+        assert spread(rate.runs(at, bits, BIT, begun)) == states
+
+
+def test_noise_of_a_window_hits_the_bits_that_a_pause_moves_into_it() -> None:
+    noise = BitNoise("n", ImpulseRate(10**9, 50 * 1875, 1.0, 100_000), Streams(1), since=0, until=10**8)
+    pieces = [(0, 10), (100_000 - 5 * 1875, 20)]
+    assert noise.inverted(0, 30, BIT, "k", pieces) == tuple(range(15, 30))
+    assert noise.inverted(0, 30, BIT, "k") == ()
 
 
 @given(

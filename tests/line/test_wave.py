@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
-from bussim.line.wave import Wave, clip, encode_bits, low_intervals
+from bussim.line.wave import Wave, character_at, clip, encode_bits, end_of, low_intervals, pieces_of
 
 ODD = LineTiming(115200, CharFormat(8, "O", 2), Fraction(-7_300))
 
@@ -75,3 +75,36 @@ def test_clipping_leaves_what_lies_between(
     whole, clipped = Wave([part]), Wave([clip(part, since, until)])
     for tick in range(90):
         assert clipped.level(tick) == (whole.level(tick) if since <= tick < end else 1)
+
+
+@pytest.mark.parametrize("timing", [NN_LINE, ODD], ids=["38400 7E1", "115200 8O2 slow"])
+@settings(deadline=None)
+@given(
+    chars=st.binary(min_size=1, max_size=12),
+    start=st.integers(0, 10**9),
+    flips=st.sets(st.integers(0, 150), max_size=6),
+    pauses=st.dictionaries(st.integers(0, 14), st.integers(1, 100_000), max_size=4),
+)
+def test_a_pause_moves_what_comes_after_it(
+    timing: LineTiming, chars: bytes, start: int, flips: set[int], pauses: dict[int, int]
+) -> None:
+    found = Wave([low_intervals(chars, timing, start, flips, tuple(pauses.items()))])
+    pieces = pieces_of(len(chars), timing, start, pauses.items())
+    width, at = timing.format.bits, start
+    bits = encode_bits(chars, timing.format)
+    for number in flips:
+        if number < len(bits):
+            bits[number] ^= 1
+    for place in range(len(chars)):
+        assert character_at(pieces, timing, at + timing.characters(1) // 2) == place
+        for number, bit in enumerate(bits[place * width : (place + 1) * width]):
+            # A tick beside the middle: where bits are no whole ticks, a piece is rounded from its own edge.
+            assert found.level(at + timing.bits(number) + timing.bits(1) // 2) == bit
+        at += timing.characters(1)
+        if place in pauses and place < len(chars) - 1:
+            for tick in (at + 1, at + pauses[place] - 2):
+                assert found.level(tick) == 1 or pauses[place] < 4
+            at += pauses[place]
+    assert abs(end_of(pieces, timing) - at) <= len(chars)
+    whole = pieces_of(len(chars), timing, start, [(len(chars) - 1, 500), (len(chars), 500)])
+    assert whole == [(0, len(chars), start)]  # behind the last character it is no pause inside

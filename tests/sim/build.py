@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bussim.line.characters import NN_LINE
+from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES, Profile, Turnaround
 from bussim.scenario import model
@@ -199,6 +200,7 @@ def link(
     more: Sequence[model.Plc] = (),
     noise: Sequence[model.Noise] = (),
     faults: Sequence[model.Fault | model.FaultKind] = (),
+    contention: Contention = Contention.UNDEFINED,
 ) -> model.Scenario:
     """A master p0 and slaves p1, p2… ; ``others`` are arguments of :func:`plc` by station.
 
@@ -216,7 +218,7 @@ def link(
         name="test",
         duration=round(seconds * SECOND),
         seed=seed,
-        buses=(model.Bus("link", BusProtocol.NN, NN_LINE),),
+        buses=(model.Bus("link", BusProtocol.NN, NN_LINE, contention),),
         plcs=(*plcs, *more),
         noise=tuple(noise),
         faults=tuple(

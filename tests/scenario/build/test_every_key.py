@@ -37,7 +37,7 @@ name: every key
 duration: 20 s
 seed: 7
 buses:
-  - {name: link, nn: true}
+  - {name: link, nn: true, contention: zero_wins}
   - {name: feeder, baud: 19200, format: "8E1"}
   - {name: codes, baud: 19200, format: 8N1}
 plcs:
@@ -122,6 +122,7 @@ faults:
   - {at: 1 s, late_release: {station: press2, by: 100 us}}
   - {at: 1 s, lose_char: {station: press2, direction: rx, index: 3}}
   - {at: 1 s, insert_char: {station: press2, direction: rx, index: 4, value: 48}}
+  - {at: 1 s, pause: {station: press2, index: 5, by: 6 ms}}
   - {at: 1 s, flip_bits: {station: press2, direction: rx, bits: [31, 62], frame: data}}
   - {at: 1 s, board_error: {plc: press2, port: COM5, code: 40}}
   - {power_on: {press2: 4 s}}

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
+from bussim.line.contention import Contention
 from bussim.line.wave import Wave, low_intervals
 from bussim.plc.sources import Constant
 from bussim.scenario import model
@@ -218,13 +219,45 @@ def test_a_tail_shorter_than_the_masters_gap_does_no_harm() -> None:
     assert done.link.busy - plain.link.busy in (replies * (GAP - 1), (replies - 1) * (GAP - 1))
 
 
-def test_a_tail_keeps_its_station_from_receiving_and_collides_with_the_next_frame() -> None:
-    # The master's poll of p2 begins during p1's tail.
-    done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", GAP + 2 * CHAR)]))
+def test_a_tail_costs_the_frame_that_begins_during_it() -> None:
+    # The master's poll of p2 begins during p1's tail: its first two characters are undefined.
+    done = run(link(3, 1, seconds=2, retries=1, faults=[model.LateRelease("p1", GAP + 2 * CHAR)]))
+    answers = done.of("p1")
+    first = [poll for poll in done.of("p0", "poll") if poll.station == 2 and poll.collided]
+    assert len(first) >= len(answers) - 1
+    assert done.link.collisions == len(first)
+    # Each such poll is lost, and so is the time of an attempt; its repeat comes when the driver is off.
+    assert done.link.failed_attempts == {2: {1: len(done.record.failures)}}
+    assert 0 <= len(first) - len(done.record.failures) <= 1
+    assert done.link.station_errors == {1: 0, 2: 0}
+    again = [poll for poll in done.of("p0", "poll") if poll.station == 2 and not poll.collided]
+    assert [poll.start - before.end for before, poll in zip(first, again, strict=False)] == [
+        timeout(5) + GAP
+    ] * len(again)
+    # The trace tells when the driver went off; the frames are in the order in which they were over.
+    assert {frame.released - frame.end for frame in answers if frame.released is not None} == {GAP + 2 * CHAR}
+    assert all(frame.released is None for frame in done.of("p0"))
+    ends = [frame.end for frame in done.record.frames]
+    assert ends == sorted(ends)
+
+
+def test_a_tail_ends_with_the_supply_and_with_the_next_frame() -> None:
+    off = run(link(2, 1, seconds=0.2)).of("p1")[0].end + MS // 4
+    faults = [model.LateRelease("p1", 20 * MS), fault(model.PowerOff("p1"), off / SECOND)]
+    assert [frame.released for frame in run(link(2, 1, seconds=0.2, faults=faults)).of("p1")] == [off]
+    frames = run(link(2, 1, seconds=0.2, faults=[model.LateRelease("p0", 20 * MS)])).record.frames
+    parameters, data, poll, *_ = [frame for frame in frames if frame.sender == "p0"]
+    assert (parameters.released, data.released) == (data.start, poll.start)
+
+
+def test_a_tail_harms_nobody_else_where_a_0_wins() -> None:
+    by = GAP + 2 * CHAR
+    zero = link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
+    done = run(zero)
     assert abs(done.link.collisions - len(done.of("p1"))) <= 1
     polls = [frame for frame in done.of("p0", "poll") if frame.station == 2]
     assert all(frame.collided for frame in polls)
-    # An idle driver spoils nothing: p2 is polled and answers, and p1 takes its block all the same.
+    # p2 is polled and answers, and p1 takes its block all the same.
     assert done.record.failures == []
     assert done.about("p1", 2) == (0, 0, 0)
     assert set(map(frozenset, takers(done, 2).values())) == {frozenset({0, 1})}
@@ -236,7 +269,8 @@ def test_a_tail_keeps_its_station_from_receiving_and_collides_with_the_next_fram
 
 def test_a_tail_over_the_whole_poll_and_the_answers_begin() -> None:
     by = GAP + POLL + TURNAROUND + 3 * CHAR + 900
-    done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)]))
+    zero = link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
+    done = run(zero)
     assert done.record.failures == []
     assert set(map(frozenset, takers(done, 2).values())) == {frozenset({0})}
     # It heard the answer from its fourth character on: damage with no poll pending is the master's.

@@ -129,8 +129,12 @@ def assert_ordered(record: Recorder) -> None:
         [tick for _, _, tick, _ in record.refreshes],
     ):
         assert ticks == sorted(ticks)
+    driven: dict[str, int] = {}
     for frame in record.frames:
         assert frame.start <= frame.end
+        assert frame.released is None or frame.end <= frame.released
+        assert driven.get(frame.sender, 0) <= frame.start
+        driven[frame.sender] = frame.released or frame.end
 
 
 Line.TestCase.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
