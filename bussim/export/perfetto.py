@@ -215,6 +215,10 @@ class _Events:
             wrong["collided"] = True
         if frame.cut:
             wrong["cut off"] = True
+        for index, ticks in frame.pauses:
+            wrong[f"pause after character {index + 1}, us"] = microseconds(ticks)
+        if frame.released is not None:
+            wrong["driver on after it, us"] = microseconds(frame.released - frame.end)
         args = {"protocol": frame.protocol, "counter": frame.counter, "bytes": _hex(frame.chars)}
         yield _slice(frame, name, "frame", track, args | wrong)
         if wrong:

@@ -87,7 +87,7 @@ class _Receiver:
         self.frames.append(frame)
         # A receiver may still be inside a character that began in what is damaged.
         after = 0 if self._plain(frame) else self._character
-        self.until = max(self.until, frame.end + after, frame.released or 0)
+        self.until = max(self.until, frame.end + after, frame.driven_until)
 
     def _plain(self, frame: FrameRecord) -> bool:
         return not (
@@ -133,9 +133,7 @@ def _senders_over(frame: FrameRecord, others: Iterable[FrameRecord]) -> tuple[st
         dict.fromkeys(
             other.sender
             for other in others
-            if other is not frame
-            and other.start < frame.end
-            and frame.start < max(other.end, other.released or 0)
+            if other is not frame and other.start < frame.end and frame.start < other.driven_until
         )
     )
 

@@ -8,6 +8,7 @@ from bussim.export.received import Received, receive
 from bussim.export.selection import Job, Written, in_order
 from bussim.results.store import tables as column
 from bussim.results.store.tables import Columns, CsvTable, ParquetTable
+from bussim.units import format_time
 
 #: ``bytes`` are the characters sent, ``heard`` those that :mod:`bussim.export.received` reads of them;
 #: bits are counted from the frame's first start bit. ``damaged_at`` names the receivers in which alone bits
@@ -31,6 +32,11 @@ COLUMNS: Columns[Received] = Columns(
         "damaged_at_bits": (column.BYTES, lambda it: "; ".join(map(_numbers, it.frame.damaged_at.values()))),
         "collided": (column.FLAG, lambda it: it.frame.collided),
         "cut": (column.FLAG, lambda it: it.frame.cut),
+        "released_s": (column.SECONDS, lambda it: it.frame.released),
+        "pauses": (
+            column.BYTES,
+            lambda it: "; ".join(f"{at}: {format_time(by)}" for at, by in it.frame.pauses),
+        ),
         "baud": (column.INT, lambda it: it.frame.baud),
         "format": (column.TEXT, lambda it: it.frame.format),
     }

@@ -43,15 +43,15 @@ def disputed_level(contention: Contention, seed: int, bus: str) -> Disputed:
 class Driver(NamedTuple):
     """A driver for one frame: on from ``since`` to before ``until``, high but for ``lows`` between the two.
 
-    ``pieces`` are those of its frame in full, which ``sender`` sends with so many ticks a ``bit``.
+    ``begun`` are the frame's first edge and its sender, ``pieces`` those of it in full, ``bit`` its ticks.
     """
 
+    begun: tuple[int, str]
     since: int
     until: int
     lows: Sequence[Interval]
     pieces: Sequence[Piece]
     bit: Fraction
-    sender: str
 
     def bit_at(self, tick: int) -> Interval:
         """The bit of its frame that a tick lies in; in a pause and after the frame bits go on as before."""
@@ -81,13 +81,9 @@ def line_lows(drivers: Sequence[Driver], disputed: Disputed) -> list[Interval]:
         if levels == {0}:
             found.append((tick, until))
         elif len(levels) == 2:
-            later = max((driver for driver, _ in on), key=_begun)
+            later, _ = max(on)
             found += _disputed(later, tick, until, disputed)
     return found
-
-
-def _begun(driver: Driver) -> tuple[int, str]:
-    return driver.pieces[0].start, driver.sender
 
 
 def _disputed(later: Driver, tick: int, until: int, level: Callable[[int], int]) -> Iterator[Interval]:

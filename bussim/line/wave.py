@@ -20,32 +20,27 @@ Pause = tuple[int, int]
 
 
 class Piece(NamedTuple):
-    """Characters of a frame back to back: from ``first`` to before ``behind``, and where they start."""
+    """Characters of a frame back to back: from ``first`` to before ``behind``, from tick to tick."""
 
     first: int
     behind: int
     start: int
+    end: int
 
 
 def pieces_of(count: int, timing: LineTiming, start: int, pauses: Iterable[Pause] = ()) -> list[Piece]:
-    """The pieces into which pauses cut a frame of ``count`` characters; those that are not inside it do not.
+    """The pieces into which pauses cut a frame of ``count`` characters; one after its last does not.
 
-    A pause ends on a tick, and the characters after it are timed from there.
+    The characters after a pause are timed from its end.
     """
     found: list[Piece] = []
     first = 0
-    for index, ticks in sorted(pauses):
-        if first <= index < count - 1:
-            found.append(Piece(first, index + 1, start))
-            start += timing.characters(index + 1 - first) + ticks
-            first = index + 1
-    return [*found, Piece(first, count, start)]
-
-
-def end_of(pieces: Sequence[Piece], timing: LineTiming) -> int:
-    """When the last stop bit of a frame's pieces is over."""
-    first, behind, start = pieces[-1]
-    return start + timing.characters(behind - first)
+    for index, ticks in (*sorted(pauses), (count - 1, 0)):
+        if first <= index < count:
+            end = start + timing.characters(index + 1 - first)
+            found.append(Piece(first, index + 1, start, end))
+            first, start = index + 1, end + ticks
+    return found or [Piece(0, 0, start, start)]
 
 
 def character_at(pieces: Sequence[Piece], timing: LineTiming, tick: int) -> int:
@@ -86,7 +81,7 @@ def low_intervals(
     fmt = timing.format
     if pauses:
         found: list[Interval] = []
-        for first, behind, at in pieces_of(len(chars), timing, start, pauses):
+        for first, behind, at, _ in pieces_of(len(chars), timing, start, pauses):
             before, after = first * fmt.bits, behind * fmt.bits
             own = [number - before for number in inverted if before <= number < after]
             found += low_intervals(chars[first:behind], timing, at, own)
@@ -138,11 +133,6 @@ class Wave:
             else:
                 self._starts.append(low)
                 self._ends.append(high)
-
-    @property
-    def lows(self) -> list[Interval]:
-        """Where it is low, in order."""
-        return list(zip(self._starts, self._ends, strict=True))
 
     def level(self, tick: int) -> int:
         """0 or 1 at a tick."""

@@ -13,6 +13,7 @@ from itertools import pairwise
 from bussim.line.characters import CharFormat
 from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan
 from bussim.results.meters.timeline import Span
+from bussim.trace.levels import pieces_of_frame
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import seconds
 from bussim.wording import counted
@@ -24,7 +25,7 @@ MOST_SHAPES = 6_000
 
 #: Kinds of boxes besides those of frames (:data:`bussim.results.plots.style.FRAMES`), and what they are.
 SCAN, GOOD, WAIT, DAMAGE, HEARD_DAMAGE, LEVEL = "scan", "good", "wait", "damage", "heard damage", "level"
-ACTING, FLAG, LOST = "acting", "flag", "lost"
+ACTING, FLAG, LOST, DRIVEN = "acting", "flag", "lost", "driven"
 #: Kinds of marks.
 END, EVENT, TROUBLE = "end", "event", "trouble"
 
@@ -170,11 +171,16 @@ class _Painter:
         if frame.damaged_bits:
             number = len(frame.damaged_bits)
             faults.append(counted(number, "damaged bit"))
+        faults += [f"pause of {ms(ticks)} after character {index + 1}" for index, ticks in frame.pauses]
         text = f"{frame.sender}: {frame.kind} frame{of}{count}, {counted(len(frame.chars), 'character')}, "
         text += ms(frame.end - frame.start) + (f"; {', '.join(faults)}" if faults else "")
         plain = frame.station is None or frame.kind == "parameters"
         label = frame.kind if plain else f"{frame.kind} {frame.station}"
-        self.box(lane, frame.start, frame.end, frame.kind, label, text)
+        for first, (start, end) in _pieces(frame):
+            self.box(lane, start, end, frame.kind, "" if first else label, text)
+        if frame.released is not None:
+            on = f"driver of {frame.sender} on for {ms(frame.released - frame.end)} after its frame"
+            self.box(lane, frame.end, frame.released, DRIVEN, "", on)
         for start, end, what in _damage(frame, frame.damaged_bits):
             self.box(
                 lane, start, end, DAMAGE, "", f"{what} of {frame.sender}'s {frame.kind} frame is damaged"
@@ -286,10 +292,23 @@ def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int,
     if not bits or not number:
         return
     per_char = CharFormat.parse(frame.format).bits
+    pieces = dict(_pieces(frame))
     for char in sorted({min(bit // per_char, number - 1) for bit in bits}):
-        span = frame.end - frame.start
-        start, end = (frame.start + span * edge // number for edge in (char, char + 1))
+        first = max(each for each in pieces if each <= char)
+        behind = min((each for each in pieces if each > char), default=number)
+        begin, over = pieces[first]
+        start, end = (
+            begin + (over - begin) * edge // (behind - first) for edge in (char - first, char - first + 1)
+        )
         yield start, end, f"character {char + 1} of {number}"
+
+
+def _pieces(frame: FrameRecord) -> Iterable[tuple[int, tuple[int, int]]]:
+    """What a frame's pauses leave of it: the number of the first character, and from when until when."""
+    pieces = pieces_of_frame(frame)
+    for piece in pieces:
+        if piece.start <= frame.end:
+            yield piece.first, (piece.start, frame.end if piece is pieces[-1] else min(piece.end, frame.end))
 
 
 def _why(window: TraceWindow) -> Iterable[str]:

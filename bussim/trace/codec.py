@@ -77,21 +77,6 @@ def _ints(value: Any) -> tuple[int, ...]:
     return tuple(map(_int, _list(value)))
 
 
-def _pause(value: Any) -> Pause:
-    try:
-        index, ticks = _ints(value)
-    except ValueError:
-        raise ValueError(f"has {value!r}, not two whole numbers") from None
-    return index, ticks
-
-
-def _contention(value: Any) -> Contention:
-    try:
-        return Contention(value)
-    except ValueError:
-        raise ValueError(f"is {value!r}, not one of {', '.join(Contention)}") from None
-
-
 #: How a value of each type of field is read. One without an entry raises KeyError on import.
 _READERS: dict[Any, Callable[[Any], Any]] = {
     int: _int,
@@ -100,10 +85,10 @@ _READERS: dict[Any, Callable[[Any], Any]] = {
     bool: _flag,
     float: lambda value: float(value) if type(value) is int else _float(value),
     BusProtocol: lambda value: BusProtocol.NN if _flag(value) else BusProtocol.SERIAL,
-    Contention: _contention,
+    Contention: Contention,
     bytes: lambda value: bytes.fromhex(_text(value)),
     tuple[int, ...]: _ints,
-    tuple[Pause, ...]: lambda value: tuple(map(_pause, _list(value))),
+    tuple[Pause, ...]: lambda value: tuple((index, ticks) for index, ticks in map(_ints, _list(value))),
     tuple[str, ...]: lambda value: tuple(map(_text, _list(value))),
     dict[str, int]: lambda value: {name: _int(each) for name, each in _by_name(value).items()},
     dict[str, int | str]: lambda value: {

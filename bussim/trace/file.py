@@ -124,7 +124,7 @@ def interval(record: Record) -> tuple[int, int]:
     """
     match record:
         case FrameRecord():
-            return record.start, record.end if record.released is None else record.released
+            return record.start, record.driven_until
         case AttemptRecord() | PollRecord():
             return record.start, record.end
         case ScanRecord() | CycleRecord():

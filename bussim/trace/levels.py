@@ -40,15 +40,9 @@ def driver_of(frame: FrameRecord, flips: Sequence[int]) -> Driver:
     """The driver of a frame's sender if these of its bits are inverted; the part cut off left out."""
     timing = timing_of_frame(frame)
     lows = low_intervals(frame.chars, timing, frame.start, flips, frame.pauses)
-    released = frame.end if frame.released is None else frame.released
-    return Driver(
-        frame.start,
-        released,
-        clip(lows, frame.start, frame.end),
-        pieces_of_frame(frame),
-        timing.bit,
-        frame.sender,
-    )
+    lows = clip(lows, frame.start, frame.end)
+    begun, pieces = (frame.start, frame.sender), pieces_of_frame(frame)
+    return Driver(begun, frame.start, frame.driven_until, lows, pieces, timing.bit)
 
 
 def disputed_of(header: TraceHeader, bus: str) -> Disputed:

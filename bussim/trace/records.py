@@ -63,6 +63,11 @@ class FrameRecord(NamedTuple):
     released: int | None = None  # when the sender's driver went off, if later than ``end``
     pauses: tuple[Pause, ...] = ()  # inside the frame: after which character (from 0), and for how long
 
+    @property
+    def driven_until(self) -> int:
+        """When the sender's driver went off."""
+        return self.end if self.released is None else self.released
+
 
 class TransactionRecord(NamedTuple):
     """One attempt of a Modbus master: a request and what became of it."""

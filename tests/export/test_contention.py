@@ -21,7 +21,6 @@ from bussim.engines.contract import RxChar
 from bussim.export.lanes import Lanes, microseconds
 from bussim.export.selection import Selection, survey
 from bussim.line.contention import Contention, line_lows
-from bussim.line.wave import Wave
 from bussim.scenario.loader import loads
 from bussim.sim.wire.receiver import Receiver
 from bussim.trace.file import Trace
@@ -181,8 +180,8 @@ def test_a_station_of_the_run_hears_what_the_file_has(
     # To the tick: at a microsecond's resolution an edge or a sample may fall on either side.
     frames = list(trace.of(FrameRecord))
     drivers = [driver_of(frame, frame.damaged_bits) for frame in frames]
-    level = Wave([line_lows(drivers, disputed_of(trace.header, "link"))])
-    read = {char.at: char for char in characters(level.lows, 1875)}
+    disputed = disputed_of(trace.header, "link")
+    read = {char.at: char for char in characters(merged(line_lows(drivers, disputed)), 1875)}
     assert len(heard) > 2000
     assert sum(not char.good for char in heard) > 200
     heard = [char for char in heard if char.at < frames[-1].end]  # what the run's end cuts off is in no trace
@@ -208,20 +207,15 @@ def test_the_lane_of_a_bus_is_its_level_to_the_microsecond(frames: list[FrameRec
     bus = LINK._replace(contention=Contention.UNDEFINED)
     selection = Selection(made_up(*frames, buses=(bus,)))
     lanes = Lanes(selection, survey(selection))
-    level = Wave(
-        [
-            line_lows(
-                [driver_of(f, f.damaged_bits) for f in frames], disputed_of(selection.trace.header, "link")
-            )
-        ]
-    )
+    drivers = [driver_of(each, each.damaged_bits) for each in frames]
+    level = merged(line_lows(drivers, disputed_of(selection.trace.header, "link")))
     found, since = [], 0
     for us, lane, now in lanes.changes():
         if lane == 0 and now:
             found.append((since, us))
         elif lane == 0:
             since = us
-    assert found == merged((microseconds(first), microseconds(last)) for first, last in level.lows)
+    assert found == merged((microseconds(first), microseconds(last)) for first, last in level)
 
 
 def test_two_windows_of_a_file_have_the_levels_of_the_whole(tmp_path: Path) -> None:

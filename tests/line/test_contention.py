@@ -36,7 +36,9 @@ def drivers(draw: st.DrawFn) -> list[Driver]:
         lows = low_intervals(chars, timing, start, draw(st.sets(st.integers(0, 30))), pauses)
         since = start + draw(st.sampled_from([0, 0, 25]))
         until = max(since + 1, lows[-1][1] if lows else 0) + draw(st.integers(0, 300))
-        found.append(Driver(since, until, clip(lows, since, until), pieces, timing.bit, f"n{number}"))
+        found.append(
+            Driver((start, f"n{number}"), since, until, clip(lows, since, until), pieces, timing.bit)
+        )
     return found
 
 
@@ -53,7 +55,7 @@ def edges(driver: Driver) -> list[int]:
 def test_a_bit_begins_at_an_edge_and_ends_at_the_next() -> None:
     for timing in FORMATS:
         pieces = pieces_of(3, timing, 17, [(1, 33)])
-        driver = Driver(17, SPAN, [], pieces, timing.bit, "a")
+        driver = Driver((17, "a"), 17, SPAN, [], pieces, timing.bit)
         found = edges(driver)
         for tick in range(17, 900):
             edge, following = driver.bit_at(tick)
@@ -68,7 +70,7 @@ def test_every_tick_is_as_defined(several: list[Driver], seed: int, order: objec
     shuffled = list(several)
     order.shuffle(shuffled)  # type: ignore[attr-defined] # a random.Random
     wave, zero = Wave([line_lows(shuffled, level)]), Wave([line_lows(shuffled, None)])
-    every = {driver.sender: edges(driver) for driver in several}
+    every = {driver.begun: edges(driver) for driver in several}
     for tick in range(SPAN):
         on = [driver for driver in several if driver.since <= tick < driver.until]
         each = [0 if any(a <= tick < b for a, b in driver.lows) else 1 for driver in on]
@@ -76,8 +78,8 @@ def test_every_tick_is_as_defined(several: list[Driver], seed: int, order: objec
         if len(set(each)) < 2:
             assert wave.level(tick) == min(each, default=1)
             continue
-        later = max(on, key=lambda driver: (driver.pieces[0].start, driver.sender))
-        assert wave.level(tick) == level(max(edge for edge in every[later.sender] if edge <= tick))
+        later = max(on, key=lambda driver: driver.begun)
+        assert wave.level(tick) == level(max(edge for edge in every[later.begun] if edge <= tick))
 
 
 @given(several=drivers(), gone=st.integers(0, SPAN))
@@ -101,8 +103,8 @@ def test_an_idle_driver_that_is_on_spoils_the_zeros_of_a_frame_and_no_ones() -> 
     chars = bytes(range(1, 100))
     lows = low_intervals(chars, timing, 1000)
     end = 1000 + timing.characters(len(chars))
-    frame = Driver(1000, end, lows, pieces_of(len(chars), timing, 1000), timing.bit, "later")
-    tail = Driver(990, end, [], pieces_of(1, timing, 900), timing.bit, "tail")
+    frame = Driver((1000, "later"), 1000, end, lows, pieces_of(len(chars), timing, 1000), timing.bit)
+    tail = Driver((900, "tail"), 990, end, [], pieces_of(1, timing, 900), timing.bit)
     clean = Wave([lows])
     heard = Wave([line_lows([tail, frame], disputed_level(Contention.UNDEFINED, 1, "b"))])
     zeros = [tick for tick in range(1005, end, 10) if clean.level(tick) == 0]

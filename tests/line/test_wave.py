@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
-from bussim.line.wave import Wave, character_at, clip, encode_bits, end_of, low_intervals, pieces_of
+from bussim.line.wave import Wave, character_at, clip, encode_bits, low_intervals, pieces_of
 
 ODD = LineTiming(115200, CharFormat(8, "O", 2), Fraction(-7_300))
 
@@ -105,6 +105,8 @@ def test_a_pause_moves_what_comes_after_it(
             for tick in (at + 1, at + pauses[place] - 2):
                 assert found.level(tick) == 1 or pauses[place] < 4
             at += pauses[place]
-    assert abs(end_of(pieces, timing) - at) <= len(chars)
+    assert abs(pieces[-1].end - at) <= len(chars)
     whole = pieces_of(len(chars), timing, start, [(len(chars) - 1, 500), (len(chars), 500)])
-    assert whole == [(0, len(chars), start)]  # behind the last character it is no pause inside
+    assert whole == [
+        (0, len(chars), start, start + timing.characters(len(chars)))
+    ]  # behind the last character it is no pause inside

@@ -9,6 +9,7 @@ import pytest
 from bussim.report.scene import (
     ACTING,
     DAMAGE,
+    DRIVEN,
     END,
     FLAG,
     HEARD_DAMAGE,
@@ -163,3 +164,18 @@ def test_the_lane_of_a_driven_input_is_its_wire() -> None:
         ("a X0 (wire)", 5_700, 10_000, "1"),
         ("a Y0", 2_500, 10_000, "0"),
     ]
+
+
+def test_a_pause_divides_a_frame_and_a_late_driver_is_shown() -> None:
+    # Ten characters of 10 bits at 38400: 18,750 ticks each; a pause of 30,000 ticks after the fourth.
+    sent = frame(end=217_500 + 1000, pauses=((3, 30_000),), released=240_000, damaged_bits=(39, 40))
+    _, boxes = scene(frames=[sent], end=300_000)
+    shown = [(box.start, box.end) for box in boxes if box.kind == "data"]
+    assert shown == [(1000, 76_000), (106_000, 218_500)]
+    assert [(box.start, box.end) for box in boxes if box.kind == DRIVEN] == [(218_500, 240_000)]
+    assert [(box.start, box.end) for box in boxes if box.kind == DAMAGE] == [
+        (57_250, 76_000),
+        (106_000, 124_750),
+    ]
+    (text,) = {box.text for box in boxes if box.kind == "data"}
+    assert "pause of 0.417 ms after character 4" in text

@@ -134,7 +134,7 @@ class Disturber:
             name = self._names[key] = self._line.stream_name(tx)
         width, bit = tx.timing.format.bits, tx.timing.bit
         bits = len(tx.chars) * width
-        pieces = [(at, (behind - first) * width) for first, behind, at in tx.pieces] if tx.pauses else ()
+        pieces = [(at, (behind - first) * width) for first, behind, at, _ in tx.pieces] if tx.pauses else ()
         for noise in self._noises:
             if noise.position is not None and (noise.position == sender.position) is noise.receiver:
                 continue  # tx noise: not the sender; rx noise: the receiver is itself the sender

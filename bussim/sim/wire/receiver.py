@@ -134,7 +134,7 @@ class Receiver:
         tx, until = part.tx, self._until(part)
         off = tx.driven_until if part.until is None else min(part.until, tx.driven_until)
         lows = clip(tx.lows(self._port.position), part.since, until)
-        return Driver(part.since, off, lows, tx.pieces, tx.timing.bit, tx.sender.name)
+        return Driver((tx.start, tx.sender.name), part.since, off, lows, tx.pieces, tx.timing.bit)
 
     @staticmethod
     def _until(part: _Part) -> int:
