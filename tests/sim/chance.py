@@ -80,6 +80,7 @@ def _kind(rng: Random, name: str) -> model.FaultKind:
             model.InsertChar(
                 name, direction, count, rng.choice([None, 0, 3]), rng.choice([None, 2, 3, 5, 0x30])
             ),
+            model.Pause(name, rng.choice([1000, 20_000, 40_000, 90_000]), count, rng.choice([None, 0, 3])),
             model.FlipBits(
                 name,
                 direction,

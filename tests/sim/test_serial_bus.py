@@ -354,6 +354,7 @@ def _chance(seed: int) -> model.Scenario:
         model.WrongFormat("y", LineTiming(19200, CharFormat(8, "N", 1))),
         model.LateRelease("z", 4 * MS),
         model.LoseChar("x", model.Direction.TX, None, 3),
+        model.Pause("y", 2 * MS, None),
         model.InsertChar("one", model.Direction.RX, None, 2, 0x55),
         model.ClockPpm("x", Fraction(30_000)),
     ]

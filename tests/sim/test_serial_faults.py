@@ -16,7 +16,7 @@ schema: 1
 name: faults
 duration: 6 s
 buses:
-  - {name: line, baud: 9600, format: 8N1}
+  - {name: line, baud: 9600, format: 8N1, contention: CONTENTION}
 plcs:
   - name: p1
     scan: 8 ms
@@ -36,8 +36,10 @@ AT = "at: 2 s, for: 2 s"
 FROM, UNTIL = round(2.05 * SECOND), round(3.85 * SECOND)
 
 
-def done(*faults: str, port: str = "COM3", noise: str = "") -> Done:
-    text = TEXT.replace("MASTER", port) + (f"noise: [{noise}]\n" if noise else "")
+def done(*faults: str, port: str = "COM3", noise: str = "", contention: str = "undefined") -> Done:
+    text = TEXT.replace("MASTER", port).replace("CONTENTION", contention) + (
+        f"noise: [{noise}]\n" if noise else ""
+    )
     return run(loads(text + (f"faults: [{', '.join(faults)}]\n" if faults else "")))
 
 
@@ -149,9 +151,18 @@ def test_a_slave_that_jabbers_disturbs_every_station() -> None:
     assert found.totals.buses[0].collisions > 0
 
 
-def test_a_driver_that_stays_on_receives_nothing_and_damages_nothing() -> None:
-    # Its idle level loses against every 0, but it hears nothing while it drives: each second request.
+def test_a_driver_that_stays_on_receives_nothing_and_damages_what_begins_meanwhile() -> None:
+    # From the reply of the box on: the request to the PLC, and its own next one.
     found = done(f"{{{AT}, late_release: {{station: box, by: 150 ms}}}}")
+    assert set(outcomes(found, "plc")) == set(outcomes(found, "map")) == {"ok", "no response in time"}
+    collided = {frame.start for frame in found.record.frames if frame.collided}
+    assert {record.sent for record in found.record.transactions if record.outcome != "ok"} == collided
+    assert found.totals.buses[0].collisions == len(collided)
+
+
+def test_a_driver_that_stays_on_receives_nothing_and_damages_nothing_where_a_0_wins() -> None:
+    # Its idle level loses against every 0, but it receives nothing while it drives: each second request.
+    found = done(f"{{{AT}, late_release: {{station: box, by: 150 ms}}}}", contention="zero_wins")
     assert set(outcomes(found, "plc")) == {"ok"}
     mine = outcomes(found, "map")
     assert set(mine) == {"ok", "no response in time"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from bussim.line.contention import Contention
 from bussim.plc.profiles import PROFILES
 from bussim.plc.sources import Constant
 from bussim.scenario import model
@@ -413,9 +414,9 @@ def test_two_masters_in_lockstep_look_healthy_and_out_of_step_they_do_not() -> N
     assert lockstep.record.failures == []
     assert all(lockstep.about("p1", other) == NOTHING for other in range(8))
 
-    def apart(phase: int) -> Done:
+    def apart(phase: int, contention: Contention = Contention.UNDEFINED) -> Done:
         twin = plc(0, name="twin", registers=settings, phase=phase * MS)
-        return run(link(3, 2, seconds=1, others=others, more=[twin]))
+        return run(link(3, 2, seconds=1, others=others, more=[twin], contention=contention))
 
     # One millisecond apart: no parameter frame arrives whole, so no slave ever takes part.
     deaf = apart(5)
@@ -425,8 +426,8 @@ def test_two_masters_in_lockstep_look_healthy_and_out_of_step_they_do_not() -> N
     # Six: the slaves notice that two talk at once, until the masters have fallen into step.
     noticed = apart(10)
     assert noticed.about("p1", 0) == noticed.about("p2", 0) == (1, 0x14, 0)
-    # Thirty-six: they answer each other's polls for good.
-    crossed = apart(40)
+    # Thirty-six: where a 0 wins slaves answer each other's polls for good.
+    crossed = apart(40, Contention.ZERO_WINS)
     assert {code for _, code in crossed.codes} >= {1, 2}
     assert all(done.link.collisions for done in (deaf, noticed, crossed))
 
