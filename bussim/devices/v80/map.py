@@ -14,7 +14,7 @@ from bussim.engines.modbus.pdu import FUNCTIONS, Limits
 from bussim.engines.modbus.server import Space
 
 #: "More than four and a half characters" (manual, section 1.2), at every rate.
-V80_PORT = DevicePort("v80", gaps=GapRule(end=Fraction(9, 2), fast_character=None))
+V80_PORT = DevicePort("v80", gaps=GapRule(end=Fraction(9, 2), inner=Fraction(9, 2), fast_character=None))
 #: 1024 coils in one read (manual, section 2.1; the same for inputs, assumed), 125 registers (section 2.2).
 V80_LIMITS = Limits(read_coils=1024, read_inputs=1024)
 #: Items of each space: what four-digit reference numbers reach (assumed; the manual gives no sizes).

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from bussim.engines.modbus.adu import RTU_MAX, Mode
 from bussim.scenario.resolve.nodes import Directory, Missing, Node, NodeRole
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.disturbances import (
     LINK_BITS,
     LINK_FRAME,
     LINK_FRAMES,
+    LONGEST_FRAME,
     MODBUS_FRAMES,
     OF_THE_OWNER,
     CableCutIn,
@@ -16,6 +18,7 @@ from bussim.scenario.schema.disturbances import (
     InsertCharIn,
     LoseCharIn,
     NoiseIn,
+    PauseIn,
     StationIn,
 )
 from bussim.scenario.schema.draft import Entry, readable
@@ -167,6 +170,13 @@ def _check_node(entry: Entry[FaultIn], kind: str, fault: FaultIn, nodes: Directo
         _check_character(path, given, node, report)
     if isinstance(given, FlipBitsIn):
         _check_bits(path, given, node, report)
+    if isinstance(given, PauseIn) and given.index is not None:
+        longest = LINK_FRAME if _on_link(node) else RTU_MAX if node.mode is Mode.RTU else LONGEST_FRAME
+        if given.index > longest - 2:
+            report.error(
+                (*path, "index"),
+                f"is {given.index}, allowed 0..{longest - 2}: no frame of {node.name} goes on after it",
+            )
 
 
 def _on_link(node: Node) -> bool:

@@ -312,6 +312,18 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "x.yaml:30:42: lose_char.index is 200, allowed 0..149",
         ],
     ),
+    "pause": (
+        more(
+            "faults:\n  - {pause: {station: press1, index: 149, by: 1 ms}}\n  - {pause: {station: drive, index: 255, by: 1 ms}}\n  - {pause: {station: reader, index: 512, by: 0 s}}\n  - {pause: {station: press1, index: 148, by: 1 us}}\n  - {pause: drive}\n"
+        ),
+        [
+            "x.yaml:27:38: pause.index is 149, allowed 0..148: no frame of press1 goes on after it",
+            "x.yaml:28:37: pause.index is 255, allowed 0..254: no frame of drive goes on after it",
+            "x.yaml:29:38: pause.index is 512, allowed 0..511",
+            "x.yaml:29:47: pause.by is 0 s, allowed more than 0 up to 10 y",
+            "x.yaml:31:13: pause.by is missing",
+        ],
+    ),
     "flip": (
         more(
             "faults:\n  - {flip_bits: {station: press1, bits: [2000]}}\n  - {flip_bits: {station: press1, bits: [1], frame: request}}\n  - {flip_bits: {station: drive, bits: [2000], frame: poll}}\n  - {flip_bits: {station: drive, bits: [5642]}}\n  - {flip_bits: {station: reader, bits: [1], frame: request}}\n"
