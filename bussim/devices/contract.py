@@ -102,6 +102,7 @@ class MasterSettings(DeviceSettings):
     timeout: int
     interval: int
     turnaround: int  # after a broadcast
+    silence: float | None = None  # that ends a reply of RTU, as a float in characters; None: the port's
 
 
 class FreeProtocolSettings(DeviceSettings):
@@ -137,4 +138,6 @@ class BusDevice:
 
     def framing(self) -> Framing:
         """How it frames Modbus. Raises ValueError for a mode that is impossible on its line."""
-        return self.settings.port.framing(self.mode, self.timing)
+        settings = self.settings
+        silence = settings.silence if isinstance(settings, MasterSettings) else None
+        return settings.port.framing(self.mode, self.timing, silence)

@@ -12,7 +12,7 @@ from pydantic import Field
 from bussim.devices.contract import AnySettings, BusDevice, SlaveSettings
 from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
-from bussim.forms.fields import Baud, Format, Name, choice, time, whole
+from bussim.forms.fields import Baud, Format, Name, characters_or_time, choice, time, whole
 from bussim.forms.form import Model
 from bussim.forms.mistakes import EntryView, Reporter
 from bussim.line.characters import LineTiming
@@ -136,15 +136,30 @@ class MasterIn(DeviceIn):
 
     mode: ModbusMode = Mode.RTU.value
     timeout: Annotated[int, time(1, 3600 * TICKS_PER_SECOND)] = TICKS_PER_SECOND
-    interval: Delay = TICKS_PER_SECOND // 200
+    interval: Delay | None = None
     turnaround: Delay = TICKS_PER_SECOND // 10
+    silence: Annotated[int | float, characters_or_time(0.1, 1000)] | None = None
     polls: list[Any] = Field([])
+
+    @property
+    def least_interval(self) -> int:
+        """The interval as given; without it 5 ms, or none where the silence says when it goes on."""
+        if self.interval is not None:
+            return self.interval
+        return TICKS_PER_SECOND // 200 if self.silence is None else 0
 
     def address(self) -> tuple[Mode | None, int | None]:
         """Its mode."""
         return Mode(self.mode), None
 
+    def fill(self, written: dict[str, Any]) -> None:
+        """The interval."""
+        written["interval"] = format_time(self.least_interval)
+
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
-        """Warn where it has nothing to send."""
+        """Warn where it has nothing to send, or a silence that means nothing."""
+        if self.silence is not None and Mode(self.mode) is Mode.ASCII:
+            text = f"{self.name} speaks ASCII, whose frames end with LF: silence does nothing, interval does"
+            report.warn((*entry.path, "silence"), text)
         if not self.polls and not entry.lost("polls"):
             report.warn(entry.path, f"{self.name} has no polls: it sends nothing")

@@ -35,10 +35,10 @@ class HmiIn(MasterIn):
 
     example = """
 {name: panel, model: hmi, bus: feeder, mode: ascii, timeout: 500 ms, interval: 2 ms, turnaround: 50 ms,
-  polls: [{station: 9, function: 3, address: 0, count: 2, every: 200 ms}]}
+  silence: 2.0, polls: [{station: 9, function: 3, address: 0, count: 2, every: 200 ms}]}
 """
     port = HMI_PORT
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> HmiSettings:
         """Its polls and times."""
-        return HmiSettings(polls, self.timeout, self.interval, self.turnaround)
+        return HmiSettings(polls, self.timeout, self.least_interval, self.turnaround, self.silence)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
@@ -32,9 +33,18 @@ class DevicePort:
     gaps: GapRule = STANDARD_GAPS
     delay: int = 0
 
-    def framing(self, mode: Mode, timing: LineTiming) -> Framing:
-        """How it frames. Raises ValueError for a mode that it lacks, or RTU without 8 data bits."""
+    def framing(self, mode: Mode, timing: LineTiming, silence: float | None = None) -> Framing:
+        """How it frames; ``silence``, in ticks or as a float in characters, ends a frame of RTU instead.
+
+        Raises ValueError for a mode that it lacks, or RTU without 8 data bits.
+        """
         if mode not in self.modes:
             allowed = " or ".join(mode.value for mode in self.modes)
             raise ValueError(f"{self.name} does not speak Modbus {mode.value}, only {allowed}")
-        return Framing.rtu(timing, self.gaps) if mode is Mode.RTU else Framing.ascii()
+        if mode is Mode.ASCII:
+            return Framing.ascii()
+        framing = Framing.rtu(timing, self.gaps)
+        if silence is None:
+            return framing
+        quiet = timing.characters(Fraction(silence)) if isinstance(silence, float) else silence
+        return replace(framing, quiet=quiet, inner=min(framing.inner, quiet))

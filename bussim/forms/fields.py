@@ -183,6 +183,16 @@ def time_or(word: str, low: int, high: int) -> Kind:
     return Kind(check, lambda value: value if value == word else format_time(value))
 
 
+def characters_or_time(low: float, high: float) -> Kind:
+    """A number of characters from ``low`` to ``high``, a float, or a time with its unit in ticks, an int."""
+    characters, ticks = number(low, high), time(1)
+
+    def check(value: object) -> object:
+        return (ticks if isinstance(value, str) else characters).read(value)
+
+    return Kind(check, lambda value: value if isinstance(value, float) else format_time(value))
+
+
 def nanoseconds(low: int, high: int) -> Kind:
     """A time with its unit as whole nanoseconds, from ``low`` to ``high`` of them."""
 

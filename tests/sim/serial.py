@@ -62,9 +62,14 @@ def poll(
 
 
 def hmi(
-    name: str, *polls: PollSpec, timeout: int = 100 * MS, interval: int = 5 * MS, **given: Any
+    name: str,
+    *polls: PollSpec,
+    timeout: int = 100 * MS,
+    interval: int = 5 * MS,
+    silence: float | None = None,
+    **given: Any,
 ) -> BusDevice:
-    settings = HmiSettings(tuple(polls), timeout, interval, 100 * MS)
+    settings = HmiSettings(tuple(polls), timeout, interval, 100 * MS, silence)
     values: dict[str, Any] = {"bus": "bus", "mode": Mode.RTU, "timing": PLAIN, "delay": 0, "jitter": 0}
     return BusDevice(name=name, model="hmi", station=None, settings=settings, **{**values, **given})
 

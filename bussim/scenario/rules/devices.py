@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bussim.devices.forms import DeviceIn
+from bussim.devices.forms import DeviceIn, MasterIn
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
 from bussim.scenario.resolve.buses import Line
@@ -10,6 +10,7 @@ from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.buses import understood
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.yaml.source_map import Report
+from bussim.units import format_ms
 
 
 def check_devices(resolved: Resolved, report: Report) -> None:
@@ -37,6 +38,13 @@ def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Rep
             report.error((*entry.path, "bus"), f"is {bus.name}, whose format is {timing.format}, but {needs}")
         return
     port = device.port
+    if isinstance(device, MasterIn) and device.silence is not None and mode is Mode.RTU:
+        waits = port.framing(mode, timing, device.silence).quiet + device.least_interval
+        needed = port.framing(mode, timing).quiet
+        if waits < needed:
+            when = f"{format_ms(waits)} after a reply, which a silence of {format_ms(needed)} ends"
+            what = "to slaves that received it, it and the next request are one frame"
+            report.warn((*entry.path, "silence"), f"{device.name} goes on {when}: {what}")
     if not entry.lost("baud"):
         _check_baud(entry, device, timing, report)
     same = understood(entry.path, device.name, timing, bus, report)
