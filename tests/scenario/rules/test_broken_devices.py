@@ -230,7 +230,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "hmi": (
         spoilt((DRIVE, "{name: drive, model: hmi, bus: line, station: 1}")),
         [
-            "x.yaml:24:42: station is not a key here; allowed are name, model, bus, baud, format, mode, timeout, interval, turnaround, polls"
+            "x.yaml:24:42: station is not a key here; allowed are name, model, bus, baud, format, mode, timeout, interval, turnaround, silence, polls"
         ],
     ),
     "hmi polls": (
