@@ -14,10 +14,8 @@ from typing import NamedTuple
 
 from bussim.export.selection import BusSurvey, Survey
 from bussim.line.characters import LineTiming
-from bussim.line.contention import line_lows
-from bussim.line.uart import Uart
-from bussim.line.wave import Wave, character_at
-from bussim.trace.levels import driver_of, pieces_of_frame, timing_of_frame
+from bussim.line.wave import character_at
+from bussim.trace.levels import characters_of, is_plain, pieces_of_frame, timing_of_frame
 from bussim.trace.records import FrameRecord
 from bussim.units import format_time
 from bussim.wording import counted
@@ -71,9 +69,7 @@ class _Receiver:
     def __init__(self, bus: BusSurvey) -> None:
         self._timing = timing = bus.timing
         self._disputed = bus.disputed
-        self._format = str(timing.format)
         self._mask = (1 << timing.format.data_bits) - 1
-        self._uart = Uart(timing)
         self._character = timing.characters(1)
         self.frames: list[FrameRecord] = []
         self.until = 0
@@ -86,23 +82,13 @@ class _Receiver:
         """A frame begins before the others are over, or is the first."""
         self.frames.append(frame)
         # A receiver may still be inside a character that began in what is damaged.
-        after = 0 if self._plain(frame) else self._character
+        after = 0 if is_plain(frame, self._timing) else self._character
         self.until = max(self.until, frame.end + after, frame.driven_until)
-
-    def _plain(self, frame: FrameRecord) -> bool:
-        return not (
-            frame.damaged_bits
-            or frame.collided
-            or frame.cut
-            or frame.ppm
-            or frame.baud != self._timing.baud
-            or frame.format != self._format
-        )
 
     def close(self) -> list[Received]:
         """What was read of the frames; then there are none."""
         frames, self.frames, self.until = self.frames, [], 0
-        if len(frames) == 1 and self._plain(frames[0]):
+        if len(frames) == 1 and is_plain(frames[0], self._timing):
             chars = frames[0].chars
             if self._mask != 0xFF:
                 chars = bytes(value & self._mask for value in chars)
@@ -110,13 +96,10 @@ class _Receiver:
         return self._read(frames) if frames else []
 
     def _read(self, frames: list[FrameRecord]) -> list[Received]:
-        drivers = [driver_of(frame, frame.damaged_bits) for frame in frames]
-        wave = Wave([line_lows(drivers, self._disputed)])
         chars = [bytearray() for _ in frames]
         wrong: list[list[tuple[int, str]]] = [[] for _ in frames]
-        at, ready = 0, frames[0].start
-        while (char := self._uart.next_character(wave, ready)) is not None:
-            ready = char.ready
+        at = 0
+        for char in characters_of(frames, self._timing, self._disputed):
             while at + 1 < len(frames) and frames[at + 1].start <= char.start:
                 at += 1
             if not (char.parity_ok and char.stop_ok):

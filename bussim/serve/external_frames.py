@@ -9,7 +9,8 @@ from bussim.engines.nn.frames import DATA, Frame
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
 from bussim.live.sniff.heard import LineProtocol
-from bussim.live.sniff.splitters import MOST_DAMAGE, Splitter, splitter
+from bussim.live.sniff.splitter import MOST_DAMAGE, Splitter
+from bussim.live.sniff.splitters import splitter
 from bussim.sim.serial.node import SerialNode
 from bussim.trace.records import FrameRecord
 
@@ -40,9 +41,8 @@ class Journal:
                 cutter = self._splitters[protocol] = splitter(
                     LineProtocol(protocol), self._timing, self._tolerance
                 )
-            for char in chars:
-                for heard in cutter.character(char):
-                    self._record(heard.start, heard.end, heard.chars, heard.frame)
+            for heard in cutter.take(chars):
+                self._record(heard.start, heard.end, heard.chars, heard.frame)
             return
         # RTU, and free protocol: what comes between two silences, or two frames of this line.
         kept = self._chars
@@ -67,7 +67,7 @@ class Journal:
         """Nothing more will come."""
         self.cut()
         for cutter in self._splitters.values():
-            for heard in cutter.idle(1 << 62):
+            for heard in cutter.close(None):
                 self._record(heard.start, heard.end, heard.chars, heard.frame)
 
     def _protocol_now(self) -> str:

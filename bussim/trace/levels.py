@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
 
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
-from bussim.line.contention import Disputed, Driver, disputed_level
-from bussim.line.wave import Piece, clip, low_intervals, pieces_of
+from bussim.line.contention import Disputed, Driver, disputed_level, line_lows
+from bussim.line.uart import Sampled, Uart
+from bussim.line.wave import Piece, Wave, clip, low_intervals, pieces_of
 from bussim.trace.records import FrameRecord, TraceHeader
 
 
@@ -43,6 +44,21 @@ def driver_of(frame: FrameRecord, flips: Sequence[int]) -> Driver:
     lows = clip(lows, frame.start, frame.end)
     begun, pieces = (frame.start, frame.sender), pieces_of_frame(frame)
     return Driver(begun, frame.start, frame.driven_until, lows, pieces, timing.bit)
+
+
+def is_plain(frame: FrameRecord, timing: LineTiming) -> bool:
+    """Whether a receiver of this timing reads the characters that were sent, if nobody else sends."""
+    damaged = frame.damaged_bits or frame.collided or frame.cut or frame.ppm
+    return not damaged and frame.baud == timing.baud and frame.format == str(timing.format)
+
+
+def characters_of(frames: Sequence[FrameRecord], timing: LineTiming, disputed: Disputed) -> Iterator[Sampled]:
+    """The characters that a receiver of this timing reads of frames that come by their starts."""
+    drivers = [driver_of(frame, frame.damaged_bits) for frame in frames]
+    wave, uart, ready = Wave([line_lows(drivers, disputed)]), Uart(timing), frames[0].start
+    while (char := uart.next_character(wave, ready)) is not None:
+        yield char
+        ready = char.ready
 
 
 def disputed_of(header: TraceHeader, bus: str) -> Disputed:

@@ -161,7 +161,6 @@ def test_mistakes(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str])
     other.write_text(SCENARIO.replace("link", "line"), encoding="utf-8")
     for arguments, said in (
         ([str(tmp_path / "none")], "is no file and no folder"),
-        ([str(silence)], "no exchange was recognised"),
         ([str(run), "--scenario", str(other)], "no PLCs on an N:N link 'link'"),
         ([str(run), "--bus", "x"], "no bus 'x'"),
         ([str(run), "--simulate", "5"], "without a unit"),
@@ -170,3 +169,9 @@ def test_mistakes(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str])
         err = capsys.readouterr().err
         assert said in err
         assert "Traceback" not in err
+    for arguments, said in (
+        ([str(silence)], "no protocol is recognised"),
+        ([str(silence), "--protocol", "modbus-rtu"], "no exchange was recognised in 1 character"),
+    ):
+        assert main(["fit", *arguments]) == 1
+        assert said in capsys.readouterr().err

@@ -257,8 +257,7 @@ def broken(tmp_path: Path) -> Path:
         (b"", "is empty"),
         (b"PK\x03\x04 no zip", "no sigrok session"),
         (b"\n\r\r\n" + bytes(40), "at byte 0"),
-        (b"0.0 01\n0.1 xyz\n", "broken:2: 'xyz' are no bytes"),
-        (b"1.0 01\n0.5 02\n", "is before the one above"),
+        (b"0.0 01\n0.1 xyz\n0.2 q\n", "broken:2: 'xyz' are no bytes"),
         (b"{}\n", "is not a trace"),
     ],
 )

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from bussim.engines.modbus.adu import Mode
-from bussim.live.recordings.open import Kind, characters, kind_of
+from bussim.live.recordings.open import Kind, kind_of, open_recording
+from bussim.live.recordings.source import Way
 from bussim.trace.records import FrameRecord, TraceBus
 from tests.export.samples import FEEDER, LINK, PUMPS, exchanges, exported, link_frames, timing, trace
 
@@ -25,9 +26,10 @@ def test_a_recording_of_the_export_has_its_characters(
 ) -> None:
     path = exported(trace(*frames, buses=(bus,)), tmp_path / f"a.{to}", to)
     kind = kind_of(path)
-    assert kind is (Kind.SIGROK if to == "sr" else Kind.PCAPNG)
+    assert kind is (Kind.SIGROK if to == "sr" else Kind.PACKETS)
     own = timing(bus.baud, bus.format)
-    read = [char for lump in characters(path, kind, own, channel=bus.name) for char in lump]
+    source = open_recording(path, channels=(bus.name,))
+    read = [char for chunk in source.chunks(Way(own, False, (bus.name,))) for char in chunk.chars]
     sent = [
         (value, each.start + own.characters(place))
         for each in frames

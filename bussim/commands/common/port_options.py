@@ -59,16 +59,19 @@ def options_of(*, tolerance: str, echo: bool, rs485: str, paced: bool = False) -
     )
 
 
+def parity_of(text: str) -> str:
+    """The letter of a parity: N, E or O. Raises UsageError."""
+    found = _PARITIES.get(text.lower())
+    if found is None:
+        raise UsageError(f"the parity is {text!r}, allowed are none, even and odd")
+    return found
+
+
 def format_of(
     default: CharFormat, *, data_bits: int | None, parity: str | None, stop_bits: int | None
 ) -> CharFormat:
     """A character format, what is not given as in the default. Raises UsageError."""
     from bussim.line.characters import CharFormat
 
-    letter = default.parity
-    if parity is not None:
-        found = _PARITIES.get(parity.lower())
-        if found is None:
-            raise UsageError(f"the parity is {parity!r}, allowed are none, even and odd")
-        letter = found
+    letter = default.parity if parity is None else parity_of(parity)
     return CharFormat(data_bits or default.data_bits, letter, stop_bits or default.stop_bits)

@@ -1,21 +1,20 @@
-"""Recordings of lines for commands: which bus, which line, and their frames in order."""
+"""Recordings of lines for commands: which line it is, and its characters in order."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.port_options import format_of, with_options
+from bussim.commands.common.port_options import parity_of, with_options
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
-    from bussim.live.recordings.open import Kind
-    from bussim.live.sniff.heard import LineProtocol
+    from bussim.live.recordings.source import Source
+    from bussim.live.sniff.line import FoundLine, Settings
     from bussim.live.sniff.listener import Listener
-
 
 #: Protocols of a recorded line; auto: what is recognised.
 PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
@@ -31,46 +30,77 @@ line_options = with_options(
         show_default=True,
         help="What is spoken; auto: what is recognised.",
     ),
-    click.option("-b", "baud", metavar="N", type=_RATES, help="Rate (38400; Modbus 19200)."),
-    click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits (7; RTU 8)."),
-    click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits (1)."),
-    click.option("-P", "parity", metavar="P", help="Parity: none, even (default) or odd."),
+    click.option(
+        "-b", "baud", metavar="N", type=_RATES, help="Rate, unless found (port: 38400, Modbus 19200)."
+    ),
+    click.option(
+        "-d", "data_bits", type=click.IntRange(7, 8), help="Data bits, unless found (port: 7, RTU 8)."
+    ),
+    click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits, unless found (port: 1)."),
+    click.option("-P", "parity", metavar="P", help="Parity: none, even, odd, unless found (port: even)."),
+    click.option("--invert/--no-invert", "inverted", default=None, help="The line idles low, or high (.sr)."),
     click.option("--bus", metavar="NAME", help="Name of the bus (line); in a trace: which one (the first)."),
     click.option(
-        "--channel", metavar="NAME", help="Channel of a sigrok session, interface of a pcapng file."
+        "--channel",
+        metavar="NAME[,NAME]",
+        help="Channel of a sigrok session, interface of a pcapng file; two: one for each direction.",
     ),
 )
 
 
+def settings_of(
+    protocol: str,
+    baud: int | None,
+    *,
+    data_bits: int | None,
+    parity: str | None,
+    stop_bits: int | None,
+    inverted: bool | None,
+    channel: str | None,
+    echo: bool = False,
+) -> Settings:
+    """What the options say of a line. Raises UsageError."""
+    from bussim.live.sniff.heard import LineProtocol
+    from bussim.live.sniff.line import Settings
+
+    return Settings(
+        None if protocol == "auto" else LineProtocol(protocol),
+        baud,
+        data_bits,
+        None if parity is None else parity_of(parity),
+        stop_bits,
+        inverted,
+        tuple(filter(None, channel.split(","))) if channel else (),
+        echo or None,
+    )
+
+
 @dataclass(frozen=True, slots=True)
-class KnownLine:
-    """What is known of a line before anything of it is read; ``exact``: the times of a recording are."""
+class OpenLine:
+    """A recording whose line is known. ``names`` are stations by number, ``tolerance`` is in ticks."""
 
+    source: Source
+    found: FoundLine
     bus: str
-    timing: LineTiming
     names: dict[int, str]
-    exact: bool
+    tolerance: int
 
+    @property
+    def timing(self) -> LineTiming:
+        """Rate and format of the line."""
+        return self.found.reading.way.timing
 
-def known_line(source: str, kind: Kind | None, timing: LineTiming, name: str | None) -> KnownLine:
-    """The line of a recording: of a trace (the bus of that name, else the first) as it says itself.
-
-    ``kind`` is None for a port. Raises UsageError for a trace without such a bus.
-    """
-    from bussim.line.characters import CharFormat, LineTiming
-    from bussim.live.recordings.open import Kind
-    from bussim.trace.file import read_trace
-
-    if kind is not Kind.TRACE:
-        return KnownLine(name or "line", timing, {}, kind in (Kind.SIGROK, Kind.PCAPNG))
-    trace = read_trace(source)
-    buses = trace.header.buses
-    if name is None and (others := [repr(bus.name) for bus in buses[1:]]):
-        click.echo(f"this is bus {buses[0].name!r}; with --bus also: {', '.join(others)}", err=True)
-    bus = buses[0] if name is None and buses else trace.bus(name or "line")
-    names = {number: node for node, number in reversed(bus.stations.items())}
-    timing = LineTiming(bus.baud, CharFormat.parse(bus.format))
-    return KnownLine(bus.name, timing, names, trace.header.exact)
+    def listener_options(self) -> dict[str, Any]:
+        """What a listener has to know of it."""
+        way = self.found.reading.way
+        return {
+            "exact": not self.source.tolerant,
+            "tolerance": self.tolerance if self.source.tolerant else 0,
+            "lanes": max(len(way.channels), self.source.lanes),
+            "echo": self.found.reading.score.echo,
+            "begin": self.source.begin,
+            "names": self.names,
+        }
 
 
 def is_recording(source: str) -> bool:
@@ -79,61 +109,41 @@ def is_recording(source: str) -> bool:
     return path.is_dir() or path.is_file()
 
 
-def line_of(
-    protocol: LineProtocol | None,
-    baud: int | None,
-    *,
-    data_bits: int | None,
-    parity: str | None,
-    stop_bits: int | None,
-) -> LineTiming:
-    """Rate and format: what is given, the rest as usual for the protocol (auto: the N:N link)."""
-    from bussim.engines.modbus.adu import Mode
-    from bussim.line.characters import NN_LINE, LineTiming
-    from bussim.live.modbus import STANDARD_FORMATS
+def open_line(source: str, settings: Settings, *, bus: str | None, tolerance: int) -> OpenLine:
+    """A recording, and how it is read. Raises UsageError where it cannot be."""
+    from bussim.live.recordings.frames import TraceFile
+    from bussim.live.recordings.open import open_recording
+    from bussim.live.sniff.line import find_line
+
+    opened = open_recording(Path(source), bus=bus, channels=settings.channels)
+    if not isinstance(opened, TraceFile):
+        return OpenLine(opened, find_line(opened, settings, tolerance), bus or "line", {}, tolerance)
+    others = [repr(each.name) for each in opened.header.buses if each.name != opened.bus.name]
+    if bus is None and others:
+        click.echo(f"this is bus {opened.bus.name!r}; with --bus also: {', '.join(others)}", err=True)
+    names = {number: node for node, number in reversed(opened.bus.stations.items())}
+    return OpenLine(opened, find_line(opened, settings, tolerance), opened.bus.name, names, tolerance)
+
+
+def port_timing(settings: Settings) -> LineTiming:
+    """Rate and format of a port: what is said, the rest as usual for the protocol (auto: the N:N link)."""
+    from bussim.line.characters import LineTiming
     from bussim.live.sniff.heard import LineProtocol
+    from bussim.live.sniff.line import USUAL
 
-    if protocol in (None, LineProtocol.NN):
-        usual, rate = NN_LINE.format, NN_LINE.baud
-    else:
-        usual = STANDARD_FORMATS[Mode.RTU if protocol is LineProtocol.RTU else Mode.ASCII]
-        rate = 19200
-    fmt = format_of(usual, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
-    return LineTiming(baud or rate, fmt)
+    usual = USUAL[settings.protocol or LineProtocol.NN]
+    return LineTiming(settings.baud or usual.baud, settings.format(usual.format))
 
 
-def read(path: Path, kind: Kind, listener: Listener, channel: str | None, limit: int | None) -> int:
-    """Read a recording up to a tick, to the end of its listener; returns when it ends."""
-    from bussim.live.recordings.open import Kind, characters
-
-    last = 0
-    if kind is Kind.TRACE:
-        last = _trace(path, listener, limit)
-    else:
-        for chars in characters(path, kind, listener.timing, channel=channel):
-            if limit is not None and chars[-1][2] > limit:
-                last = limit
-                break
-            last = chars[-1][2]
-            listener.chars(chars)
-    listener.close()
-    return last
-
-
-def _trace(path: Path, listener: Listener, limit: int | None) -> int:
-    from bussim.live.recordings.frames import heard_of
-    from bussim.trace.file import read_trace
-    from bussim.trace.records import FrameRecord
-
-    trace = read_trace(path)
-    last = 0
-    for record in trace.of(FrameRecord, bus=listener.bus):
-        if limit is not None and record.end > limit:
+def read(line: OpenLine, listener: Listener, limit: int | None) -> int:
+    """Read a recording up to a tick, to the end of its listener; returns the tick at which it ends."""
+    for chars, lane, lost in line.source.chunks(line.found.reading.way):
+        if limit is not None and chars and chars[-1][2] > limit:
+            listener.close(limit)
             return limit
-        heard = heard_of(record)
-        if heard is not None:
-            listener.heard(heard)
-        last = max(last, record.end)
-    if limit is None and trace.header.duration is not None:
-        last = max(last, trace.header.duration)
-    return last
+        if lost:
+            listener.lost()
+        listener.chars(chars, lane)
+    end = line.source.end()
+    listener.close(end)
+    return max(end or 0, listener.last)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import busy, checked_target, print_json, write_text
-from bussim.commands.common.recording import is_recording, line_of, line_options
+from bussim.commands.common.recording import is_recording, line_options, settings_of
 from bussim.commands.common.scenario_options import code_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
@@ -51,6 +51,7 @@ def command(
     data_bits: int | None,
     stop_bits: int | None,
     parity: str | None,
+    inverted: bool | None,
     bus: str | None,
     channel: str | None,
     tolerance: str | None,
@@ -68,15 +69,21 @@ def command(
     """
     from bussim.commands.fit.recording import fit
     from bussim.commands.fit.show import comparison_of, show, to_json
-    from bussim.live.sniff.heard import LineProtocol
 
     if not is_recording(trace):
         raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
     target = None if output is None else checked_target(Path(output), (), force=force)
-    known = None if protocol == "auto" else LineProtocol(protocol)
-    line = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
+    settings = settings_of(
+        protocol,
+        baud,
+        data_bits=data_bits,
+        parity=parity,
+        stop_bits=stop_bits,
+        inverted=inverted,
+        channel=channel,
+    )
     with busy(f"reading {trace}"):
-        fitted = fit(trace, line, protocol=known, bus=bus, channel=channel, tolerance=tolerance)
+        fitted = fit(trace, settings, bus=bus, tolerance=tolerance)
     scenario = scenario_of(
         fitted,
         base,

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bussim.commands.common.recording import known_line, read
+from bussim.commands.common.recording import open_line, read
 from bussim.commands.common.times import time_of
-from bussim.errors import UsageError
-from bussim.line.characters import LineTiming
+from bussim.commands.sniff.tally import described
+from bussim.errors import RunError
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
-from bussim.live.recordings.open import Kind, kind_of
+from bussim.live.sniff.line import Settings
 from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
 from bussim.results.collector import Collector
@@ -20,7 +19,6 @@ from bussim.units import TICKS_PER_MS
 from bussim.wording import counted
 
 if TYPE_CHECKING:
-    from bussim.live.sniff.heard import LineProtocol
     from bussim.results.run_record import RunRecord
 
 
@@ -39,40 +37,36 @@ class Fitted:
 
 def fit(
     source: str,
-    line: LineTiming,
+    settings: Settings | None = None,
     *,
-    protocol: LineProtocol | None = None,
     bus: str | None = None,
-    channel: str | None = None,
     tolerance: str | None = None,
 ) -> Fitted:
-    """The estimates of a recording. Raises UsageError if it cannot be read or has no exchange."""
-    path, kind = Path(source), kind_of(Path(source))
-    known = known_line(source, kind, line, bus)
-    line = known.timing
-    gap = 20 * TICKS_PER_MS if kind is Kind.RAW else 0
-    if tolerance is not None:
-        gap = time_of("--tolerance", tolerance)
-    sink = Collector(bus_of={known.names.get(0, station_name(0)): known.bus})
-    listener = Listener(
-        known.bus,
-        line,
-        sink,
-        tolerance=gap,
-        protocol=protocol,
-        names=known.names,
-        decoders=(LinkObserver, BusObserver),
-    )
-    duration = read(path, kind, listener, channel, None)
+    """The estimates of a recording; ``settings`` are what is known of its line.
+
+    Raises UsageError if it cannot be read, RunError if it has no exchange.
+    """
+    longest = 20 * TICKS_PER_MS if tolerance is None else time_of("--tolerance", tolerance)
+    line = open_line(source, settings or Settings(), bus=bus, tolerance=longest)
+    protocol, timing = line.found.reading.protocol, line.timing
+    if protocol is None:
+        told = [*line.found.warnings.values(), *map(described, line.found.described), _HOW]
+        raise RunError(f"{source}: " + "\n".join(told))
+    sink = Collector(bus_of={line.names.get(0, station_name(0)): line.bus})
+    observers = (LinkObserver, BusObserver)
+    listener = Listener(line.bus, timing, sink, protocol, decoders=observers, **line.listener_options())
+    duration = read(line, listener, None)
     decoder = listener.decoder
     link = decoder.estimate() if isinstance(decoder, LinkObserver) else None
     ports = decoder.estimate() if isinstance(decoder, BusObserver) else None
     if link is None and ports is None:
-        raise UsageError(
+        raise RunError(
             f"{source}: no exchange was recognised in {counted(listener.characters, 'character')} at "
-            f"{line.baud} bps {line.format}; rate and format are set by -b, -d, -P and -s, the protocol by "
-            "--protocol"
+            f"{timing.baud} bps {timing.format}; {_HOW}"
         )
-    totals = listener.totals(max(duration, listener.last))
+    totals = listener.totals(duration)
     measured = sink.run(totals, scenario="measured", seed=0)
-    return Fitted(known.bus, known.names, known.exact, totals.duration, link, ports, measured)
+    return Fitted(line.bus, line.names, line.source.exact, duration, link, ports, measured)
+
+
+_HOW = "rate and format are set by -b, -d, -P and -s, the protocol by --protocol"

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.pdu import WRITES
 from bussim.engines.modbus.server import SPACES, Space
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
 from bussim.live.fit.link import LinkEstimate
-from bussim.live.fit.modbus import BusEstimate
+from bussim.live.fit.modbus import BusEstimate, PollEstimate
 from bussim.live.fit.turnaround import TurnaroundDistribution
 from bussim.plc.link_registers import D_STATION
 from bussim.plc.profiles import PROFILES
@@ -117,7 +119,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
     if found.interval is not None:
         hmi["interval"] = format_time(min(found.interval, _LONGEST_DELAY))
     hmi["polls"] = []
-    for poll in found.polls:
+    held = [poll for poll in found.polls if _holds(poll)]
+    for poll in held:
         entry: dict[str, Any] = {
             "station": poll.station,
             "function": poll.function,
@@ -138,6 +141,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         noise.append({"bus": bus, "ber": found.ber.value})
     devices = [hmi]
     for slave in found.slaves:
+        if slave.station not in range(FIRST_STATION, LAST_STATION + 1):
+            continue
         device: dict[str, Any] = {
             "name": f"station{slave.station}",
             "model": "map",
@@ -147,7 +152,7 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         }
         if slave.distribution is not None:
             device |= _delay(slave.distribution)
-        device |= _items(found, slave.station)
+        device |= _items(held, slave.station)
         devices.append(device)
         if slave.loss is not None and slave.loss.value and slave.delay is not None:
             noise.append({"bus": bus, "station": device["name"], "reply_loss": slave.loss.value})
@@ -172,13 +177,18 @@ def _delay(distribution: TurnaroundDistribution) -> dict[str, str]:
     }
 
 
-def _items(found: BusEstimate, station: int) -> dict[str, list[dict[str, Any]]]:
+def _holds(poll: PollEstimate) -> bool:
+    """Whether a scenario can have a poll: its function, and its station."""
+    return poll.function in SPACES and poll.station <= LAST_STATION
+
+
+def _items(polls: Sequence[PollEstimate], station: int) -> dict[str, list[dict[str, Any]]]:
     """The items that a station was asked for, without gaps between those that overlap."""
     items: dict[str, list[dict[str, Any]]] = {}
     for space, key in _SPACE_KEYS.items():
         asked = sorted(
             (poll.address, poll.address + poll.quantity)
-            for poll in found.polls
+            for poll in polls
             if poll.station == station and SPACES[poll.function] is space and poll.quantity
         )
         merged: list[list[int]] = []

@@ -6,22 +6,31 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import print_json
+from bussim.commands.common.output import busy, print_json
 from bussim.commands.common.port_options import options_of, port_options
-from bussim.commands.common.recording import is_recording, known_line, line_of, line_options, read
+from bussim.commands.common.recording import (
+    is_recording,
+    line_options,
+    open_line,
+    port_timing,
+    read,
+    settings_of,
+)
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
 
 if TYPE_CHECKING:
-    from bussim.commands.common.recording import KnownLine
+    from bussim.commands.common.recording import OpenLine
     from bussim.commands.sniff.tally import Tally
+    from bussim.line.characters import LineTiming
     from bussim.live.sniff.heard import LineProtocol
     from bussim.live.sniff.listener import Listener
+    from bussim.live.sniff.recognise import Recogniser
     from bussim.results.store.folder import RunFolder
 
 
@@ -42,6 +51,7 @@ def command(
     data_bits: int | None,
     stop_bits: int | None,
     parity: str | None,
+    inverted: bool | None,
     bus: str | None,
     channel: str | None,
     bridge: str | None,
@@ -56,104 +66,140 @@ def command(
     """Listen to a line and show frames, errors, response times, link scan times and load.
 
     URL is a port (COM7, /dev/ttyUSB0, socket://HOST:PORT, pty); FILE is a run's folder or trace.jsonl,
-    a pcapng file, a sigrok session (.sr), or a text file of lines "seconds hexbytes". Nothing is ever
-    sent, except with --bridge.
+    a pcapng or pcap file, a sigrok session (.sr), or a text file with times and bytes (bussim guide wires).
+    Rate, format, polarity, channel and protocol of a recording are found where they are not said. Nothing is
+    ever sent, except with --bridge.
     """
-    from bussim.live.recordings.open import Kind, kind_of
-    from bussim.live.sniff.heard import LineProtocol
-
-    known = None if protocol == "auto" else LineProtocol(protocol)
-    timing = line_of(known, baud, data_bits=data_bits, parity=parity, stop_bits=stop_bits)
+    settings = settings_of(
+        protocol,
+        baud,
+        data_bits=data_bits,
+        parity=parity,
+        stop_bits=stop_bits,
+        inverted=inverted,
+        channel=channel,
+        echo=echo,
+    )
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
     limit = None if duration is None else time_of("--for", duration)
-    kind = kind_of(Path(source)) if is_recording(source) else None
-    if kind is not None and bridge is not None:
-        raise UsageError("--bridge joins two ports; a recording has none")
-    line = known_line(source, kind, timing, bus)
-    gap = options.tolerance if kind in (None, Kind.RAW) else 0
     with ExitStack() as stack:
-        session = _Session(stack, line, known, gap, out=out, force=force)
-        if kind is None:
+        if not is_recording(source):
             from bussim.commands.sniff.listen import listen
+            from bussim.live.sniff.recognise import Recogniser
 
-            ended = listen(
-                source, bridge, line.timing, options, session.listener, limit, session.display(as_json)
+            timing = port_timing(settings)
+            session = _Session(bus or "line", timing, settings.protocol, {}, exact=False)
+            session.record(stack, out, force=force)
+            recogniser = Recogniser(
+                lambda found: session.listener(
+                    found, exact=False, tolerance=options.tolerance, echo=settings.echo
+                ),
+                timing,
+                options.tolerance,
+                settings.protocol,
             )
-        else:
-            ended = read(Path(source), kind, session.listener, channel, limit)
-        session.finish(source, ended, as_json=as_json)
+            picture = session.display(recogniser) if sys.stdout.isatty() and not as_json else None
+            ended = listen(source, bridge, timing, options, recogniser, limit, picture)
+            recogniser.close(ended)
+            session.finish(source, ended, recogniser.listener, as_json=as_json)
+            return
+        if bridge is not None:
+            raise UsageError("--bridge joins two ports; a recording has none")
+        with busy(f"reading {source}"):
+            line = open_line(source, settings, bus=bus, tolerance=options.tolerance)
+            found, kept = line.found.reading, line.source
+            session = _Session(line.bus, line.timing, found.protocol, line.names, exact=kept.exact)
+            session.record(stack, out, force=force)
+            if found.protocol is None:
+                listener, ended = None, kept.end() or 0
+            else:
+                listener = session.listener(found.protocol, **line.listener_options())
+                ended = read(line, listener, limit)
+        session.finish(source, ended, listener, as_json=as_json, line=line)
 
 
 class _Session:
-    """Listener, counts and folder of one command."""
+    """Listener, counts and folder of one command. ``names`` are stations by number."""
 
     def __init__(
         self,
-        stack: ExitStack,
-        known: KnownLine,
+        bus: str,
+        timing: LineTiming,
         protocol: LineProtocol | None,
-        tolerance: int,
+        names: dict[int, str],
         *,
-        out: str | None,
-        force: bool,
+        exact: bool,
     ) -> None:
+        self.bus, self.timing, self.protocol, self.names = bus, timing, protocol, names
+        self.exact = exact
+        self.folder: RunFolder | None = None
+        self.tally: Tally
+
+    def record(self, stack: ExitStack, out: str | None, *, force: bool) -> None:
+        """Begin the folder that is written, if one is."""
         from bussim.commands.sniff.tally import Tally
         from bussim.line.characters import NN_LINE
         from bussim.live.sniff.heard import LineProtocol
         from bussim.live.sniff.link import station_name
-        from bussim.live.sniff.listener import Listener
         from bussim.results.store.folder import RunFolder
         from bussim.trace.records import TraceBus, TraceHeader
 
-        bus, timing, names = known.bus, known.timing, known.names
-        self.exact = known.exact
-        self.folder: RunFolder | None = None
         if out is not None:
-            link = protocol is LineProtocol.NN or (protocol is None and timing == NN_LINE)
+            link = self.protocol is LineProtocol.NN or (self.protocol is None and self.timing == NN_LINE)
             shared = BusProtocol.NN if link else BusProtocol.SERIAL
-            stations = {name: number for number, name in sorted(names.items())}
-            line = TraceBus(bus, shared, timing.baud, str(timing.format), tuple(stations), stations)
-            header = TraceHeader(buses=(line,), scenario=bus, exact=known.exact)
+            stations = {name: number for number, name in sorted(self.names.items())}
+            form = str(self.timing.format)
+            line = TraceBus(self.bus, shared, self.timing.baud, form, tuple(stations), stations)
+            header = TraceHeader(buses=(line,), scenario=self.bus, exact=self.exact)
             folder = RunFolder(Path(out), rows=True, traced=True, fmt="csv", force=force, header=header)
             self.folder = stack.enter_context(folder)
         rows = self.folder.rows if self.folder is not None else None
-        master = names.get(0, station_name(0))
-        self.tally: Tally = Tally(traced=rows is not None, rows=rows, bus_of={master: bus})
-        self.listener: Listener = Listener(
-            bus, timing, self.tally, tolerance=tolerance, protocol=protocol, names=names
-        )
+        master = self.names.get(0, station_name(0))
+        self.tally = Tally(traced=rows is not None, rows=rows, bus_of={master: self.bus})
 
-    def display(self, as_json: bool) -> Callable[[int], object] | None:  # noqa: FBT001 (private)
-        """What shows the state at a tick, None where stdout is no terminal."""
-        if as_json or not sys.stdout.isatty():
-            return None
-        from bussim.commands.sniff.tally import show
+    def listener(self, protocol: LineProtocol, **options: Any) -> Listener:
+        """The listener of a protocol."""
+        from bussim.live.sniff.listener import Listener
 
-        return lambda now: show(self.listener, self.tally, now, exact=self.exact)
+        return Listener(self.bus, self.timing, self.tally, protocol, **options)
 
-    def finish(self, source: str, duration: int, *, as_json: bool) -> None:
+    def display(self, recogniser: Recogniser) -> Callable[[int], object]:
+        """What shows the state at a tick."""
+        from bussim.commands.sniff.tally import show, to_json
+
+        return lambda now: show(to_json(recogniser.listener, self.tally, self.timing, now, exact=self.exact))
+
+    def finish(
+        self,
+        source: str,
+        duration: int,
+        listener: Listener | None,
+        *,
+        as_json: bool,
+        line: OpenLine | None = None,
+    ) -> None:
         """Nothing more will be heard: print, and complete the folder."""
         from bussim.commands.common.console import wide_console
         from bussim.commands.sniff.tally import show, to_json
 
-        self.listener.close()
-        duration = max(duration, self.listener.last)
+        found = to_json(listener, self.tally, self.timing, duration, exact=self.exact, line=line)
         if self.folder is not None:
-            self._record(source, duration)
+            self._complete(self.folder, source, duration, listener)
         if as_json:
-            found = to_json(self.listener, self.tally, duration, exact=self.exact)
             print_json({"source": source, **found})
             return
-        wide_console().print(show(self.listener, self.tally, duration, exact=self.exact))
+        wide_console().print(show(found))
         if self.folder is not None:
             click.echo(f"recorded: {self.folder.target}")
 
-    def _record(self, source: str, duration: int) -> None:
+    def _complete(self, folder: RunFolder, source: str, duration: int, listener: Listener | None) -> None:
+        from bussim.trace.records import RunTotals
         from bussim.version import __version__
 
-        assert self.folder is not None  # noqa: S101 - narrows the type
         warnings = () if self.exact else ("times are the operating system's, not the wire's",)
-        totals = self.listener.totals(duration, warnings)
-        record = self.tally.run(totals, scenario=self.listener.bus, seed=0)
+        totals = RunTotals(duration, (), (), warnings, ())
+        if listener is not None:
+            totals = listener.totals(duration, warnings)
+        record = self.tally.run(totals, scenario=self.bus, seed=0)
         text = f"# Recorded by bussim {__version__} from {source}; bussim fit makes a scenario of it.\n"
-        self.folder.finish(record, text)
+        folder.finish(record, text)

@@ -18,7 +18,7 @@ from bussim.units import TICKS_PER_MS
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
     from bussim.live.options import PortOptions
-    from bussim.live.sniff.listener import Listener
+    from bussim.live.sniff.recognise import Recogniser
 
 #: Pictures of the table a second.
 _PICTURES = 4
@@ -31,7 +31,7 @@ def listen(
     bridge: str | None,
     timing: LineTiming,
     options: PortOptions,
-    listener: Listener,
+    listener: Recogniser,
     limit: int | None,
     picture: Callable[[int], Any] | None,
 ) -> int:
@@ -55,7 +55,7 @@ def listen(
             if wire.name != wire.url:
                 click.echo(f"listening on {wire.name}", err=True)
         live = stack.enter_context(Live(auto_refresh=False, transient=True)) if picture is not None else None
-        arrivals, shown = Arrivals(timing), 0
+        arrivals, shown = Arrivals(timing, whole=True), 0
         while not stop() and (limit is None or clock.now() < limit):
             now = clock.now()
             if live is not None and picture is not None and now >= shown:
@@ -69,7 +69,7 @@ def listen(
     return clock.now()
 
 
-def _hear(wires: list[Wire], arrivals: Arrivals, listener: Listener, until: int) -> bool:
+def _hear(wires: list[Wire], arrivals: Arrivals, listener: Recogniser, until: int) -> bool:
     """Wait for characters, at the longest up to a tick; hand them on where two wires are bridged."""
     if len(wires) == 1:
         data = wires[0].read(until)

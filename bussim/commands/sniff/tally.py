@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from bussim.live.sniff.link import LinkDecoder
+from bussim.commands.sniff.warnings import warnings_of
+from bussim.line.characters import LineTiming
+from bussim.live.sniff.link import OUTCOMES, LinkDecoder
 from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.modbus import NO_ATTEMPT, ModbusDecoder
 from bussim.results.collector import Collector, Rows
 from bussim.results.meters.histogram import QUANTILES, Histogram
 from bussim.trace.records import AttemptRecord, Record, ScanRecord, TransactionRecord
@@ -16,6 +19,9 @@ from bussim.wording import counted
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
+
+    from bussim.commands.common.recording import OpenLine
+    from bussim.live.sniff.line import Reading
 
 
 #: Stations or requests that are counted by themselves.
@@ -28,15 +34,15 @@ class Asked:
     def __init__(self) -> None:
         self.attempts = 0
         self.outcomes: Counter[str] = Counter()
+        self.exceptions: Counter[int] = Counter()
         self.response = Histogram()  # from the request's end to the first edge of its response
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; times in ms."""
-        return {
-            "attempts": self.attempts,
-            "outcomes": dict(sorted(self.outcomes.items())),
-            "response_ms": statistics(self.response),
-        }
+        found: dict[str, Any] = {"attempts": self.attempts, "outcomes": dict(sorted(self.outcomes.items()))}
+        if self.exceptions:
+            found["exceptions"] = {f"{code:02X}": count for code, count in sorted(self.exceptions.items())}
+        return found | {"response_ms": statistics(self.response)}
 
 
 class Tally(Collector):
@@ -63,17 +69,25 @@ class Tally(Collector):
             case AttemptRecord():
                 asked = self._asked(f"station {record.station}")
                 asked.attempts += 1
-                asked.outcomes[record.outcome] += 1
+                asked.outcomes[OUTCOMES[record.code]] += 1
                 if record.turnaround is not None:
                     asked.response.add(max(0, record.turnaround))
             case TransactionRecord():
                 asked = self._asked(record.poll)
-                asked.attempts += 1
-                outcome = f"exception {record.exception:02X}" if record.exception else record.outcome
-                asked.outcomes[outcome] += 1
+                asked.attempts += record.outcome not in NO_ATTEMPT
+                asked.outcomes[record.outcome] += 1
+                if record.exception:
+                    asked.exceptions[record.exception] += 1
                 if record.answer_start is not None and record.asked is not None:
                     asked.response.add(max(0, record.answer_start - record.asked))
+                if record.outcome in NEITHER:
+                    self._keep(record)
+                    return
         super().take(record)
+
+
+#: Outcomes that are neither good nor bad, and enter no rate.
+NEITHER = NO_ATTEMPT | {"unclear"}
 
 
 def statistics(times: Histogram) -> dict[str, float | None]:
@@ -83,23 +97,48 @@ def statistics(times: Histogram) -> dict[str, float | None]:
     return {name: None if value is None else round(milliseconds(value), 6) for name, value in figures.items()}
 
 
-def to_json(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> dict[str, Any]:
-    """What was heard, as plain data."""
-    decoder = listener.decoder
+def to_json(
+    listener: Listener | None,
+    tally: Tally,
+    timing: LineTiming,
+    duration: int,
+    *,
+    exact: bool,
+    line: OpenLine | None = None,
+) -> dict[str, Any]:
+    """What was heard, as plain data. ``listener`` is None where no protocol was recognised."""
+    decoder = None if listener is None else listener.decoder
     found: dict[str, Any] = {
         "schema": 1,
-        "protocol": None if listener.protocol is None else listener.protocol.value,
-        "baud": listener.timing.baud,
-        "format": str(listener.timing.format),
+        "protocol": None if listener is None else listener.protocol.value,
+        "baud": timing.baud,
+        "format": str(timing.format),
+        "inverted": None if line is None else line.found.reading.way.inverted,
+        "channels": [] if line is None else list(line.found.reading.way.channels),
+        "suggested": _suggested(line.found.suggested if line is not None else None),
         "exact_times": exact,
+        "times": ("exact" if exact else "system") if line is None else line.source.times,
         "duration_s": round(seconds(duration), 6),
-        "characters": listener.characters,
-        "frames": 0 if decoder is None else decoder.frames,
-        "damaged": 0 if decoder is None else decoder.damaged,
-        "unasked": 0 if decoder is None else decoder.unasked,
-        "bus_load": round(decoder.busy / duration, 6) if decoder is not None and duration else 0.0,
-        "exchanges": {name: asked.to_json() for name, asked in sorted(tally.asked.items())},
+        "characters": 0 if listener is None else listener.characters,
     }
+    for key in COUNTS:
+        found[key] = 0 if decoder is None else getattr(decoder, key)
+    facts = None if line is None else line.source.facts
+    found |= {
+        "scans_unmeasured": decoder.scans_unmeasured if isinstance(decoder, LinkDecoder) else 0,
+        "late": decoder.late if isinstance(decoder, ModbusDecoder) else 0,
+        "wrong_seen": decoder.wrong_seen if isinstance(decoder, ModbusDecoder) else 0,
+        "unreadable_lines": 0 if facts is None else facts.unreadable_lines,
+        "unreadable": [] if facts is None else facts.unreadable,
+        "time_steps": 0 if facts is None else facts.time_steps,
+        "spikes": 0 if facts is None else facts.spikes,
+        "bus_load": round(decoder.busy / duration, 6) if decoder is not None and duration else 0.0,
+        "outcomes": {} if decoder is None else {k: n for k, n in sorted(decoder.outcomes.items()) if n},
+        "exchanges": {name: asked.to_json() for name, asked in sorted(tally.asked.items())},
+        "warnings": [{"code": code, "text": text} for code, text in warnings_of(listener, line).items()],
+    }
+    if line is not None and line.found.described:
+        found["described"] = line.found.described
     if isinstance(decoder, LinkDecoder):
         totals = decoder.totals()
         found["link"] = {
@@ -116,21 +155,46 @@ def to_json(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> 
     return found
 
 
-def show(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> RenderableType:
+#: Counts that every decoder has, by their keys.
+COUNTS = (
+    *("frames", "damaged", "unasked", "strays", "stray_characters", "echoes", "recorder_damage"),
+    *("parity_errors", "stop_errors"),
+)
+
+
+def _suggested(reading: Reading | None) -> dict[str, Any] | None:
+    if reading is None:
+        return None
+    way = reading.way
+    return {
+        "protocol": None if reading.protocol is None else reading.protocol.value,
+        "baud": way.timing.baud,
+        "format": str(way.timing.format),
+        "inverted": way.inverted,
+        "channels": list(way.channels),
+    }
+
+
+def show(found: dict[str, Any]) -> RenderableType:
     """The same for a terminal."""
     from rich.console import Group
     from rich.text import Text
 
-    found = to_json(listener, tally, duration, exact=exact)
-    protocol = found["protocol"] or "not recognised yet"
+    protocol = found["protocol"] or "not recognised"
     lines = [
-        f"{protocol}, {found['baud']} bps {found['format']}; {found['duration_s']:.1f} s, "
-        f"{counted(found['characters'], 'character')}, {counted(found['frames'], 'frame')}, "
-        f"{found['damaged']:,} damaged, bus load {found['bus_load']:.1%}"
-        + ("" if exact else "; times are the operating system's")
+        f"{protocol}, {found['baud']} bps {found['format']}"
+        + (", inverted" if found["inverted"] else "")
+        + (f", channel {', '.join(found['channels'])}" if found["channels"] else "")
+        + f"; {found['duration_s']:.1f} s, {counted(found['characters'], 'character')}, "
+        f"{counted(found['frames'], 'frame')}, {found['damaged']:,} damaged, bus load {found['bus_load']:.1%}"
+        + ("" if found["exact_times"] else "; times are the operating system's")
     ]
-    if found["unasked"]:
-        lines.append(f"{counted(found['unasked'], 'frame')} of no exchange")
+    numbers = found | found["outcomes"]
+    lines += [
+        f"{counted(numbers[key], noun)} {what}" for key, (noun, what) in _SHOWN.items() if numbers.get(key)
+    ]
+    lines += [f"warning: {each['text']}" for each in found["warnings"]]
+    lines += [described(each) for each in found.get("described", ())]
     link = found.get("link")
     if link is not None:
         times = link["scan_time_ms"]
@@ -141,24 +205,58 @@ def show(listener: Listener, tally: Tally, duration: int, *, exact: bool) -> Ren
             f"timeout {link['timeout_ms']:g} ms ({origin})"
         )
         lines.append(f"link scan time   {shown or '–'} ms   ({counted(link['scans'], 'scan')})")
-    return Group(*map(Text, lines), _table(tally, by_station=isinstance(listener.decoder, LinkDecoder)))
+    return Group(*map(Text, lines), _table(found))
 
 
-def _table(tally: Tally, *, by_station: bool) -> Table:
+#: Numbers that are shown where they are not 0: what is counted, and more of it.
+_SHOWN = {
+    "unasked": ("frame", "of no exchange"),
+    "strays": ("stray", "(characters that are no frame, as of a driver that switches off)"),
+    "echoes": ("request", "heard twice: echoes"),
+    "broadcast": ("request", "to all stations"),
+    "undecided": ("request", "whose outcome the recording does not tell"),
+    "late": ("response", "after the master's timeout"),
+    "wrong_seen": ("wrong response", "before the right one"),
+    "recorder_damage": ("frame", "damaged at the recorder only"),
+    "parity_errors": ("character", "with a wrong parity bit"),
+    "stop_errors": ("character", "with a wrong stop bit"),
+    "scans_unmeasured": ("link scan", "without a time: the frame at one end was not heard"),
+    "time_steps": ("line", "whose time is up to a second before that above"),
+    "spikes": ("edge", "of pulses too short for a bit, left out"),
+}
+
+
+def described(found: dict[str, Any]) -> str:
+    """What is known of a channel in which nothing was recognised."""
+    parts = [f"channel {found['channel']}:" if found.get("channel") else "begins:"]
+    if "edges" in found:
+        parts.append(f"{counted(found['edges'], 'edge')};")
+    if "baud" in found:
+        wrong = ", ".join(f"{form} {share:.0%}" for form, share in found["wrong_share"].items())
+        parts.append(
+            f"idles {'high' if found['idle_level'] else 'low'}, likely {found['baud']} bps, "
+            f"{counted(found['characters'], 'character')}, wrong bits {wrong};"
+        )
+    return " ".join([*parts, *(f"[{piece}]" for piece in found.get("pieces", ()))])
+
+
+def _table(found: dict[str, Any]) -> Table:
     from rich.text import Text
 
     from bussim.commands.common.console import plain_table
 
     table = plain_table(
-        ["station" if by_station else "station: function at address × count"],
+        ["station" if "link" in found else "station: function at address × count"],
         ["attempts", "ok", "failed", "response: median ms", "mean", "max"],
     )
-    for name, asked in sorted(tally.asked.items()):
-        figures = statistics(asked.response)
+    for name, asked in found["exchanges"].items():
+        figures = asked["response_ms"]
         failed = ", ".join(
-            f"{count:,} × {word}" for word, count in sorted(asked.outcomes.items()) if word != "ok"
+            f"{count:,} × {word.replace('_', ' ')}"
+            for word, count in asked["outcomes"].items()
+            if word != "ok"
         )
         times = ["–" if figures[key] is None else f"{figures[key]:.3f}" for key in ("p50", "mean", "max")]
-        row = (name, f"{asked.attempts:,}", f"{asked.outcomes['ok']:,}", failed or "0", *times)
+        row = (name, f"{asked['attempts']:,}", f"{asked['outcomes'].get('ok', 0):,}", failed or "0", *times)
         table.add_row(*map(Text, row))
     return table

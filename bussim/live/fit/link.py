@@ -14,7 +14,8 @@ from bussim.engines.nn.frames import DATA, MODES, POLL, Frame, LinkSettings
 from bussim.line.characters import NN_LINE
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
-from bussim.live.sniff.heard import Heard
+from bussim.live.sniff.decoder import Line
+from bussim.live.sniff.heard import Heard, Verdict
 from bussim.live.sniff.link import LinkDecoder, OpenPoll
 from bussim.trace.records import Sink
 from bussim.units import TICKS_PER_MS
@@ -81,10 +82,8 @@ class _Station:
 class LinkObserver(LinkDecoder):
     """Decodes a link, and keeps what the estimates need."""
 
-    def __init__(
-        self, bus: str, sink: Sink, *, baud: int, fmt: str, names: Mapping[int, str] | None = None
-    ) -> None:
-        super().__init__(bus, sink, baud=baud, fmt=fmt, names=names)
+    def __init__(self, line: Line, sink: Sink, names: Mapping[int, str] | None = None) -> None:
+        super().__init__(line, sink, names)
         self._seen: defaultdict[int, _Station] = defaultdict(_Station)
         self._gaps = array("q")  # behind frames of the master or good replies
         self._waits = array("q")  # from the end of a poll without a reply to the master's next frame
@@ -92,14 +91,14 @@ class LinkObserver(LinkDecoder):
         self._sizes: dict[int, list[int]] = {}  # bits → sound, damaged
         self._scans = array("q")
         self._blocks: Counter[int] = Counter()
-        self._before: tuple[int, Frame] | None = None  # end of the sound frame right before
 
     def heard(self, heard: Heard) -> None:
-        """Take in what was heard next."""
+        """See the base class."""
         frame = heard.frame if isinstance(heard.frame, Frame) else None
-        sizes = self._sizes.setdefault(len(heard.chars) * NN_LINE.format.bits, [0, 0])
-        sizes[frame is None] += 1
-        before, self._before = self._before, None if frame is None else (heard.end, frame)
+        if heard.verdict in (Verdict.SOUND, Verdict.DAMAGED):
+            sizes = self._sizes.setdefault(len(heard.chars) * NN_LINE.format.bits, [0, 0])
+            sizes[frame is None] += 1
+        before = self._before
         if frame is not None and before is not None and self._poll is None and not _replies(frame):
             # Behind the last slave's reply comes the overhead, else the master's gap alone.
             turn = _replies(before[1]) and frame.kind != POLL
@@ -120,10 +119,11 @@ class LinkObserver(LinkDecoder):
         station.starts.append(poll.start)
         station.ends.append(poll.end)
 
-    def _scan_begins(self, start: int) -> None:
-        if self._scan is not None:
-            self._scans.append(start - self._scan[0])
-        super()._scan_begins(start)
+    def _scan_begins(self, start: int, counter: int) -> None:
+        scans, begun = self.scans, self._scan
+        super()._scan_begins(start, counter)
+        if self.scans > scans and begun is not None:
+            self._scans.append(start - begun[0])
 
     def _refreshed(self, heard: Heard, frame: Frame) -> None:
         super()._refreshed(heard, frame)

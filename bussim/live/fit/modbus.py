@@ -12,7 +12,8 @@ from bussim.engines.modbus.adu import BROADCAST
 from bussim.line.characters import CharFormat
 from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
-from bussim.live.sniff.heard import Heard, LineProtocol
+from bussim.live.sniff.decoder import Line
+from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.trace.records import Sink, TransactionRecord
 
@@ -88,10 +89,10 @@ class _Slave:
 class BusObserver(ModbusDecoder):
     """Decodes a Modbus bus, and keeps what the estimates need."""
 
-    def __init__(self, bus: str, sink: Sink, *, baud: int, fmt: str) -> None:
-        super().__init__(bus, sink, baud=baud, fmt=fmt)
+    def __init__(self, line: Line, sink: Sink) -> None:
+        super().__init__(line, sink)
         self._protocol = LineProtocol.RTU
-        self._bits = CharFormat.parse(fmt).bits
+        self._bits = CharFormat.parse(line.format).bits
         self._polls: dict[tuple[int, int, int, int], _Poll] = {}
         self._slaves: dict[int, _Slave] = {}
         self._sizes: dict[int, list[int]] = {}
@@ -105,12 +106,13 @@ class BusObserver(ModbusDecoder):
         self._protocol = heard.protocol
         if self._begin is None:
             self._begin = heard.start
-        self._sizes.setdefault(len(heard.chars) * self._bits, [0, 0])[heard.frame is None] += 1
+        if heard.verdict in (Verdict.SOUND, Verdict.DAMAGED):
+            self._sizes.setdefault(len(heard.chars) * self._bits, [0, 0])[heard.frame is None] += 1
         super().heard(heard)
 
     def _take(self, record: TransactionRecord) -> None:
         super()._take(record)
-        if record.sent is None or record.asked is None:
+        if record.sent is None or record.asked is None or record.outcome == "undecided":
             return
         key = (record.station, record.function, record.address, record.quantity)
         poll = self._polls.setdefault(key, _Poll())
@@ -121,7 +123,7 @@ class BusObserver(ModbusDecoder):
             pause = record.sent - self._response_end
             self._interval = pause if self._interval is None else min(pause, self._interval)
         self._response_end = record.answer_end
-        if record.station == BROADCAST:
+        if record.station == BROADCAST or record.outcome == "unclear":
             return
         slave = self._slaves.setdefault(record.station, _Slave())
         slave.requests += 1
@@ -129,7 +131,7 @@ class BusObserver(ModbusDecoder):
             slave.delays.append(max(0, record.answer_start - record.asked))
             if record.exception:
                 slave.exceptions[record.exception] += 1
-        elif record.error is not None:
+        elif record.outcome == "no_answer":
             slave.lost += 1
             wait = record.end - record.asked
             self._timeout = wait if self._timeout is None else min(wait, self._timeout)
@@ -144,8 +146,8 @@ class BusObserver(ModbusDecoder):
             timeout = max(1, timeout - interval)
         return BusEstimate(
             protocol=self._protocol,
-            baud=self._baud,
-            format=self._format,
+            baud=self._line.baud,
+            format=self._line.format,
             polls=tuple(_poll(key, poll) for key, poll in self._polls.items()),
             slaves=tuple(_slave(number, slave) for number, slave in sorted(self._slaves.items())),
             interval=interval,

@@ -1,54 +1,108 @@
-"""Frames of a trace as a listener beside the wire would have heard them."""
+"""A run's trace as a recording: what a receiver on the bus reads of its frames."""
 
 from __future__ import annotations
 
-from typing import assert_never
+import heapq
+from collections.abc import Iterator
+from pathlib import Path
 
-from bussim.engines.modbus.adu import Adu, decode_ascii, decode_rtu
-from bussim.engines.nn.frames import Frame
-from bussim.engines.nn.frames import decode as decode_nn
-from bussim.live.sniff.heard import Heard, LineProtocol
-from bussim.trace.records import FrameRecord
+from bussim.engines.contract import RxChar
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.arrival import GOOD, Timed, placed
+from bussim.live.recordings.source import Chunk, Facts, Source, Way
+from bussim.trace.file import Trace, read_trace
+from bussim.trace.levels import characters_of, disputed_of, is_plain
+from bussim.trace.records import FrameRecord, TraceBus
 
-#: Kind of a frame that a listener could not read.
-DAMAGED = "damaged"
-
-_PROTOCOLS = {protocol.value: protocol for protocol in LineProtocol}
-
-
-def heard_of(record: FrameRecord) -> Heard | None:
-    """What a listener heard of a frame; None for a protocol that is not recognised (free).
-
-    Bits that were inverted on the wire for all receivers, a collision and a frame that was cut off are
-    damage; what was inverted in one receiver only is not heard by others.
-    """
-    protocol = _PROTOCOLS.get(record.protocol)
-    if protocol is None:
-        return None
-    frame: Frame | Adu | None = None
-    reason = ""
-    if record.collided:
-        reason = "collision"
-    elif record.cut:
-        reason = "cut off"
-    elif record.damaged_bits:
-        reason = "damaged bits"
-    elif record.kind == DAMAGED:
-        reason = "damaged"  # a recording keeps what was sent, not what became of it
-    else:
-        frame = _decoded(protocol, record.chars)
-        reason = "" if frame is not None else "damaged"
-    return Heard(protocol, record.start, record.end, record.chars, frame, reason, record.sender)
+#: A trace has frames in the order in which they ended; so many may begin before one that is told earlier.
+_LATE = 256
+#: The free protocol has no frames of its own: nothing of it is damage.
+_FREE = "free"
+#: Most frames that are read together: a station that sends without end overlaps every other.
+_TOGETHER = 512
 
 
-def _decoded(protocol: LineProtocol, chars: bytes) -> Frame | Adu | None:
-    match protocol:
-        case LineProtocol.NN:
-            return decode_nn(chars)
-        case LineProtocol.RTU:
-            found = decode_rtu(chars)
-        case LineProtocol.ASCII:
-            found = decode_ascii(chars)
-        case _:
-            assert_never(protocol)
-    return found if isinstance(found, Adu) else None
+class TraceFile(Source):
+    """The frames of one bus of a trace. A frame is as damaged as the level on the wire makes it."""
+
+    def __init__(self, trace: Trace, bus: TraceBus) -> None:
+        self._trace, self.bus, self.header = trace, bus, trace.header
+        header = trace.header
+        self.facts = Facts()
+        self.begin, self.resolution = 0, 1
+        self.exact, self.tolerant = header.exact, not header.exact
+        self.times = "exact" if header.exact else "system"
+        self._disputed = disputed_of(header, bus.name)
+        self._recorded = header.seed is None  # by this program's sniffer: frames are as they were heard
+
+    @property
+    def protocol(self) -> str | None:
+        """The protocol of its first frame that has one."""
+        spoken = (frame.protocol for frame in self._trace.of(FrameRecord, bus=self.bus.name))
+        return next((protocol for protocol in spoken if protocol != _FREE), None)
+
+    def chunks(self, way: Way) -> Iterator[Chunk]:
+        """See the source of a recording."""
+        together: list[FrameRecord] = []
+        until = 0
+        character = way.timing.characters(1)
+        for frame in self._in_order():
+            if together and (frame.start >= until or len(together) >= _TOGETHER):
+                yield Chunk(self._received(together, way.timing))
+                together, until = [], 0
+            together.append(frame)
+            # A receiver may still be inside a character that began in what is damaged.
+            until = max(
+                until, frame.driven_until, frame.end + (0 if self._plain(frame, way.timing) else character)
+            )
+        if together:
+            yield Chunk(self._received(together, way.timing))
+
+    def _in_order(self) -> Iterator[FrameRecord]:
+        """The frames by their starts."""
+        waiting: list[tuple[int, int, FrameRecord]] = []
+        for number, frame in enumerate(self._trace.of(FrameRecord, bus=self.bus.name)):
+            if frame.protocol != _FREE and frame.chars:
+                heapq.heappush(waiting, (frame.start, number, frame))
+            if len(waiting) > _LATE:
+                yield heapq.heappop(waiting)[2]
+        while waiting:
+            yield heapq.heappop(waiting)[2]
+
+    def _plain(self, frame: FrameRecord, timing: LineTiming) -> bool:
+        return self._recorded or (is_plain(frame, timing) and not frame.pauses)
+
+    def _received(self, frames: list[FrameRecord], timing: LineTiming) -> list[Timed]:
+        if self._recorded:
+            return [char for frame in frames for char in _as_heard(frame, timing.format)]
+        if len(frames) == 1 and self._plain(frames[0], timing):
+            mask = (1 << timing.format.data_bits) - 1
+            return placed(bytes(value & mask for value in frames[0].chars), frames[0].start, timing)
+        return [
+            (RxChar(char.value, char.parity_ok, char.stop_ok), char.start, char.end)
+            for char in characters_of(frames, timing, self._disputed)
+        ]
+
+    def end(self) -> int | None:
+        """See the source of a recording."""
+        return self.header.duration
+
+
+def open_trace(path: Path, bus: str | None) -> TraceFile:
+    """The bus of this name of a trace, else its first one. Raises UsageError."""
+    trace = read_trace(path)
+    buses = trace.header.buses
+    return TraceFile(trace, buses[0] if bus is None and buses else trace.bus(bus or "line"))
+
+
+def _as_heard(frame: FrameRecord, form: CharFormat) -> Iterator[Timed]:
+    """The characters of a frame that a recorder heard: its damaged bits are wrong parity and stop bits."""
+    count, length = len(frame.chars), frame.end - frame.start
+    parity = 1 + form.data_bits if form.parity != "N" else 0
+    wrong = {divmod(bit, form.bits) for bit in frame.damaged_bits}
+    for number, value in enumerate(frame.chars):
+        char = GOOD[value]
+        if wrong:
+            bits = {bit for at, bit in wrong if at == number}
+            char = RxChar(value, parity not in bits or not parity, not bits - {parity})
+        yield char, frame.start + length * number // count, frame.start + length * (number + 1) // count

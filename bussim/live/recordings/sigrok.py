@@ -2,7 +2,7 @@
 
 A session is a ZIP archive: ``metadata`` names the sample rate, the channels and the bytes a sample,
 ``logic-1-1``, ``logic-1-2``, … hold the samples (sigrok wiki, "File format: sigrok/v2"). One
-channel is the line, high when idle; an RS485 receiver's output is.
+channel is the line, or two of them, one a direction.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ import re
 import zipfile
 import zlib
 from collections.abc import Iterator
+from itertools import groupby
+from math import inf
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from bussim.engines.contract import RxChar
-from bussim.line.characters import LineTiming
-from bussim.line.uart import Uart
-from bussim.line.wave import Wave
 from bussim.live.arrival import Timed
 from bussim.live.recordings.errors import RecordingError
+from bussim.live.recordings.source import Chunk, Facts, Source, Way
+from bussim.live.recordings.waveform import Receiver
 from bussim.units import TICKS_PER_SECOND
 
 if TYPE_CHECKING:
@@ -31,11 +32,11 @@ _RATE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kKMG]?)\s*(?:Hz)?\s*")
 _SCALES = {"": 1, "k": 1_000, "K": 1_000, "M": 1_000_000, "G": 1_000_000_000}
 #: Samples that are read at once.
 _BLOCK = 1 << 20
-#: Times that the line may go low: hours of a busy line; more would take gigabytes.
-MOST_LOWS = 20_000_000
+#: Edges of a channel by which rate, format and protocol are found.
+MOST_SURVEYED = 40_000
 _LARGEST_METADATA = 1 << 20
 #: Samples of a bit below which a UART model cannot decode a character.
-_LEAST_SAMPLES = 4
+LEAST_SAMPLES = 4
 #: What a damaged archive may raise.
 _ZIP_ERRORS = (
     KeyError,
@@ -50,26 +51,42 @@ _ZIP_ERRORS = (
 )
 
 
-class SigrokFile:
+class Channel(NamedTuple):
+    """How many edges a channel has, and the samples of the first ones. Before the first the level is high."""
+
+    total: int
+    edges: np.ndarray
+
+
+class SigrokFile(Source):
     """A session file. Raises RecordingError for what is none, and where it cannot be a serial line's."""
 
-    def __init__(self, path: Path, channel: str | None = None) -> None:
+    exact, tolerant, times, begin = True, False, "exact", 0
+
+    def __init__(self, path: Path, channels: tuple[str, ...] = ()) -> None:
         self._name = str(path)
+        self.facts = Facts()
+        #: Samples that were read.
+        self.samples = 0
         try:
             self._zip = zipfile.ZipFile(path)
         except (OSError, zipfile.BadZipFile) as error:
             raise RecordingError(f"{path}: no sigrok session: {error}") from error
         try:
-            self._read_metadata(channel)
+            self._read_metadata()
         except RecordingError:
-            self._zip.close()
+            self.close()
             raise
+        for channel in channels:
+            if channel not in self.channels:
+                raise RecordingError(f"{path}: it has no channel {channel!r}, but {', '.join(self.channels)}")
+        self.resolution = -(-TICKS_PER_SECOND // self.rate)
 
     def close(self) -> None:
         """Close the file."""
         self._zip.close()
 
-    def _read_metadata(self, channel: str | None) -> None:
+    def _read_metadata(self) -> None:
         try:
             info = self._zip.getinfo("metadata")
             if info.file_size > _LARGEST_METADATA:
@@ -108,56 +125,69 @@ class SigrokFile:
         }
         if not self.channels:
             raise RecordingError(f"{self._name}: it has no logic channels")
-        if channel is not None and channel not in self.channels:
-            raise RecordingError(
-                f"{self._name}: it has no channel {channel!r}, but {', '.join(self.channels)}"
-            )
-        self._bit = self.channels[channel if channel is not None else next(iter(self.channels))]
         self._capture = section["capturefile"].strip()
 
-    def characters(self, timing: LineTiming) -> Iterator[list[Timed]]:
-        """What a UART of this rate and format hears on the line, in chunks."""
-        if self.rate < _LEAST_SAMPLES * timing.baud:
-            raise RecordingError(
-                f"{self._name}: {self.rate:,} samples a second are too few for {timing.baud:,} bps; "
-                f"at least {_LEAST_SAMPLES * timing.baud:,} are needed"
-            )
-        wave = Wave([self._lows()])
-        uart, ready = Uart(timing), 0
-        chunk: list[Timed] = []
-        while (heard := uart.next_character(wave, ready)) is not None:
-            chunk.append((RxChar(heard.value, heard.parity_ok, heard.stop_ok), heard.start, heard.end))
-            ready = heard.ready
-            if len(chunk) >= 256:
-                yield chunk
-                chunk = []
-        if chunk:
-            yield chunk
-
-    def _lows(self) -> list[tuple[int, int]]:
-        """When the line was low, in ticks."""
+    def survey(self) -> dict[str, Channel]:
+        """Every channel: how many edges it has, and the first ones, up to :data:`MOST_SURVEYED`."""
         import numpy as np
 
-        edges: list[int] = []
-        level, at = 1, 0
-        for bits in self._blocks():
-            changed = np.flatnonzero(np.diff(bits, prepend=np.uint8(level)))
-            edges += (changed + at).tolist()
-            if len(edges) > 2 * MOST_LOWS:
-                raise RecordingError(f"{self._name}: the line goes low more than {MOST_LOWS:,} times")
-            level = int(bits[-1])
-            at += len(bits)
-        if len(edges) % 2:
-            edges.append(at)
-        scale = TICKS_PER_SECOND
-        ticks = [(2 * edge * scale + self.rate) // (2 * self.rate) for edge in edges]
-        return list(zip(ticks[::2], ticks[1::2], strict=True))
+        first: dict[str, list[int]] = {name: [] for name in self.channels}
+        counts = dict.fromkeys(self.channels, 0)
+        for found, _ in self.changes():
+            for name, edges in found.items():
+                counts[name] += len(edges)
+                if len(first[name]) < MOST_SURVEYED:
+                    first[name] += edges[: MOST_SURVEYED - len(first[name])]
+        return {name: Channel(counts[name], np.array(first[name], dtype=np.int64)) for name in self.channels}
+
+    def chunks(self, way: Way) -> Iterator[Chunk]:
+        """See the source of a recording."""
+        if self.rate < LEAST_SAMPLES * way.timing.baud:
+            raise RecordingError(
+                f"{self._name}: {self.rate:,} samples a second are too few for {way.timing.baud:,} bps; "
+                f"at least {LEAST_SAMPLES * way.timing.baud:,} are needed"
+            )
+        receivers = [Receiver(way.timing, self.rate, inverted=bool(way.inverted)) for _ in way.channels]
+        for found, until in self.changes():
+            yield from _merged(
+                [
+                    receiver.feed(found[name], until)
+                    for name, receiver in zip(way.channels, receivers, strict=True)
+                ]
+            )
+        yield from _merged([receiver.feed((), inf) for receiver in receivers])
+        self.facts.spikes = sum(receiver.spikes for receiver in receivers)
+
+    def end(self) -> int | None:
+        """See the source of a recording."""
+        return (2 * self.samples * TICKS_PER_SECOND + self.rate) // (2 * self.rate)
+
+    def changes(self) -> Iterator[tuple[dict[str, list[int]], int]]:
+        """The samples at which each channel changes, in blocks, and how many samples were read so far.
+
+        A channel whose first sample is low has an edge there.
+        """
+        import numpy as np
+
+        before = np.full(self._unit, 0xFF, dtype=np.uint8)
+        at = 0
+        for block in self._blocks():
+            rows = np.concatenate((before[None], block))
+            changed = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
+            flips = rows[changed] ^ rows[changed + 1]
+            found = {}
+            for name in self.channels:
+                byte, shift = divmod(self.channels[name], 8)
+                found[name] = (changed[(flips[:, byte] >> shift) & 1 == 1] + at).tolist()
+            before = rows[-1]
+            at += len(block)
+            yield found, at
+        self.samples = at
 
     def _blocks(self) -> Iterator[np.ndarray]:
-        """The channel's level, sample by sample, in blocks."""
+        """The samples, a row each, in blocks."""
         import numpy as np
 
-        byte, shift = divmod(self._bit, 8)
         for name in self._parts():
             try:
                 with self._zip.open(name) as part:
@@ -167,8 +197,7 @@ class SigrokFile:
                         whole = len(data) // self._unit * self._unit
                         rest = data[whole:]
                         if whole:
-                            samples = np.frombuffer(data[:whole], dtype=np.uint8)[byte :: self._unit]
-                            yield (samples >> shift) & 1
+                            yield np.frombuffer(data[:whole], dtype=np.uint8).reshape(-1, self._unit)
             except _ZIP_ERRORS as error:
                 raise RecordingError(f"{self._name}: {name} cannot be read: {error}") from error
 
@@ -184,3 +213,14 @@ class SigrokFile:
         if self._capture in names:
             return [self._capture]
         raise RecordingError(f"{self._name}: its samples {self._capture!r} are missing")
+
+
+def _merged(lanes: list[list[Timed]]) -> Iterator[Chunk]:
+    """Characters of all wires by time, in chunks of one wire."""
+    if len(lanes) == 1:
+        if lanes[0]:
+            yield Chunk(lanes[0])
+        return
+    every = sorted((char[1], lane, at) for lane, chars in enumerate(lanes) for at, char in enumerate(chars))
+    for lane, together in groupby(every, itemgetter(1)):
+        yield Chunk([lanes[lane][at] for _, _, at in together], lane)

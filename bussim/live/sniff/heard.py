@@ -1,4 +1,4 @@
-"""A frame as a listener received it."""
+"""What a listener received: frames, and characters that are none."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 from bussim.engines.modbus.adu import Adu
 from bussim.engines.nn.frames import Frame
+from bussim.line.characters import CharFormat
+from bussim.live.arrival import STOP
 from bussim.trace.records import FrameRecord
 
 
@@ -18,12 +20,25 @@ class LineProtocol(StrEnum):
     ASCII = "modbus-ascii"
 
 
-class Heard(NamedTuple):
-    """Characters that belong together. ``frame`` is None where they are damaged: then ``reason`` says how.
+class Verdict(StrEnum):
+    """What became of characters that belong together.
 
-    ``start`` is the first edge, ``end`` the last stop bit, in ticks. ``sender`` is a name where the
-    recording has one, else "". ``whole`` is False where the characters may be several damaged frames,
-    or only a part of one.
+    Sound and damaged frames are frames. A stray is what a driver leaves behind that switches off. Torn is
+    what the recording's begin or end cut, and the continuation of endless noise: nothing is said of it.
+    """
+
+    SOUND = "sound"
+    DAMAGED = "damaged"
+    STRAY = "stray"
+    TORN = "torn"
+
+
+class Heard(NamedTuple):
+    """Characters that belong together. ``frame`` is None where they are no sound frame: ``reason`` says why.
+
+    ``start`` is the first edge, ``end`` the last stop bit, in ticks. ``flags`` has one of 0, PARITY, STOP and
+    their sum for each character; b"" where all are 0. ``lane`` counts the wires of a line from 0. ``part``:
+    it is no whole piece, but continues the one before, or the recording ends in it.
     """
 
     protocol: LineProtocol
@@ -32,22 +47,30 @@ class Heard(NamedTuple):
     chars: bytes
     frame: Frame | Adu | None
     reason: str = ""
-    sender: str = ""
-    whole: bool = True
+    flags: bytes = b""
+    lane: int = 0
+    part: bool = False
+    verdict: Verdict = Verdict.SOUND
 
     def record(self, bus: str, kind: str, sender: str, baud: int, fmt: str) -> FrameRecord:
-        """The record of a trace; ``sender`` is its name where the recording has none."""
+        """The record of a trace. Of a wrong character the parity or stop bit is told as damaged."""
         frame = self.frame
+        form = CharFormat.parse(fmt)
+        bits = [
+            number * form.bits + 1 + form.data_bits + (flag == STOP and form.parity != "N")
+            for number, flag in enumerate(self.flags)
+            if flag
+        ]
         return FrameRecord(
             bus=bus,
             start=self.start,
             end=self.end,
-            sender=self.sender or sender,
+            sender=sender,
             kind=kind,
             station=None if frame is None else frame.station,
             counter=frame.counter if isinstance(frame, Frame) else None,
             chars=self.chars,
-            damaged_bits=(),
+            damaged_bits=tuple(bits),
             damaged_at={},
             collided=False,
             cut=False,

@@ -14,12 +14,23 @@ from typing import NamedTuple
 from bussim.engines.nn import codes
 from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkSettings
 from bussim.engines.nn.status import STATIONS
-from bussim.live.sniff.heard import Heard
+from bussim.live.sniff.decoder import Decoder, Line
+from bussim.live.sniff.heard import Heard, Verdict
 from bussim.trace.records import AttemptRecord, LinkTotals, NoteRecord, ScanRecord, Sink
 from bussim.wording import counted
 
 #: 10 ms, the unit of D8180, in ticks.
 _TIMEOUT_UNIT = 720_000
+#: The counter of a link scan goes round after so many.
+_COUNTERS = 16
+#: Outcomes of an attempt by its code.
+OUTCOMES = {
+    0: "ok",
+    codes.NO_REPLY: "no_answer",
+    codes.WRONG_STATION: "wrong_answer",
+    codes.WRONG_COUNTER: "wrong_answer",
+    codes.DAMAGED: "damaged",
+}
 
 
 def station_name(number: int) -> str:
@@ -36,29 +47,28 @@ class OpenPoll(NamedTuple):
     counter: int
 
 
-class LinkDecoder:
+class LinkDecoder(Decoder):
     """Records what happens on one N:N link, from the frames that are received.
 
     ``names`` are those of stations that are known; the others have their number as name.
     """
 
-    def __init__(
-        self, bus: str, sink: Sink, *, baud: int, fmt: str, names: Mapping[int, str] | None = None
-    ) -> None:
-        self._bus, self._sink = bus, sink
+    def __init__(self, line: Line, sink: Sink, names: Mapping[int, str] | None = None) -> None:
+        super().__init__(line, sink)
+        self._bus = line.bus
         self._names = {number: station_name(number) for number in range(STATIONS)} | dict(names or {})
-        self._baud, self._format = baud, fmt
         self.settings: LinkSettings | None = None
         self._block: int | None = None  # bytes of a data frame
         self.scans = 0
+        #: Link scans of which one end was not heard: they have no time.
+        self.scans_unmeasured = 0
         self.polls = 0
-        self.frames = 0
-        self.damaged = 0
-        self.busy = 0
-        self.unasked = 0  # data frames of slaves that no poll asked for
+        #: Polls that came again though the reply to them was sound.
+        self.repeats_after_reply = 0
         self.healthy_at: int | None = None
         #: Ticks from a failed poll's end to the master's next frame, the shortest: timeout and gap.
         self.shortest_wait: int | None = None
+        self._shortest_gap: int | None = None
         self.most_attempts = 0
         self.failed: dict[int, Counter[int]] = {}
         self.station_errors: Counter[int] = Counter()
@@ -66,26 +76,39 @@ class LinkDecoder:
         self._stations: set[int] = set()
         self._replied: set[int] = set()
         self._flagged: set[int] = set()
-        self._scan: tuple[int, int] | None = None  # start, attempts so far
+        self._scan: tuple[int, int, int] | None = None  # start, counter, attempts so far
         self._scan_failed: list[tuple[int, int]] = []
         self._poll: OpenPoll | None = None
         self._attempt = 0
         self._code = codes.NO_REPLY
         self._last_failed: int | None = None  # station whose latest attempt failed, until it is decided
+        self._taken: tuple[int, int] | None = None  # station and counter of the latest good reply
+        self._pieces = 0  # damaged frames since the latest sound frame of the master
+        self._pieces_of_failed = 0
+        self._before: tuple[int, Frame] | None = None  # end of the sound frame right before
 
     def heard(self, heard: Heard) -> None:
-        """Take in what was heard next."""
-        frame = heard.frame if isinstance(heard.frame, Frame) else None
-        self._record(heard, frame)
-        if frame is None:
-            self.damaged += 1
-            if self._poll is not None:
-                self._code = codes.DAMAGED
+        """See the base class."""
+        frame = heard.frame
+        if not isinstance(frame, Frame):
+            self._count(heard, heard.verdict.value, "unknown")
+            if heard.verdict is Verdict.DAMAGED:
+                self._pieces += 1
+                self._before = None
+                if self._poll is not None:
+                    self._code = codes.DAMAGED
             return
-        if frame.kind == DATA and frame.station:
-            self._reply(heard, frame)
+        before, self._before = self._before, (heard.end, frame)
+        of_master = frame.kind != DATA or frame.station == 0
+        self._count(heard, frame.kind_name, self._names[0 if of_master else frame.station])
+        if not of_master:
+            self._reply(heard, frame, before)
             return
+        if frame.kind == POLL and before is not None and self._poll is None:
+            gap = heard.start - before[0]
+            self._shortest_gap = gap if self._shortest_gap is None else min(gap, self._shortest_gap)
         self._decide_failed(heard.start)
+        self._pieces = 0
         if frame.kind == POLL:
             self._polled(heard, frame)
         elif frame.kind == PARAMETERS:
@@ -94,15 +117,21 @@ class LinkDecoder:
         else:
             self._given_up(heard.start, None)
             self._block = len(frame.data)
-            self._scan_begins(heard.start)
+            self._scan_begins(heard.start, frame.counter)
             self._refreshed(heard, frame)
+
+    def close(self) -> None:
+        """See the base class."""
+        self.outcomes["undecided"] += self._poll is not None
 
     # -- exchanges -----------------------------------------------------------------------------
 
     def _polled(self, heard: Heard, frame: Frame) -> None:
         station = frame.station
         self._given_up(heard.start, station)
-        if self._last_failed == station:
+        again = (station, frame.counter) == self._taken
+        self.repeats_after_reply += again
+        if self._last_failed == station or again:
             self._attempt += 1
         else:
             self._attempt = 1
@@ -113,12 +142,15 @@ class LinkDecoder:
         self._poll = OpenPoll(heard.start, heard.end, station, frame.counter)
         self._code = codes.NO_REPLY
         if self._scan is not None:
-            self._scan = (self._scan[0], self._scan[1] + 1)
+            start, counter, attempts = self._scan
+            self._scan = (start, counter, attempts + 1)
 
-    def _reply(self, heard: Heard, frame: Frame) -> None:
+    def _reply(self, heard: Heard, frame: Frame, before: tuple[int, Frame] | None) -> None:
         poll = self._poll
         if poll is None:
             self.unasked += 1
+            # The poll before it was damaged at the recorder alone: the station has heard it.
+            self.recorder_damage += before is None and self._pieces > 0
             return
         station = poll.station
         if frame.station != station:
@@ -127,7 +159,7 @@ class LinkDecoder:
         if frame.counter != poll.counter:
             self._code = codes.WRONG_COUNTER
             return
-        self._poll = None
+        self._poll, self._taken = None, (station, frame.counter)
         self._attempted(poll, 0, heard.end, heard.start - poll.end)
         self._refreshed(heard, frame)
         self._replied.add(station)
@@ -149,6 +181,7 @@ class LinkDecoder:
         if poll is None:
             return
         station, code = poll.station, self._code
+        self._pieces_of_failed = self._pieces
         self._sink.failed(self._bus, now, station, code)
         self._attempted(poll, code, now, None)
         self.failed.setdefault(station, Counter())[code] += 1
@@ -160,6 +193,7 @@ class LinkDecoder:
 
     def _attempted(self, poll: OpenPoll, code: int, now: int, turnaround: int | None) -> None:
         """Record an attempt: replied to after a turnaround (code 0), or failed."""
+        self.outcomes[OUTCOMES[code]] += 1
         outcome = codes.MEANINGS[code] if code else "ok"
         attempt = AttemptRecord(
             self._bus, poll.start, now, poll.station, self._attempt, outcome, code, turnaround
@@ -172,6 +206,17 @@ class LinkDecoder:
         if station is None or station == next_station:
             return
         self._last_failed = None
+        attempts = self.settings.retries + 1 if self.settings else 1
+        damaged = self._scan_failed and self._scan_failed[-1] == (station, codes.DAMAGED)
+        if (
+            damaged
+            and self._attempt < attempts
+            and self._pieces_of_failed < 2
+            and station not in self._flagged
+        ):
+            # A master that does not repeat has taken the reply: it was damaged at the recorder alone.
+            self.recorder_damage += 1
+            return
         self.station_errors[station] += 1
         if station not in self._flagged:
             self._flagged.add(station)
@@ -182,9 +227,13 @@ class LinkDecoder:
 
     # -- link scans ----------------------------------------------------------------------------
 
-    def _scan_begins(self, start: int) -> None:
-        if self._scan is not None:
-            begun, attempts = self._scan
+    def _scan_begins(self, start: int, counter: int) -> None:
+        """The master's data frame begins a scan; the one before has a time if their counters follow."""
+        begun, before, attempts = self._scan or (start, counter, 0)
+        scans = (counter - before) % _COUNTERS
+        if self._scan is not None and scans != 1:
+            self.scans_unmeasured += scans or _COUNTERS
+        elif self._scan is not None:
             self._sink.take(
                 ScanRecord(
                     self._bus,
@@ -198,7 +247,7 @@ class LinkDecoder:
                 )
             )
             self.scans += 1
-        self._scan = (start, 0)
+        self._scan = (start, counter, 0)
         self._scan_failed = []
 
     def _cause(self) -> str:
@@ -213,18 +262,6 @@ class LinkDecoder:
         self._sink.refreshed(self._bus, frame.station, heard.end, None)
 
     # -- records -------------------------------------------------------------------------------
-
-    def _record(self, heard: Heard, frame: Frame | None) -> None:
-        self.frames += 1
-        self.busy += heard.end - heard.start
-        if not self._sink.traced:
-            return
-        if frame is None:
-            kind, name = "damaged", "unknown"
-        else:
-            master = frame.kind != DATA or frame.station == 0
-            kind, name = frame.kind_name, self._names[0 if master else frame.station]
-        self._sink.take(heard.record(self._bus, kind, name, self._baud, self._format))
 
     def _note(self, tick: int, kind: str, text: str, **detail: int | str) -> None:
         # Flags are the master's, whose view this is; that all is well concerns the bus.
@@ -243,7 +280,8 @@ class LinkDecoder:
         if settings:
             timeout = settings.timeout * _TIMEOUT_UNIT
         elif self.shortest_wait is not None:
-            timeout = self.shortest_wait // _TIMEOUT_UNIT * _TIMEOUT_UNIT
+            waited = self.shortest_wait - (self._shortest_gap or 0)
+            timeout = round(waited / _TIMEOUT_UNIT) * _TIMEOUT_UNIT
         else:
             timeout = 0
         names = {station: self._names[station] for station in range(slaves + 1)}

@@ -1,23 +1,35 @@
-"""Everything between characters and records: recognise the protocol, decode its frames."""
+"""Everything between characters and records: frames, pieces that are none, exchanges."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import assert_never
 
+from bussim.engines.modbus.adu import COLON, LAST_STATION, LF
+from bussim.engines.modbus.pdu import EXCEPTION_BIT
+from bussim.engines.nn.frames import HEADERS
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.sniff.heard import Heard, LineProtocol
+from bussim.live.sniff.decoder import Line
+from bussim.live.sniff.functions import KNOWN
+from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.modbus import ModbusDecoder
-from bussim.live.sniff.recognise import Recogniser
+from bussim.live.sniff.splitters import AsciiSplitter, silence_of, splitter
 from bussim.trace.records import RunTotals, Sink
+
+#: A driver that switches off leaves at most so many characters: one fewer than the shortest RTU frame.
+_LONGEST_STRAY = 3
+_RESYNCHRONISED = 3
 
 
 class Listener:
-    """Listens to one bus and records what it decodes. Feed it characters or, of a recording, whole frames.
+    """Listens to one bus of a known protocol, and records what it decodes.
 
-    ``names`` are those of stations that are known; ``decoders`` are the classes that decode an N:N link and
-    a Modbus bus.
+    ``tolerance`` is the silence (ticks) inside a frame that a system may have made, 0 where times are
+    ``exact``. ``lanes`` are the wires of the line, one a direction where there are two. ``begin`` is the tick
+    at which the recording begins, None: with its first character. ``names`` are those of stations that are
+    known; ``decoders`` are the classes that decode an N:N link and a Modbus bus.
     """
 
     def __init__(
@@ -25,61 +37,124 @@ class Listener:
         bus: str,
         timing: LineTiming,
         sink: Sink,
+        protocol: LineProtocol,
         *,
-        tolerance: int,
-        protocol: LineProtocol | None = None,
+        exact: bool = True,
+        tolerance: int = 0,
+        lanes: int = 1,
+        echo: bool | None = None,
+        begin: int | None = 0,
         names: Mapping[int, str] | None = None,
         decoders: tuple[type[LinkDecoder], type[ModbusDecoder]] = (LinkDecoder, ModbusDecoder),
     ) -> None:
-        self.bus = bus
-        self._decoders = decoders
-        self._names = names
-        self.timing = timing
-        self._sink = sink
-        self._recogniser = Recogniser(timing, tolerance, protocol)
-        self._settled = protocol
-        self.decoder: LinkDecoder | ModbusDecoder | None = None
-        #: Characters so far.
+        self.bus, self.timing, self.protocol = bus, timing, protocol
+        # So short is the silence behind a request before no station begins to reply.
+        closest = silence_of(LineProtocol.NN if protocol is LineProtocol.NN else LineProtocol.RTU, timing)
+        line = Line(bus, timing.baud, str(timing.format), closest, exact, lanes, echo)
+        self.decoder: LinkDecoder | ModbusDecoder
+        if protocol is LineProtocol.NN:
+            self.decoder = decoders[0](line, sink, names)
+            self.splitters = [splitter(protocol, timing, tolerance, lane=lane) for lane in range(lanes)]
+        else:
+            self.decoder = modbus = decoders[1](line, sink)
+            self.splitters = [
+                splitter(protocol, timing, tolerance, lane=lane, expects=modbus.expected)
+                for lane in range(lanes)
+            ]
+        self._near = silence_of(protocol, timing) + tolerance
+        self._begin = begin
+        #: A receiver that is switched on inside a frame has its first character at the latest then.
+        self._torn_until = max(self._near, timing.characters(_RESYNCHRONISED))
+        self._first = True  # nothing was heard so far but what is torn
+        self._sound_end: int | None = None
+        self._piece: tuple[Heard, int | None] | None = None  # with the end of the sound frame before it
+        #: Characters so far, and the end of the last one.
         self.characters = 0
         self.last = 0
 
-    @property
-    def protocol(self) -> LineProtocol | None:
-        """The protocol on the line, None while that is open."""
-        return self._settled or self._recogniser.protocol
-
-    def chars(self, chars: list[Timed]) -> list[Heard]:
-        """Take in characters; returns the frames that are known now."""
+    def chars(self, chars: list[Timed], lane: int = 0) -> list[Heard]:
+        """Take in characters of a wire; returns what is known now, in order."""
+        found: list[Heard] = []
+        if not chars:
+            return found
         self.characters += len(chars)
-        return self._watch(self._recogniser.chars(chars))
+        if self._begin is None:
+            self._begin = chars[0][1]
+        if len(self.splitters) > 1:
+            for other in self.splitters:
+                if other.lane != lane:
+                    self._take(other.idle(chars[0][1]), found)
+        self._take(self.splitters[lane].take(chars), found)
+        self.last = max(self.last, chars[-1][2])
+        return found
 
     def idle(self, now: int) -> list[Heard]:
         """Nothing was heard up to ``now``."""
-        return self._watch(self._recogniser.idle(now))
+        found: list[Heard] = []
+        for each in self.splitters:
+            self._take(each.idle(now), found)
+        if self._piece is not None and now - self._piece[0].end >= self._near:
+            self._judge(None, found)
+        return found
 
-    def heard(self, heard: Heard) -> list[Heard]:
-        """Take in a whole frame of a recording that names its protocol."""
-        if self._settled is None:
-            self._settled = heard.protocol
-        self.characters += len(heard.chars)
-        return self._watch([heard])
+    def close(self, now: int | None = None) -> list[Heard]:
+        """Nothing more will be heard; ``now`` is the recording's end, None: with its last character."""
+        found: list[Heard] = []
+        for each in self.splitters:
+            self._take(each.close(now), found)
+        self._judge(None, found)
+        self.decoder.close()
+        return found
 
-    def close(self) -> list[Heard]:
-        """Nothing more will be heard."""
-        return self._watch(self._recogniser.close())
+    def lost(self) -> None:
+        """The recording has something here that cannot be read."""
+        self.decoder.lost()
 
-    def _watch(self, frames: list[Heard]) -> list[Heard]:
-        for heard in frames:
-            if self.decoder is None:
-                baud, fmt = self.timing.baud, str(self.timing.format)
-                link, modbus = self._decoders
-                if heard.protocol is LineProtocol.NN:
-                    self.decoder = link(self.bus, self._sink, baud=baud, fmt=fmt, names=self._names)
-                else:
-                    self.decoder = modbus(self.bus, self._sink, baud=baud, fmt=fmt)
-            self.decoder.heard(heard)
-            self.last = max(self.last, heard.end)
-        return frames
+    def _take(self, heards: Iterator[Heard], found: list[Heard]) -> None:
+        """What a splitter found: a piece is judged when it is known what follows it."""
+        for heard in heards:
+            if heard.frame is None:
+                self._judge(None, found)
+                self._piece = (heard, self._sound_end)
+                continue
+            self._judge(heard.start, found)
+            self._first = False
+            self._sound_end = heard.end
+            self._tell(heard, found)
+
+    def _judge(self, follows: int | None, found: list[Heard]) -> None:
+        """Say what became of the piece that waits; ``follows`` is the start of a sound frame behind it."""
+        if self._piece is None:
+            return
+        (heard, before), self._piece = self._piece, None
+        near = (before is not None and heard.start - before < self._near) or (
+            follows is not None and follows - heard.end < self._near
+        )
+        self._tell(heard._replace(verdict=self._verdict(heard, near=near)), found)
+        self._first = False
+
+    def _verdict(self, heard: Heard, *, near: bool) -> Verdict:
+        chars = heard.chars
+        if heard.part or (
+            self._first
+            and heard.start - (self._begin or 0) < self._torn_until
+            and not _begins_frame(self.protocol, chars)
+        ):
+            return Verdict.TORN
+        if len(chars) == 1 or (near and len(chars) <= _LONGEST_STRAY):
+            return Verdict.STRAY
+        if self.protocol is LineProtocol.ASCII and COLON not in chars and chars[-1] != LF:
+            return Verdict.STRAY
+        return Verdict.DAMAGED
+
+    def _tell(self, heard: Heard, found: list[Heard]) -> None:
+        self.decoder.heard(heard)
+        found.append(heard)
+
+    @property
+    def unusual(self) -> int:
+        """Modbus ASCII frames with lower-case digits, CR or LF alone."""
+        return sum(each.unusual for each in self.splitters if isinstance(each, AsciiSplitter))
 
     def totals(self, duration: int, warnings: tuple[str, ...] = ()) -> RunTotals:
         """What a run's totals are, as far as a listener knows them."""
@@ -87,3 +162,16 @@ class Listener:
         links = (decoder.totals(),) if isinstance(decoder, LinkDecoder) else ()
         buses = (decoder.totals(),) if isinstance(decoder, ModbusDecoder) else ()
         return RunTotals(duration, links, (), warnings, buses)
+
+
+def _begins_frame(protocol: LineProtocol, chars: bytes) -> bool:
+    """Whether characters begin as a frame of a protocol does."""
+    match protocol:
+        case LineProtocol.NN:
+            return chars[0] in HEADERS
+        case LineProtocol.ASCII:
+            return chars[0] == COLON
+        case LineProtocol.RTU:
+            return chars[0] <= LAST_STATION and len(chars) > 1 and chars[1] & ~EXCEPTION_BIT in KNOWN
+        case _:
+            assert_never(protocol)

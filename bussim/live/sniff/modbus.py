@@ -1,168 +1,323 @@
 """Modbus traffic as a listener sees it: requests paired with their responses.
 
-A frame is a response if a request of its station and function is open and it fits that request; all
-else is a request. A write to one coil or register and its response are the same bytes: a repeated
-one counts as a repeated request where it comes later than :data:`SLOWEST` responses so far would.
+A frame is a response if a request of its station and function is open and it fits that request; else it is
+a request if its function, byte count and quantity allow that; else it is a response to nobody, or a wrong
+one. A write to one coil or register and its response are the same bytes: which is which
+is told by the wires that they come on, by an echo, or by the times between frames that are all alike.
 """
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import log
+from statistics import median
 
-from bussim.engines.modbus.adu import BROADCAST, Adu
-from bussim.engines.modbus.codes import MEANINGS, PortError
-from bussim.engines.modbus.pdu import (
-    EXCEPTION_BIT,
-    ExceptionResponse,
-    Malformed,
-    Request,
-    Response,
-    decode_request,
-    decode_response,
-)
-from bussim.live.sniff.heard import Heard
+from bussim.engines.modbus.adu import LAST_STATION, Adu
+from bussim.engines.modbus.codes import PortError
+from bussim.engines.modbus.pdu import EXCEPTION_BIT
+from bussim.live.sniff.decoder import Decoder, Line
+from bussim.live.sniff.functions import REPEATED, Asked, asked_of, responds
+from bussim.live.sniff.heard import Heard, Verdict
 from bussim.trace.records import BusTotals, Sink, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
 
-#: An echo is a response up to so many times the slowest response of its station…
-SLOWEST = 3
-#: …and where none was seen yet, up to so many ticks.
-_FIRST_ECHO = TICKS_PER_SECOND
+#: Outcomes of an exchange, and the port error that a PLC would have of each.
+ERRORS = {
+    "no_answer": PortError.TIMEOUT,
+    "damaged": PortError.CHECK,
+    "wrong_answer": PortError.LENGTH,
+    **dict.fromkeys(("ok", "exception", "broadcast", "unclear", "undecided")),
+}
+#: Outcomes of what is no attempt at an exchange.
+NO_ATTEMPT = frozenset(("broadcast", "undecided"))
+#: Two frames that are alike are request and response if the second comes after at most so many times the
+#: slowest response of its station, or of nothing is known, after so many ticks.
+_SLOWEST, _FIRST = 3, TICKS_PER_SECOND
+#: The medians of waits for responses and of pauses differ at least by this factor, or nobody can tell them.
+_APART = 1.5
+#: So many frames that are alike are looked at together at most.
+_MOST_ALIKE = 512
+#: The share of requests that come twice where the recording has echoes, in tenths.
+_ECHOED = 9
 
-_ONES = (5, 6)
 
-
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Open:
     """A request without a response so far."""
 
-    station: int
-    request: Request
-    start: int
-    end: int
-    chars: int
+    asked: Asked
+    heard: Heard
     attempt: int
+    damaged: bool = False
+    wrong: bool = False
+    lost: bool = False
+    echoed: bool = False
 
 
-class ModbusDecoder:
+class ModbusDecoder(Decoder):
     """Records the transactions and frames on one bus."""
 
-    def __init__(self, bus: str, sink: Sink, *, baud: int, fmt: str) -> None:
-        self._bus, self._sink = bus, sink
-        self._baud, self._format = baud, fmt
+    def __init__(self, line: Line, sink: Sink) -> None:
+        super().__init__(line, sink)
         self._open: _Open | None = None
-        self._failed: tuple[int, Request, int] | None = None  # the latest failed one and its attempt
-        self._damage: str | None = None
+        self._alike: list[Heard] = []  # frames whose direction their neighbours will tell
+        self._alike_asked: Asked | None = None
+        self._failed: tuple[bytes, int, str] | None = (
+            None  # the latest failed attempt: frame, number, outcome
+        )
         self._slowest: dict[int, int] = {}
-        self.frames = 0
-        self.damaged = 0
-        self.busy = 0
-        self.unasked = 0  # sound frames that are neither request nor response
+        self._master_lane: int | None = None
+        self._told_apart = 0  # requests that cannot be taken for their responses…
+        self._twins = 0  # …and those of them that came twice at once
+        self._damaged_request = False  # the latest frame was damaged and no request was open
+        self._most_attempts = 1
+        self._repeated = 0
+        self._dropped: Counter[int] = Counter()  # damaged responses without a repeat, by attempt
+        self.late = 0  # responses that came after the master's timeout
+        self.wrong_seen = 0  # wrong answers that the right one followed
         self.stations: set[int] = set()
+        self.reserved: set[int] = set()  # stations beyond 247 that were asked
+
+    def expected(self, lane: int) -> Asked | None:
+        """The request that is open for a response on a lane."""
+        if self._alike:
+            return self._alike_asked
+        open_ = self._open
+        if open_ is None or (self._line.lanes > 1 and open_.heard.lane == lane):
+            return None
+        return open_.asked
+
+    @property
+    def echo(self) -> bool:
+        """Whether each request is heard twice."""
+        if self._line.echo is not None:
+            return self._line.echo
+        return self._twins > 0 and 10 * self._twins >= _ECHOED * self._told_apart
+
+    # -- what is heard -------------------------------------------------------------------------
 
     def heard(self, heard: Heard) -> None:
-        """Take in what was heard next."""
-        self.frames += 1
-        self.busy += heard.end - heard.start
+        """See the base class."""
         frame = heard.frame
+        alike = self._alike
+        if alike and not (isinstance(frame, Adu) and frame.chars == alike[0].chars):
+            if heard.verdict in (Verdict.STRAY, Verdict.TORN):
+                self._count(heard, heard.verdict.value, "unknown")
+                return
+            self._settle()
         if not isinstance(frame, Adu):
-            self.damaged += 1
-            self._record(heard, "damaged", None)
-            if self._open is not None:
-                self._damage = heard.reason
-            return
-        asked = self._open
-        if asked is not None and self._responds(frame, heard, asked):
-            return
-        request = decode_request(frame.pdu)
-        if isinstance(request, Malformed):
-            self.unasked += 1
-            self._record(heard, "unknown", frame)
-            return
-        self._record(heard, "request", frame)
-        self._expired(heard.start)
-        self._asked(frame.station, request, heard)
+            self._count(heard, heard.verdict.value, "unknown")
+            if heard.verdict is Verdict.DAMAGED:
+                self._damaged_request = self._open is None
+                if self._open is not None:
+                    self._open.damaged = True
+        elif self._alike:
+            self._alike.append(heard)
+            if len(self._alike) >= _MOST_ALIKE:
+                self._settle()
+        else:
+            self._frame(heard, frame)
 
-    def _asked(self, station: int, request: Request, heard: Heard) -> None:
+    def lost(self) -> None:
+        """See the base class."""
+        self._settle()
+        if self._open is not None:
+            self._open.lost = True
+
+    def close(self) -> None:
+        """See the base class."""
+        self._settle()
+        open_, self._open = self._open, None
+        if open_ is not None:
+            self._transaction(open_, None, "undecided", open_.heard.end)
+        if self._repeated > sum(self._dropped.values()):
+            # A master that repeats after failures has taken what it does not repeat.
+            self.recorder_damage += sum(n for k, n in self._dropped.items() if k < self._most_attempts)
+
+    def _frame(self, heard: Heard, frame: Adu) -> None:
+        open_, asked = self._open, asked_of(frame.station, frame.pdu)
+        several = self._line.lanes > 1
+        other_lane = several and open_ is not None and open_.heard.lane != heard.lane
+        if asked is not None and asked.function in REPEATED and not several and not asked.unanswered:
+            self._alike, self._alike_asked = [heard], asked
+        elif open_ is not None and self._twin(heard, open_) and not several:
+            self._twice(heard, open_)
+        elif (
+            open_ is not None
+            and (other_lane or not several)
+            and frame.station == open_.asked.station
+            and responds(frame.pdu, open_.asked)
+        ):
+            self._respond(heard, open_)
+        elif asked is not None and (not several or self._master_lane in (None, heard.lane)):
+            self._request(heard, asked)
+        else:
+            self._count(heard, "unknown", "unknown")
+            if open_ is not None:
+                open_.wrong = True
+            else:
+                self.unasked += 1
+                self.recorder_damage += self._damaged_request
+            self._damaged_request = False
+
+    def _twin(self, heard: Heard, open_: _Open) -> bool:
+        """Whether a frame repeats the open request closer than any master repeats one."""
+        close = heard.start - open_.heard.end < self._line.silence
+        return close and heard.chars == open_.heard.chars and not open_.echoed
+
+    def _twice(self, heard: Heard, open_: _Open) -> None:
+        open_.echoed = True
+        self._twins += 1
+        self._drop(heard)
+
+    def _drop(self, heard: Heard) -> None:
+        """A frame that came twice: an echo, or a stray."""
+        echo = self.echo
+        self.echoes += echo
+        verdict = Verdict.TORN if echo else Verdict.STRAY
+        self._count(heard._replace(verdict=verdict), "echo" if echo else "stray", "unknown")
+
+    def _request(self, heard: Heard, asked: Asked) -> None:
+        self._fail(heard.start)
+        self._count(heard, "request", "master")
+        self._damaged_request = False
         attempt = 1
-        if self._failed is not None and self._failed[:2] == (station, request):
-            attempt = self._failed[2] + 1
-        self._failed = None
-        asked = _Open(station, request, heard.start, heard.end, len(heard.chars), attempt)
-        if station == BROADCAST:
-            self._transaction(asked, None, "ok", None, 0)
-            return
-        self._open, self._damage = asked, None
+        if self._failed is not None:
+            chars, number, outcome = self._failed
+            if chars == heard.chars:
+                attempt = number + 1
+                self._repeated += 1
+                self._most_attempts = max(attempt, self._most_attempts)
+            elif outcome == "damaged":
+                self._dropped[number] += 1
+            self._failed = None
+        if asked.station > LAST_STATION:
+            self.reserved.add(asked.station)
+        self._told_apart += asked.function not in REPEATED
+        open_ = _Open(asked, heard, attempt)
+        if asked.unanswered:
+            self._transaction(open_, None, "broadcast", heard.end)
+        else:
+            self._open = open_
 
-    def _responds(self, frame: Adu, heard: Heard, asked: _Open) -> bool:
-        """Whether a frame is the response to the open request; then it is recorded."""
-        request = asked.request
-        if frame.station != asked.station or frame.pdu[0] & ~EXCEPTION_BIT != request.function:
-            return False
-        response = decode_response(frame.pdu, request)
-        if isinstance(response, Malformed):
-            return False
-        took = heard.start - asked.end
-        slowest = self._slowest.get(asked.station)
-        if isinstance(response, Response) and request.function in _ONES:
-            if response.address != request.address or response.values != request.values:
-                return False
-            if took > (_FIRST_ECHO if slowest is None else SLOWEST * slowest):
-                return False
+    def _respond(self, heard: Heard, open_: _Open) -> None:
+        asked, pdu = open_.asked, heard.chars if heard.frame is None else heard.frame.pdu  # type: ignore[union-attr]
+        exception = bool(pdu[0] & EXCEPTION_BIT)
         self._open = None
         self.stations.add(asked.station)
-        if slowest is None or took > slowest:
-            self._slowest[asked.station] = took
-        if isinstance(response, ExceptionResponse):
-            self._record(heard, "exception", frame, response=True)
-            self._transaction(asked, heard, "exception", None, response.code)
-        else:
-            self._record(heard, "response", frame, response=True)
-            self._transaction(asked, heard, "ok", None, 0)
-        return True
+        took = heard.start - open_.heard.end
+        if exception or asked.function not in REPEATED:
+            self._slowest[asked.station] = max(took, self._slowest.get(asked.station, 0))
+        if self._line.lanes > 1:
+            self._master_lane = open_.heard.lane
+        self.late += open_.attempt > 1 and took < self._line.silence
+        self.wrong_seen += open_.wrong
+        kind = "exception" if exception else "response"
+        self._count(heard, kind, f"station {asked.station}")
+        self._transaction(open_, heard, "exception" if exception else "ok", heard.end)
 
-    def _expired(self, now: int) -> None:
-        asked, self._open = self._open, None
-        if asked is None:
+    def _fail(self, now: int) -> None:
+        """The master goes on: what is open has failed."""
+        open_, self._open = self._open, None
+        if open_ is None:
             return
-        self._failed = (asked.station, asked.request, asked.attempt)
-        error = PortError.TIMEOUT if self._damage is None else PortError.CHECK
-        self._transaction(asked, None, MEANINGS[error], error, 0, decided=now)
+        outcome = "wrong_answer" if open_.wrong else "damaged" if open_.damaged else "no_answer"
+        if open_.lost:
+            outcome = "undecided"
+        else:
+            self._failed = (open_.heard.chars, open_.attempt, outcome)
+        self._transaction(open_, None, outcome, now)
 
-    def _transaction(
-        self,
-        asked: _Open,
-        response: Heard | None,
-        outcome: str,
-        error: int | None,
-        exception: int,
-        *,
-        decided: int | None = None,
-    ) -> None:
-        request = asked.request
-        end = response.end if response else asked.end if decided is None else decided
+    # -- frames that are all alike -------------------------------------------------------------
+
+    def _settle(self) -> None:
+        """Say of frames that are all alike which are requests and which responses."""
+        frames, self._alike = self._alike, []
+        asked = self._alike_asked
+        if not frames or asked is None:
+            return
+        if self.echo:
+            self._settle_echoes(frames, asked)
+            return
+        if self._line.exact:
+            twins = [after for before, after in pairwise(frames) if self._close(before, after)]
+            for heard in twins:
+                frames.remove(heard)
+                self._drop(heard)
+        limit = self._longest_wait(frames, asked.station)
+        if limit is None:
+            self._fail(frames[0].start)
+            for heard in frames:
+                self._count(heard, "unknown", "unknown")
+                self._transaction(_Open(asked, heard, 1), None, "unclear", heard.end)
+            return
+        for heard in frames:
+            open_ = self._open
+            if (
+                open_ is not None
+                and not open_.damaged
+                and open_.heard.chars == heard.chars
+                and heard.start - open_.heard.end <= limit
+            ):
+                self._respond(heard, open_)
+            else:
+                self._request(heard, asked)
+
+    def _settle_echoes(self, frames: list[Heard], asked: Asked) -> None:
+        """A request is heard twice, its response once."""
+        twin: Heard | None = None
+        for heard, after in zip(frames, [*frames[1:], None], strict=True):
+            if heard is twin:
+                self._drop(heard)
+            elif after is not None and self._close(heard, after):
+                twin = after
+                self._request(heard, asked)
+            elif self._open is not None and self._open.heard.chars == heard.chars:
+                self._respond(heard, self._open)
+            else:
+                self._request(heard, asked)
+
+    def _close(self, before: Heard, after: Heard) -> bool:
+        return after.start - before.end < self._line.silence
+
+    def _longest_wait(self, frames: Sequence[Heard], station: int) -> float | None:
+        """The longest wait for a response among frames that are alike; None if nobody can tell."""
+        waits = [after.start - before.end for before, after in pairwise(frames)]
+        limit = _boundary(waits) if len(waits) > 1 else None
+        if limit is None and station in self._slowest:
+            limit = _SLOWEST * self._slowest[station]
+        return _FIRST if limit is None and len(waits) < 2 else limit
+
+    # -- records -------------------------------------------------------------------------------
+
+    def _transaction(self, open_: _Open, answer: Heard | None, outcome: str, end: int) -> None:
+        asked, heard = open_.asked, open_.heard
+        self.outcomes[outcome] += 1
         self._take(
             TransactionRecord(
-                bus=self._bus,
+                bus=self._line.bus,
                 master="master",
-                poll=poll_name(asked.station, request),
-                attempt=asked.attempt,
+                poll=asked.name,
+                attempt=open_.attempt,
                 station=asked.station,
-                function=int(request.function),
-                address=request.address,
-                quantity=request.quantity,
-                sent=asked.start,
-                asked=asked.end,
-                answer_start=response.start if response else None,
-                answer_end=response.end if response else None,
+                function=asked.function,
+                address=asked.address,
+                quantity=asked.quantity,
+                sent=heard.start,
+                asked=heard.end,
+                answer_start=answer.start if answer else None,
+                answer_end=answer.end if answer else None,
                 end=end,
                 taken=end,
                 outcome=outcome,
-                error=error,
-                exception=exception,
+                error=ERRORS[outcome],
+                exception=answer.frame.pdu[1] if outcome == "exception" and answer else 0,  # type: ignore[union-attr]
                 served=None,
                 mismatched=False,
-                chars=asked.chars + (len(response.chars) if response else 0),
+                chars=len(heard.chars) + (len(answer.chars) if answer else 0),
             )
         )
 
@@ -170,20 +325,32 @@ class ModbusDecoder:
         """Record a transaction that is over."""
         self._sink.take(record)
 
-    def _record(self, heard: Heard, kind: str, frame: Adu | None, *, response: bool = False) -> None:
-        if not self._sink.traced:
-            return
-        name = "unknown" if frame is None else f"station {frame.station}" if response else "master"
-        self._sink.take(heard.record(self._bus, kind, name, self._baud, self._format))
-
     def totals(self) -> BusTotals:
         """Counts so far."""
+        line = self._line
         nodes = ("master", *(f"station {number}" for number in sorted(self.stations)))
         return BusTotals(
-            self._bus, self._baud, self._format, nodes, self.busy, self.frames, collisions=0, undetected=0
+            line.bus, line.baud, line.format, nodes, self.busy, self.frames, collisions=0, undetected=0
         )
 
 
-def poll_name(station: int, request: Request) -> str:
-    """What a listener calls a transaction that recurs: ``1: 03 at 22 × 2``."""
-    return f"{station}: {request.function:02X} at {request.address} × {request.quantity}"
+def _boundary(waits: Sequence[int]) -> float | None:
+    """What divides waits for responses from the pauses behind them; None if there are no two classes.
+
+    The two classes whose logarithms lie furthest apart (Otsu's criterion). Behind a response comes a
+    pause: two waits of the shorter class hardly ever follow each other.
+    """
+    ordered = sorted(waits)
+    count, logs = len(ordered), [log(max(1, wait)) for wait in sorted(waits)]
+    whole, part, best, at = sum(logs), 0.0, -1.0, 1
+    for number in range(1, count):
+        part += logs[number - 1]
+        apart = (whole * number / count - part) ** 2 / (number * (count - number))
+        if apart > best:
+            best, at = apart, number
+    short, long = ordered[:at], ordered[at:]
+    if median(long) < _APART * max(1, median(short)):
+        return None
+    limit = (short[-1] + long[0]) / 2
+    together = sum(max(pair) < limit for pair in pairwise(waits))
+    return limit if 10 * together <= len(short) else None

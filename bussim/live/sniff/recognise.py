@@ -1,68 +1,85 @@
-"""Finds out the protocol of a line by decoding with all of them."""
+"""Finds out the protocol of a port while it is listened to."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.sniff.heard import Heard, LineProtocol
-from bussim.live.sniff.splitters import Splitter, splitter
+from bussim.live.recordings.source import Chunk
+from bussim.live.sniff.heard import LineProtocol
+from bussim.live.sniff.line import score
+from bussim.live.sniff.listener import Listener
 
-#: Sound frames that settle it.
-ENOUGH = 3
-#: Frames and pieces of damage that are kept of each protocol until it is settled.
-_KEPT = 2000
+#: Characters that are kept until the protocol is known.
+_KEPT = 20_000
+_FIRST = 16
 
 
 class Recogniser:
-    """Takes characters and gives the frames of the line's protocol.
+    """Keeps what comes until a protocol is recognised, then hands it to a listener of that.
 
-    ``protocol`` settles it beforehand; else it is the one of which three sound frames are heard first.
-    Until then nothing is given; what was heard meanwhile comes then, if it is not too much.
+    ``make`` makes the listener of a protocol; ``protocol`` settles it beforehand.
     """
 
-    def __init__(self, timing: LineTiming, tolerance: int, protocol: LineProtocol | None = None) -> None:
-        self._tried: dict[LineProtocol, Splitter] = {
-            one: splitter(one, timing, tolerance) for one in ([protocol] if protocol else LineProtocol)
-        }
-        self._found: dict[LineProtocol, list[Heard]] = {one: [] for one in self._tried}
-        self._sound = dict.fromkeys(self._tried, 0)
-        #: The protocol of the line, None while that is open.
-        self.protocol = protocol
+    def __init__(
+        self,
+        make: Callable[[LineProtocol], Listener],
+        timing: LineTiming,
+        tolerance: int,
+        protocol: LineProtocol | None = None,
+    ) -> None:
+        self._make, self._timing, self._tolerance = make, timing, tolerance
+        #: What listens, None while the protocol is open.
+        self.listener = make(protocol) if protocol is not None else None
+        self._kept: deque[list[Timed]] = deque()
+        self._count = 0
+        self._next = _FIRST
+        #: Characters so far.
+        self.characters = 0
 
-    def chars(self, chars: list[Timed]) -> list[Heard]:
-        """Take characters; returns the frames that are known now, in order."""
-        return self._of_each(lambda cutter: [heard for char in chars for heard in cutter.character(char)])
+    def chars(self, chars: list[Timed]) -> None:
+        """Take in characters."""
+        self.characters += len(chars)
+        if self.listener is not None:
+            self.listener.chars(chars)
+            return
+        self._kept.append(chars)
+        self._count += len(chars)
+        if self._count >= self._next:
+            self._try()
+            self._next = self._count + self._count // 4 + _FIRST
+        while self._count > _KEPT:
+            self._count -= len(self._kept.popleft())
+            self._next = min(self._next, _KEPT)
 
-    def idle(self, now: int) -> list[Heard]:
+    def idle(self, now: int) -> None:
         """Nothing was heard up to ``now``."""
-        return self._of_each(lambda cutter: cutter.idle(now))
+        if self.listener is not None:
+            self.listener.idle(now)
 
-    def _of_each(self, take: Callable[[Splitter], list[Heard]]) -> list[Heard]:
-        if self.protocol is not None:
-            return take(self._tried[self.protocol])
-        for one, cutter in self._tried.items():
-            self._keep(one, take(cutter))
-        return self._settled(ENOUGH)
+    def close(self, now: int) -> None:
+        """Nothing more will be heard."""
+        if self.listener is None:
+            self._try()
+        if self.listener is not None:
+            self.listener.close(now)
 
-    def close(self) -> list[Heard]:
-        """Nothing will be heard any more: a single sound frame settles it now."""
-        rest = self.idle(1 << 62)
-        return rest or self._settled(1)
-
-    def _keep(self, protocol: LineProtocol, heard: list[Heard]) -> None:
-        kept = self._found[protocol]
-        for one in heard:
-            self._sound[protocol] += one.frame is not None
-            if len(kept) < _KEPT:
-                kept.append(one)
-
-    def _settled(self, enough: int) -> list[Heard]:
-        if self.protocol is not None:
-            return []
-        best = max(self._sound, key=lambda one: self._sound[one])
-        if self._sound[best] < enough:
-            return []
-        self.protocol = best
-        return self._found[best]
+    def _try(self) -> None:
+        scores = {
+            protocol: score(
+                map(Chunk, self._kept),
+                protocol,
+                self._timing,
+                exact=False,
+                tolerance=self._tolerance,
+                limit=_KEPT + 1,
+            )
+            for protocol in LineProtocol
+        }
+        best = max(scores, key=lambda protocol: scores[protocol].rank)
+        if scores[best].recognised:
+            self.listener = self._make(best)
+            while self._kept:
+                self.listener.chars(self._kept.popleft())

@@ -12,11 +12,14 @@ import bussim
 from bussim.engines.nn.frames import encode_poll
 from bussim.line.characters import NN_LINE
 from bussim.live.fit.link import LinkEstimate, LinkObserver
-from bussim.live.recordings.frames import heard_of
+from bussim.live.recordings.frames import TraceFile
+from bussim.live.recordings.source import Way
+from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.heard import Heard, LineProtocol
+from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.results.collector import Collector
 from bussim.scenario.loader import from_data
-from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, parse_time
 from tests.live.fit.test_statistics import covers
 from tests.selection import quick
@@ -95,18 +98,19 @@ def scenario(seed: int) -> dict[str, Any]:
 @cache
 def fitted(seed: int) -> LinkEstimate:
     result = bussim.run(from_data(scenario(seed)), trace=True, rows=False)
-    observer = LinkObserver("link", Collector(), baud=NN_LINE.baud, fmt=str(NN_LINE.format))
-    for record in result.open_trace().of(FrameRecord):
-        heard = heard_of(record)
-        assert heard is not None
-        observer.heard(heard)
-    found = observer.estimate()
+    listener = Listener("link", NN_LINE, Collector(), LineProtocol.NN, decoders=(LinkObserver, ModbusDecoder))
+    trace = result.open_trace()
+    for chunk in TraceFile(trace, trace.bus("link")).chunks(Way(NN_LINE)):
+        listener.chars(chunk.chars)
+    listener.close()
+    assert isinstance(listener.decoder, LinkObserver)
+    found = listener.decoder.estimate()
     assert found is not None
     return found
 
 
 def test_a_station_whose_poll_ends_the_recording_has_nothing_estimated() -> None:
-    observer = LinkObserver("link", Collector(), baud=NN_LINE.baud, fmt=str(NN_LINE.format))
+    observer = LinkObserver(Line("link", NN_LINE.baud, str(NN_LINE.format), 0), Collector())
     poll = encode_poll(1, 0)
     observer.heard(Heard(LineProtocol.NN, 0, 1000, poll.chars, poll))
     found = observer.estimate()

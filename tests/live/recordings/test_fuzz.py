@@ -19,14 +19,18 @@ from bussim.engines.nn.frames import encode_poll
 from bussim.errors import UsageError
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Arrivals
-from bussim.live.recordings.open import characters, kind_of
-from bussim.live.recordings.pcapng import PcapngReader
-from bussim.live.recordings.raw import read_raw
+from bussim.live.recordings.frames import TraceFile
+from bussim.live.recordings.open import open_recording
+from bussim.live.recordings.packets import PacketReader
 from bussim.live.recordings.sigrok import SigrokFile
+from bussim.live.recordings.source import Way
+from bussim.live.recordings.text import TextFile
 from bussim.live.sniff.heard import LineProtocol
+from bussim.live.sniff.line import Settings, find_line
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.recognise import Recogniser
-from bussim.live.sniff.splitters import MOST_DAMAGE, splitter
+from bussim.live.sniff.splitter import MOST_DAMAGE
+from bussim.live.sniff.splitters import splitter
 from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS
 
@@ -44,7 +48,7 @@ PACKET = struct.pack("<IIIIIII", 6, 40, 0, 0, 1000, 8, 8) + bytes(8) + struct.pa
 @example(b"", True)
 @example(INTERFACE + PACKET, True)
 def test_pcapng(data: bytes, begins_well: bool) -> None:
-    reader = PcapngReader(io.BytesIO(SECTION + data if begins_well else data), "x")
+    reader = PacketReader(io.BytesIO(SECTION + data if begins_well else data), "x")
     try:
         for packet in reader.packets():
             assert packet.interface < len(reader.interfaces)
@@ -60,7 +64,15 @@ def test_pcapng_with_a_few_bytes_changed(blocks: list[bytes], data: st.DataObjec
     for _ in range(data.draw(st.integers(0, 3))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
     with contextlib.suppress(UsageError):
-        list(PcapngReader(io.BytesIO(bytes(raw)), "x").packets())
+        list(PacketReader(io.BytesIO(bytes(raw)), "x").packets())
+
+
+@some
+@given(st.binary(max_size=300), st.sampled_from([b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d"]))
+def test_pcap(data: bytes, magic: bytes) -> None:
+    reader = PacketReader(io.BytesIO(magic + data), "x")
+    with contextlib.suppress(UsageError):
+        assert all(len(packet.data) <= len(data) for packet in reader.packets())
 
 
 @some
@@ -68,15 +80,25 @@ def test_pcapng_with_a_few_bytes_changed(blocks: list[bytes], data: st.DataObjec
 @example(["0 01", "1e400 02"])
 @example(["nan 01"])
 @example(["0.1;01,02 03", "0.2"])
-def test_raw_bytes(lines: list[str]) -> None:
-    before = 0
-    try:
-        for chunk in read_raw(lines, "x"):
-            assert chunk.data
-            assert chunk.tick >= before
-            before = chunk.tick
-    except UsageError as error:
-        assert str(error).startswith("x:")
+@example(["9999-99-99 10:00:00 01", "0000-01-01T23:59:60.5 0x1"])
+@example(["Time [s],Value,Parity Error,Framing Error", "0.1,'a',,", "0.2,999,,", "x,1,,"])
+@example(["> 2026/01/05 08:00:01.0  length=3 from=0 to=2", " 01 02", "--"])
+@example(["[01][03]", "<01>", "ERROR nothing"])
+@example(["1,5;01 02", "2,5;03"])
+def test_text(lines: list[str]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.txt"
+        path.write_text("\n".join(lines) or " ", encoding="utf-8")
+        with contextlib.suppress(UsageError):
+            source = TextFile(path)
+            for comma in (False, True):
+                before = 0
+                for chunk in source.chunks(Way(LINE, decimal_comma=comma)):
+                    assert chunk.chars
+                    assert 0 <= chunk.lane < source.lanes
+                    assert all(start <= end for _, start, end in chunk.chars)
+                    assert chunk.chars[-1][2] >= before
+                    before = chunk.chars[-1][1]
 
 
 @some
@@ -102,7 +124,8 @@ def test_sigrok(metadata: bytes, samples: bytes, name: str) -> None:
         try:
             session = SigrokFile(path)
             try:
-                list(session.characters(LINE))
+                found = find_line(session, Settings(), 0)
+                list(session.chunks(found.reading.way))
             finally:
                 session.close()
         except UsageError as error:
@@ -115,12 +138,11 @@ def test_any_file(data: bytes, head: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "x"
         path.write_bytes(head + data)
-        try:
-            kind = kind_of(path)
-            if kind.name != "TRACE":
-                list(characters(path, kind, LINE))
-        except UsageError:
-            pass
+        with contextlib.suppress(UsageError):
+            source = open_recording(path)
+            found = find_line(source, Settings(), 0)
+            if not isinstance(source, TraceFile):
+                list(source.chunks(found.reading.way))
 
 
 chunks = st.lists(
@@ -142,12 +164,12 @@ chunks = st.lists(
 
 
 @some
-@given(chunks, st.sampled_from([None, *LineProtocol]), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
-def test_every_character_is_decoded_once_and_in_order(
-    pieces: list[tuple[bytes, int]], protocol: LineProtocol | None, tolerance: int, flawed: bool
+@given(chunks, st.sampled_from(list(LineProtocol)), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
+def test_every_character_is_told_once_and_in_order(
+    pieces: list[tuple[bytes, int]], protocol: LineProtocol, tolerance: int, flawed: bool
 ) -> None:
     arrivals, now = Arrivals(NN_LINE), 0
-    recogniser = Recogniser(NN_LINE, tolerance, protocol)
+    listener = Listener("b", NN_LINE, Collector(), protocol, exact=not tolerance, tolerance=tolerance)
     heard = []
     for index, (data, wait) in enumerate(pieces):
         now += NN_LINE.characters(len(data)) + wait
@@ -155,29 +177,32 @@ def test_every_character_is_decoded_once_and_in_order(
             chars = arrivals.chunk(data, now)
             if flawed and index % 3 == 0:
                 chars = [(RxChar(char.value, False, True), start, end) for char, start, end in chars]
-            heard += recogniser.chars(chars)
-        heard += recogniser.idle(now)
-    heard += recogniser.close()
+            heard += listener.chars(chars)
+        heard += listener.idle(now)
+    heard += listener.close()
     assert all(before.start <= after.start for before, after in pairwise(heard))
     assert all(len(one.chars) <= MOST_DAMAGE + 600 for one in heard)
-    if recogniser.protocol in (LineProtocol.NN, LineProtocol.RTU) and protocol is not None:
-        decoded = b"".join(one.chars for one in heard)
-        assert decoded == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
+    told = b"".join(one.chars for one in heard)
+    assert told == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
 
 
 @some
 @given(chunks)
-def test_a_listener_never_fails(pieces: list[tuple[bytes, int]]) -> None:
+def test_a_port_is_listened_to_whatever_comes(pieces: list[tuple[bytes, int]]) -> None:
     for protocol in (None, *LineProtocol):
         arrivals, now = Arrivals(LINE), 0
-        listener = Listener("b", LINE, Collector(), tolerance=0, protocol=protocol)
+        recogniser = Recogniser(
+            lambda found: Listener("b", LINE, Collector(), found, exact=False), LINE, 0, protocol
+        )
         for data, wait in pieces:
             now += LINE.characters(len(data)) + wait
             if data:
-                listener.chars(arrivals.chunk(data, now))
-            listener.idle(now)
-        listener.close()
-        listener.totals(now)
+                recogniser.chars(arrivals.chunk(data, now))
+            recogniser.idle(now)
+        recogniser.close(now)
+        assert recogniser.characters == sum(len(data) for data, _ in pieces)
+        if recogniser.listener is not None:
+            recogniser.listener.totals(now)
 
 
 def test_memory_of_a_splitter_is_bounded() -> None:
@@ -186,5 +211,6 @@ def test_memory_of_a_splitter_is_bounded() -> None:
         character = LINE.characters(1)
         for number in range(20_000):
             char = (RxChar(number * 7 % 256), number * character, (number + 1) * character)
-            for heard in cutter.character(char):
+            for heard in cutter.take([char]):
                 assert len(heard.chars) <= MOST_DAMAGE + 600
+            assert len(cutter._data) <= MOST_DAMAGE + 600

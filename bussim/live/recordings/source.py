@@ -1,0 +1,75 @@
+"""What every kind of recording offers: characters of a line, once it is known how to read it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from bussim.line.characters import LineTiming
+from bussim.live.arrival import Timed
+
+
+class Chunk(NamedTuple):
+    """Characters of one wire of the line, in order. ``lost``: before them is what cannot be read."""
+
+    chars: list[Timed]
+    lane: int = 0
+    lost: bool = False
+
+
+class Way(NamedTuple):
+    """How a recording is read: rate and format of its line, and where in it the line is.
+
+    ``inverted``: the line idles low (None: the recording has no levels). ``channels`` are the names of its
+    wires, () where a recording has no names. ``decimal_comma``: times of a text have one.
+    """
+
+    timing: LineTiming
+    inverted: bool | None = None
+    channels: tuple[str, ...] = ()
+    decimal_comma: bool = False
+
+
+@dataclass(slots=True)
+class Facts:
+    """What a recording tells besides characters, complete when it was read to its end."""
+
+    unreadable: list[str] = field(default_factory=list)  # the first ones, each with its reason
+    unreadable_lines: int = 0
+    time_steps: int = 0
+    spikes: int = 0
+    warnings: dict[str, str] = field(default_factory=dict)  # by code
+
+    def cannot_read(self, where: str) -> None:
+        """Count a line that cannot be read."""
+        self.unreadable_lines += 1
+        if len(self.unreadable) < 3:
+            self.unreadable.append(where)
+
+
+class Source(ABC):
+    """A recording.
+
+    ``exact``: its times are those of the line. ``tolerant``: a frame may come in parts, so that the distance
+    between characters proves little. ``times``: "exact", "system" or "none". ``begin`` is the tick at which
+    it begins, None: with its first character. ``resolution`` is that of its times, in ticks. ``lanes`` are
+    the wires of the line, one a direction where it tells directions.
+    """
+
+    exact: bool
+    tolerant: bool
+    times: str
+    resolution: int
+    begin: int | None = None
+    lanes: int = 1
+    facts: Facts
+
+    @abstractmethod
+    def chunks(self, way: Way) -> Iterator[Chunk]:
+        """Its characters. Raises RecordingError where it is damaged."""
+
+    def end(self) -> int | None:
+        """The tick at which it ends, None: with its last character; after it was read."""
+        return None

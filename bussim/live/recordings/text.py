@@ -1,0 +1,188 @@
+"""Text files with the bytes of a line: which form they have, their times, and their characters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import TextIO
+
+from bussim.engines.contract import RxChar
+from bussim.live.arrival import PARITY, STOP, Arrivals, Timed, placed
+from bussim.live.recordings.errors import RecordingError
+from bussim.live.recordings.rows import (
+    Row,
+    Rows,
+    Unreadable,
+    general,
+    is_libmodbus,
+    is_socat,
+    libmodbus,
+    may_have_decimal_comma,
+    saleae,
+    socat,
+    unit_of,
+)
+from bussim.live.recordings.source import Chunk, Facts, Source, Way
+from bussim.units import TICKS_PER_SECOND
+
+#: Characters of a line: 64 KiB of bytes, far more than comes at once.
+LONGEST_LINE = 200_000
+_START = re.compile(r"#\s*time\s*:\s*start\b", re.IGNORECASE)
+_SEPARATOR = re.compile(r"[\s,;]")
+#: Lines by which the form is told.
+_LOOKED_AT = 200
+_BOMS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+_A_MONTH = 30 * 86_400 * TICKS_PER_SECOND
+_HALF_A_DAY = 43_200 * TICKS_PER_SECOND
+#: Characters that come one by one are handed on together.
+_TOGETHER = 256
+FORMS = (
+    'lines "time [direction] bytes" (time in seconds, with a unit, or as a clock), the CSV of Saleae Logic, '
+    "what socat -x, esphome's uart_debug, mbpoll -v and libmodbus print"
+)
+
+
+class TextFile(Source):
+    """A text file as a recording. Its times are what a program knew; those of Saleae Logic are exact."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.facts = Facts()
+        with self._opened() as file:
+            head = list(islice(_lines(file), _LOOKED_AT))
+        rows = [line for line in head if line.strip() and not line.lstrip().startswith("#")]
+        self._heading = _heading(rows[0]) if rows else []
+        self._from_start = any(_START.match(line) for line in head)
+        names = [name.lower() for name in self._heading]
+        self._saleae = names[:3] == ["name", "type", "start_time"] or names[1:2] == ["value"]
+        if self._saleae:
+            self._heading, self._from_start = names, True
+        self._socat = any(map(is_socat, rows))
+        self._libmodbus = any(map(is_libmodbus, rows)) and not any(line[:1].isdigit() for line in rows)
+        body = rows[bool(self._heading) :]
+        #: Whether times may have a decimal comma.
+        self.decimal_comma = bool(body) and all(map(may_have_decimal_comma, body)) and not self._saleae
+        self.exact, self.tolerant = self._saleae, not self._libmodbus
+        self.times = "none" if self._libmodbus else "exact" if self._saleae else "system"
+        first = self._rows(head, decimal_comma=False)
+        lanes = {row.lane for row in first if isinstance(row, Row) and row.lane is not None}
+        #: Wires of the line: one for each direction that is told.
+        self.lanes = max(2, 1 + max(lanes)) if lanes and not (self._saleae and lanes == {0}) else 1
+        #: Whether programs tell directions.
+        self.directions = bool(lanes) and not self._saleae
+        self.resolution = TICKS_PER_SECOND // 10 ** min(9, max(map(_decimals, body), default=0))
+
+    def _opened(self) -> TextIO:
+        try:
+            with self._path.open("rb") as file:
+                begin = file.read(3)
+            encoding = next((name for bom, name in _BOMS.items() if begin.startswith(bom)), "utf-8")
+            return self._path.open(encoding=encoding, errors="replace")
+        except OSError as error:
+            raise RecordingError(f"{self._path} cannot be read: {error.strerror or error}") from error
+
+    def _rows(self, lines: Iterable[str], *, decimal_comma: bool) -> Rows:
+        if self._saleae:
+            return saleae(lines, self._heading)
+        if self._socat:
+            return socat(lines)
+        if self._libmodbus:
+            return libmodbus(lines)
+        return self._general(lines, decimal_comma=decimal_comma)
+
+    def _general(self, lines: Iterable[str], *, decimal_comma: bool) -> Rows:
+        heading, unit = bool(self._heading), unit_of(self._heading[0]) if self._heading else 1
+        for found in general(lines, unit, decimal_comma=decimal_comma):
+            if heading and isinstance(found, Unreadable):
+                heading = False  # the names of the columns
+                continue
+            heading = heading and found is None
+            yield found
+
+    def chunks(self, way: Way) -> Iterator[Chunk]:
+        """See the source of a recording. Raises RecordingError if most lines cannot be read."""
+        self.facts = facts = Facts()
+        arrivals, readable, lost = Arrivals(way.timing, whole=True), 0, False
+        before: int | None = None
+        base: int | None = None
+        together: list[Timed] = []
+        lane = 0
+        with self._opened() as file:
+            for found in self._rows(_lines(file), decimal_comma=way.decimal_comma):
+                if found is None:
+                    continue
+                if isinstance(found, Unreadable):
+                    facts.cannot_read(f"{self._path}:{found.line}: {found.reason}")
+                    lost = True
+                    continue
+                tick, data = found.tick, found.data
+                if tick is None:  # no times: lines are far enough apart to be different frames
+                    tick = arrivals.busy_until + way.timing.characters(len(data) + _APART)
+                elif base is None:
+                    length = 0 if self._from_start else way.timing.characters(len(data))
+                    base = 0 if found.bare and tick < _A_MONTH else tick - length
+                    tick -= base
+                else:
+                    tick -= base
+                    if not found.bare and before is not None and before - tick > _HALF_A_DAY:
+                        tick += 2 * _HALF_A_DAY  # over midnight
+                        base -= 2 * _HALF_A_DAY
+                    if before is not None and tick < before:
+                        if before - tick > TICKS_PER_SECOND:
+                            facts.cannot_read(f"{self._path}:{found.line}: its time is before that above")
+                            lost = True
+                            continue
+                        facts.time_steps += 1
+                        tick = before
+                before = tick
+                readable += 1
+                if self._saleae:
+                    char, flag = placed(data, tick, way.timing)[0], found.flag
+                    if flag:
+                        char = (RxChar(data[0], not flag & PARITY, not flag & STOP), char[1], char[2])
+                    if together and ((found.lane or 0) != lane or len(together) >= _TOGETHER):
+                        yield Chunk(together, lane, lost)
+                        together, lost = [], False
+                    lane = found.lane or 0
+                    together.append(char)
+                    continue
+                chars = placed(data, tick, way.timing) if self._from_start else arrivals.chunk(data, tick)
+                yield Chunk(chars, found.lane or 0, lost)
+                lost = False
+        if together:
+            yield Chunk(together, lane)
+        if facts.unreadable_lines > readable:
+            first = "; ".join(facts.unreadable)
+            raise RecordingError(
+                f"{first} - more than half of the lines cannot be read; readable are {FORMS}"
+            )
+
+
+#: Characters that lie between two lines that have no times.
+_APART = 10
+
+
+def _lines(file: TextIO) -> Iterator[str]:
+    """Lines; what is longer than any is cut, and cannot be read then."""
+    while line := file.readline(LONGEST_LINE):
+        if len(line) == LONGEST_LINE and not line.endswith("\n"):
+            while (rest := file.readline(LONGEST_LINE)) and not rest.endswith("\n"):
+                pass
+            line = "longer than any line: " + line[:20]
+        yield line
+
+
+def _heading(line: str) -> list[str]:
+    """The names of columns, where a line has no digit before its first separator; else nothing."""
+    text = line.strip().lstrip("\ufeff")
+    if text[:1] in "[<>" or any(map(str.isdigit, _SEPARATOR.split(text)[0])):
+        return []
+    return [name.strip(' "') for name in re.split(r"[,;\t]", text)]
+
+
+def _decimals(line: str) -> int:
+    """Decimals of a time in seconds, as far as a line's first number has any."""
+    found = re.search(r"\d[.,](\d+)\s?(ms|us|µs)?", line)
+    return len(found[1]) + {"ms": 3, "us": 6, "µs": 6}.get(found[2], 0) if found else 0

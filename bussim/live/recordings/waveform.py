@@ -1,0 +1,177 @@
+"""The level of a line over time: its bit, its idle level, and its characters.
+
+Times are samples, integers; a waveform is the samples at which the level changes (its edges).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from bussim.engines.contract import RxChar
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.arrival import GOOD, Timed
+from bussim.units import TICKS_PER_SECOND
+
+if TYPE_CHECKING:
+    import numpy as np
+
+#: Rates that lines have: those of serial ports, MIDI's, and one between.
+STANDARD = (
+    *(300, 600, 1200, 2400, 4800, 7200, 9600, 14400, 19200, 28800, 31250, 38400, 57600, 76800, 115200),
+    *(230400, 460800, 921600),
+)
+#: A measured rate so close to a standard one is that one.
+_CLOSE = 0.025
+#: Distances of edges are looked at up to so many bits: those of one character.
+_INSIDE = 11
+#: A share of them must be whole bits within so much of a bit, and so many of one bit.
+_WHOLE, _WITHIN, _SINGLE = 0.95, 0.25, 0.02
+#: A pulse shorter than so much of a bit is no bit; at most this share of edges may belong to such.
+SPIKE, _MOST_SPIKES = 0.4, 0.05
+#: A level that lasts longer than so many bits is a pause.
+_PAUSE = 12
+_LEAST = 10
+
+
+class Measured(NamedTuple):
+    """What the edges of a channel tell: bits a second (``standard``: by its name) and the level of pauses.
+
+    ``inverted`` is None where there is no pause.
+    """
+
+    baud: int
+    standard: bool
+    inverted: bool | None
+
+
+def measure(edges: np.ndarray, rate: int, samples: int) -> Measured | None:
+    """The line that a channel's edges are of; None if they are no whole numbers of any bit.
+
+    Before the first edge the level is high. ``rate`` is in samples a second, ``samples`` their number.
+    """
+    import numpy as np
+
+    if len(edges) < _LEAST:
+        return None
+    apart = np.diff(edges)
+    guesses = [rate / baud for baud in STANDARD]
+    guesses += [float(guess) for guess in np.percentile(apart, (1, 3, 6, 10, 20, 30))]
+    bits = sorted(filter(None, (_fitted(edges, guess) for guess in guesses)), reverse=True)
+    if not bits:
+        return None
+    measured = rate / bits[0]
+    near = min(STANDARD, key=lambda baud: abs(baud / measured - 1))
+    standard = abs(near / measured - 1) <= _CLOSE
+    levels = (1 + np.arange(len(edges) + 1)) & 1  # before the first edge, …, behind the last
+    lasted = np.diff(edges, prepend=0, append=samples)
+    pauses = levels[lasted > _PAUSE * bits[0]]
+    inverted = None if not len(pauses) else bool(2 * pauses.sum() < len(pauses))
+    return Measured(near if standard else round(measured), standard, inverted)
+
+
+def _fitted(edges: np.ndarray, bit: float) -> float | None:
+    """The bit (samples) close to a guess that most distances of edges are whole numbers of."""
+    import numpy as np
+
+    for _ in range(3):
+        kept, spikes = without_spikes(edges, SPIKE * bit)
+        if spikes > _MOST_SPIKES * len(edges):
+            return None
+        apart = np.diff(kept)
+        apart = apart[apart < _INSIDE * bit]
+        if len(apart) < _LEAST:
+            return None
+        bits = np.maximum(np.rint(apart / bit), 1)
+        whole = np.abs(apart - bits * bit) <= _WITHIN * bit + 1e-9
+        if whole.mean() < _WHOLE or (bits == 1).mean() < _SINGLE:
+            return None
+        bit = float((apart * bits).sum() / (bits * bits).sum())
+    return bit
+
+
+def without_spikes(edges: np.ndarray, shortest: float) -> tuple[np.ndarray, int]:
+    """Edges without the pairs that are closer than ``shortest`` samples, and how many were left out."""
+    import numpy as np
+
+    if not len(edges) or int(np.diff(edges).min(initial=1 << 40)) >= shortest:
+        return edges, 0
+    kept: list[int] = []
+    for edge in edges.tolist():
+        if kept and edge - kept[-1] < shortest:
+            kept.pop()
+        else:
+            kept.append(edge)
+    return np.array(kept, dtype=np.int64), len(edges) - len(kept)
+
+
+class Receiver:
+    """A UART at a rate and format, fed with edges: characters with verdicts, in ticks.
+
+    It starts on a falling edge, samples at bit centres, and is ready again at the middle of the (first) stop
+    bit. A start bit that is high at its centre was a glitch. With two stop bits both are looked at.
+    ``rate`` is in samples a second; ``inverted``: the line idles low. The level before the first edge is
+    high.
+    """
+
+    def __init__(self, timing: LineTiming, rate: int, *, inverted: bool) -> None:
+        form = timing.format
+        self._rate, self._bit = rate, rate / timing.baud
+        self._inside = form.bits  # bits of a character
+        self._middle = (form.bits - form.stop_bits + 0.5) * self._bit  # of the first stop bit
+        self._last = (form.bits - 0.5) * self._bit
+        self._ticks = timing.characters(1)
+        self._table = _table(form)
+        self._whole = (1 << form.bits) - 1
+        # Edges to the level of a start bit have even indices. (A second edge at sample 0 undoes the first.)
+        self._edges: list[int] = [0] if inverted else []
+        self._ready = 0.0
+        self.spikes = 0
+
+    def feed(self, edges: Sequence[int], until: float) -> list[Timed]:
+        """The characters that are whole before a sample, up to which all ``edges`` are known."""
+        kept, shortest, last = self._edges, SPIKE * self._bit, self._last
+        for edge in edges:
+            if kept and edge - kept[-1] < shortest:
+                kept.pop()
+                self.spikes += 2 if edge else 0
+            else:
+                kept.append(edge)
+        until -= shortest  # the latest edge may still turn out to be a spike's
+        found: list[Timed] = []
+        at, count, ready, per_bit = 0, len(kept), self._ready, 1 / self._bit
+        table, whole, rate, length = self._table, self._whole, self._rate, self._ticks
+        while at < count:
+            start = kept[at]
+            if start < ready:
+                at += 2
+                continue
+            limit = start + last
+            if limit >= until:
+                break
+            word, index = 0, at + 1
+            while index < count and (edge := kept[index]) <= limit:
+                word ^= whole & (-1 << int((edge - start) * per_bit + 0.5))
+                index += 1
+            if word & 1:
+                ready = start + self._bit / 2
+            else:
+                tick = (2 * start * TICKS_PER_SECOND + rate) // (2 * rate)
+                found.append((table[word >> 1], tick, tick + length))
+                ready = start + self._middle
+        del kept[:at]
+        self._ready = ready
+        return found
+
+
+def _table(form: CharFormat) -> list[RxChar]:
+    """Characters by the levels behind the start bit, the first one lowest."""
+    found = []
+    for word in range(1 << (form.bits - 1)):
+        value = word & ((1 << form.data_bits) - 1)
+        rest = word >> form.data_bits
+        parity_ok = form.parity == "N" or rest & 1 == form.parity_bit(value)
+        stops = rest >> (form.parity != "N")
+        stop_ok = stops == (1 << form.stop_bits) - 1
+        found.append(GOOD[value] if parity_ok and stop_ok else RxChar(value, parity_ok, stop_ok))
+    return found
