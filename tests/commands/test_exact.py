@@ -13,7 +13,7 @@ from bussim.cli import main
 from bussim.commands.exact.command import command as exact
 from bussim.commands.size.command import command as size
 from bussim.commands.size.uniform_link import uniform_link
-from bussim.commands.size.verify import verify
+from bussim.commands.size.verify import Verification, compare, with_setting
 from bussim.errors import RunError, UsageError
 
 
@@ -137,7 +137,8 @@ def test_a_wrong_goal_names_the_forms() -> None:
 
 @pytest.mark.slow
 def test_simulation_agrees_with_the_law() -> None:
-    verdict = verify(bussim.load("electrical_noise"), "link", 0, 50 * 72_000, None)
+    changed = with_setting(bussim.load("electrical_noise"), "link", 0, 50 * 72_000)
+    verdict = compare(changed, "link", Verification(0, 50 * 72_000))
     assert verdict.agrees
     assert verdict.errors > 100  # without retries the noise is seen, so the agreement says something
 
@@ -213,7 +214,8 @@ def test_a_link_of_equal_stations_by_its_defaults() -> None:
 def test_a_link_of_equal_stations_can_be_verified_and_drawn(tmp_path: Path) -> None:
     result = invoke(size, *DESCRIBED, "--verify", "--out", str(tmp_path))
     assert result.exception is None
-    assert result.stdout.count("agrees") == 3
+    assert result.stdout.count("agrees") == 4
+    assert "times the noise, so that errors are seen" in result.stdout
     assert {path.name for path in tmp_path.iterdir()} == {"size.json", "size_link.png", "size_link.svg"}
 
 

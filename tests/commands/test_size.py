@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ from click.testing import CliRunner
 
 from bussim.cli import main
 from bussim.commands.size.command import command as size
+from bussim.exact.from_scenario import from_scenario
+from bussim.exact.link import LinkModel
+from bussim.scenario.model import Scenario
 
 #: Five stations of a packing line with different PLC scans, mode 2. ``{noise}`` is its noise.
 PACKING = """\
@@ -144,12 +148,45 @@ def test_each_answer_says_what_more_noise_does_and_what_it_rests_on() -> None:
 
 
 @pytest.mark.slow
-def test_the_check_by_simulation_says_where_it_says_nothing(packing: str) -> None:
+def test_the_check_by_simulation_sees_errors_at_raised_noise(packing: str) -> None:
     found = sized(packing, "--verify")
-    chosen, fewer, none = found["verify"]  # type: ignore[misc]
-    assert all(each["agrees"] for each in (chosen, fewer, none))
-    assert (chosen["about_errors"], none["about_errors"]) == (False, True)
-    assert none["D8179"] == 0
+    chosen, raised, fewer, none = found["verify"]  # type: ignore[misc]
+    assert all(each["agrees"] for each in (chosen, raised, fewer, none))
+    assert [each["D8179"] for each in (chosen, raised, fewer, none)] == [4, 4, 3, 0]
+    assert [each["times_the_noise"] > 1 for each in (chosen, raised, fewer, none)] == [
+        False,
+        True,
+        False,
+        False,
+    ]
+    assert [each["about_errors"] for each in (chosen, raised, fewer, none)] == [False, True, False, True]
+    assert "so that this says nothing about errors" in printed(packing, "--verify")
+
+
+@pytest.mark.slow
+def test_a_law_that_counts_one_attempt_too_many_disagrees(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from bussim.commands.size import verify
+
+    def wrong(scenario: Scenario) -> dict[str, LinkModel]:
+        return {
+            bus: replace(link, attempts=link.attempts + 1) for bus, link in from_scenario(scenario).items()
+        }
+
+    monkeypatch.setattr(verify, "from_scenario", wrong)
+    assert main(["size", "two_stations", "--verify"]) == 1
+    captured = capsys.readouterr()
+    assert "DISAGREES" in captured.out
+    assert "simulation and law disagree on link: see above" in captured.err
+    assert main(["size", "two_stations", "--verify", "--json"]) == 1
+
+
+@pytest.mark.slow
+def test_a_dead_station_is_no_false_error_of_the_check() -> None:
+    found = sized("dead_from_start", "--verify")
+    assert all(each["agrees"] for each in found["verify"])  # type: ignore[attr-defined]
+    assert found["verify"][0]["station_errors"] == 0  # type: ignore[index]
 
 
 def test_a_goal_given_twice_is_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import busy
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
@@ -54,7 +55,7 @@ def command(
     SCENARIO is a file or the name of a built-in scenario. Its faults are left out: a setting is for
     the line in operation. Without a file, --stations and --mode describe a link of equal stations:
     bussim size --stations 4 --mode 2. Where no noise is given, three levels of it are assumed and
-    shown. The exit code is 1 if no setting meets the goals.
+    shown. The exit code is 1 if no setting meets the goals, or if a simulation disagrees with the law.
     """
     from bussim.exact.from_scenario import from_scenario
     from bussim.exact.sizing.size import size
@@ -87,7 +88,12 @@ def command(
     if not models:
         raise UsageError(f"{scenario} has no N:N link")
     found = {bus: size(model, wanted) for bus, model in models.items()}
-    verifications = {bus: _verify(loaded, bus, sizing) for bus, sizing in found.items()} if check else {}
+    verifications: dict[str, list[Verification]] = {}
+    if check:
+        from bussim.commands.size.verify import verify
+
+        with busy("simulating the choice"):
+            verifications = {bus: verify(loaded, bus, sizing) for bus, sizing in found.items()}
     links: dict[str, object] = {}
     for bus, sizing in found.items():
         values = sizing.to_json()
@@ -110,6 +116,9 @@ def command(
     failed = [bus for bus, sizing in found.items() if sizing.recommended is None]
     if failed:
         raise RunError(f"no setting for {', '.join(failed)}: see above")
+    failed = [bus for bus, each in verifications.items() if any(one.agrees is False for one in each)]
+    if failed:
+        raise RunError(f"simulation and law disagree on {', '.join(failed)}: see above")
 
 
 def _goals(texts: tuple[str, ...]) -> Goals:
@@ -122,14 +131,6 @@ def _goals(texts: tuple[str, ...]) -> Goals:
         except ValueError as error:
             raise UsageError(f"--goal {error}") from None
     return goals
-
-
-def _verify(scenario: Scenario, bus: str, sizing: Sizing) -> list[Verification]:
-    from bussim.commands.size.verify import verify
-    from bussim.exact.sizing.noise_levels import BAD
-
-    loss = None if sizing.noise_levels is None else sizing.noise_levels.failing[BAD]
-    return [verify(scenario, bus, retries, timeout, loss) for retries, timeout in sizing.neighbours()]
 
 
 def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path) -> list[Path]:

@@ -1,47 +1,67 @@
-"""Does the simulation agree with the exact distribution? For ``bussim size --verify``."""
+"""Does the simulation agree with the exact distribution? For ``bussim size --verify``.
+
+A good setting has no false station error in the link scans that can be simulated while a user waits. So it is
+simulated once more with the noise raised until errors are seen, and compared with the law at that noise: it
+counts attempts and multiplies their chances there as it does at little noise.
+"""
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 from bussim.exact.from_scenario import from_scenario
-from bussim.exact.metrics import Request, figures_of
+from bussim.exact.metrics import Figures, Request, figures_of
+from bussim.exact.sizing.grid import evaluate
+from bussim.exact.sizing.noise_levels import BAD, LEVELS, with_level
 from bussim.scenario import model
 from bussim.sweep.intervals import student_t
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from bussim.wording import about, counted
 
 if TYPE_CHECKING:
-    from bussim.exact.link import LinkModel
+    from collections.abc import Sequence
 
-#: Two-sided 99.9 %: with some tens of comparisons a false alarm stays rare.
-_WIDTH = 3.29
-#: So many link scans are simulated, a few seconds' work.
-_SCANS = 3_000
-#: With fewer errors expected than this, that none were seen would say nothing about them.
-_SEEN = 3.0
+    from bussim.exact.link import LinkModel
+    from bussim.exact.sizing.size import Sizing
+
+#: Two-sided 99.99 %: of ten comparisons one in a thousand is a false alarm.
+_CONFIDENCE, _WIDTH = 0.9999, 3.89
+#: So many link scans are simulated, and exchanges at raised noise, where each takes long; the first scans
+#: have the start-up in them.
+_SCANS, _EXCHANGES, _FIRST = 3_000, 4_000, 10
+#: With fewer errors expected than this, that none were seen would say nothing about them; noise is raised
+#: until so many are expected.
+_SEEN, _WANTED = 3.0, 70.0
 #: Scans are averaged in so many batches, so that neighbours that hang together do no harm.
 _BATCHES = 40
+#: By how many times noise is raised.
+_TIMES = tuple(
+    digit * 10.0**power for power in range(8) for digit in (1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Verification:
     """One setting: exact figures beside simulated ones. Times in ms.
 
-    ``half`` is half the width of the simulated mean's 99.9 % interval, or of the distribution's, if that
-    is wider; ``errors`` are scans that left a station in error, ``allowed`` the range that the distribution
-    gives them with 99.9 %. ``reason`` says why nothing was compared, empty where it was.
+    ``times`` is by how much the noise was raised. ``half`` is half the width of the simulated mean's 99.99 %
+    interval, or of the distribution's, if that is wider; ``errors`` are scans that left a living station in
+    error, ``allowed`` the range that the law gives them with 99.99 %, ``independent`` how many of those
+    expected are so of each other. ``reason`` says why nothing was compared, empty where it was.
     """
 
     retries: int
     timeout: int
+    times: float = 1.0
     scans: int = 0
     exact_mean: float = 0.0
     mean: float = 0.0
     half: float = 0.0
     expected_errors: float = 0.0
+    independent: float = 0.0
     errors: int = 0
     allowed: tuple[int, int] = (0, 0)
     reason: str = ""
@@ -57,7 +77,7 @@ class Verification:
     @property
     def about_errors(self) -> bool:
         """Whether so many errors are expected that the check says something about them."""
-        return self.expected_errors >= _SEEN
+        return self.independent >= _SEEN
 
     def in_words(self) -> str:
         """What was compared, and with what result."""
@@ -74,9 +94,10 @@ class Verification:
                 f"{seen}; hardly one is expected to be seen (exact {expected}), "
                 "so that this says nothing about errors"
             )
+        raised = f" at {self.times:,g} times the noise, so that errors are seen" if self.times > 1 else ""
         return (
-            f"simulated {setting}, {counted(self.scans, 'scan')}: mean {self.mean:.3f} ± {self.half:.3f} ms "
-            f"(exact {self.exact_mean:.3f}), {errors}: {sign}"
+            f"simulated {setting}, {counted(self.scans, 'scan')}{raised}: mean {self.mean:.3f} ± "
+            f"{self.half:.3f} ms (exact {self.exact_mean:.3f}), {errors}: {sign}"
         )
 
     def to_json(self) -> dict[str, object]:
@@ -84,6 +105,7 @@ class Verification:
         return {
             "D8179": self.retries,
             "D8180": self.timeout // (10 * TICKS_PER_MS),
+            "times_the_noise": self.times,
             "scans": self.scans,
             "exact_mean_ms": round(self.exact_mean, 6),
             "simulated_mean_ms": round(self.mean, 6),
@@ -98,12 +120,12 @@ class Verification:
 
 
 def with_setting(
-    scenario: model.Scenario, bus: str, retries: int, timeout: int, loss: float | None
+    scenario: model.Scenario, bus: str, retries: int, timeout: int, level: LinkModel | None = None
 ) -> model.Scenario:
     """One link of a scenario, without faults and with another D8179 and D8180 (``timeout`` in ticks).
 
     Other buses, the stations' other ports and their programs are left out: the link does not notice them.
-    ``loss``, where given, replaces the noise: each reply of the link vanishes with that chance.
+    ``level``, where given, is the link with an assumed level of noise, which replaces the scenario's.
     """
     settings = {"D8179": retries, "D8180": timeout // (10 * TICKS_PER_MS)}
     plcs = tuple(
@@ -117,8 +139,12 @@ def with_setting(
     )
     always = model.Window()
     noise = tuple(each for each in scenario.noise if each.window == always and each.target.bus == bus)
-    if loss is not None:
-        noise = (model.Noise("assumed", model.Target(bus), model.ReplyLoss(loss)),)
+    if level is not None:
+        sends = model.Target(bus, level.master, model.Direction.TX)
+        noise = (
+            model.Noise("assumed", sends, model.BitErrors(level.noise.sources[0].good)),
+            model.Noise("assumed loss", model.Target(bus), model.ReplyLoss(level.stations[0].loss)),
+        )
     here = {plc.name for plc in plcs}
     faults = tuple(
         fault
@@ -136,38 +162,110 @@ def with_setting(
     )
 
 
-def verify(
-    scenario: model.Scenario, bus: str, retries: int, timeout: int, loss: float | None
-) -> Verification:
-    """Simulate one link with a setting (``timeout`` in ticks) and compare it with its distribution."""
+def _raised(kind: model.NoiseKind, times: float) -> model.NoiseKind:
+    """Noise with all its chances so many times as great, bit errors at most one in two."""
+    match kind:
+        case model.BitErrors(ber):
+            return model.BitErrors(min(0.5, ber * times))
+        case model.Impulse(ber=ber):
+            return replace(kind, ber=min(0.5, ber * times))
+        case model.Burst(_, _, good, bad):
+            return replace(kind, ber_good=min(0.5, good * times), ber_bad=min(0.5, bad * times))
+        case model.ReplyLoss(probability):
+            return model.ReplyLoss(min(1.0, probability * times))
+        case _:
+            assert_never(kind)
+
+
+def _noisier(scenario: model.Scenario, times: float) -> model.Scenario:
+    return replace(
+        scenario, noise=tuple(replace(each, kind=_raised(each.kind, times)) for each in scenario.noise)
+    )
+
+
+def verify(scenario: model.Scenario, bus: str, sizing: Sizing) -> list[Verification]:
+    """Simulate the recommended setting of a link, one retry less and none, and compare each with its law.
+
+    Where hardly an error is expected to be seen with the first, it is simulated at raised noise too.
+    """
+    found = []
+    level = None if sizing.model.noisy else with_level(sizing.model, LEVELS[BAD])
+    for retries, timeout in sizing.neighbours():
+        changed = with_setting(scenario, bus, retries, timeout, level)
+        found.append(compare(changed, bus, Verification(retries, timeout)))
+        if len(found) == 1 and not (found[0].reason or found[0].about_errors):
+            scans = _EXCHANGES // len(sizing.model.alive)
+            times = _times_wanted(changed, bus, scans)
+            if times is not None:
+                setting = Verification(retries, timeout, times)
+                found.append(compare(_noisier(changed, times), bus, setting, scans))
+    return found
+
+
+def _times_wanted(scenario: model.Scenario, bus: str, scans: int) -> float | None:
+    """By how many times noise is raised for enough errors in so many scans; None where none is enough."""
+
+    def expected(times: float) -> float:
+        exact = from_scenario(_noisier(scenario, times))[bus]
+        grid = evaluate(exact, (exact.attempts,), (exact.timeout,), details=False)
+        return scans * float(grid.error_per_scan[0, 0])
+
+    place = bisect_left(_TIMES, _WANTED, key=expected)
+    return _TIMES[place] if place < len(_TIMES) else None
+
+
+def compare(scenario: model.Scenario, bus: str, setting: Verification, scans: int = _SCANS) -> Verification:
+    """Simulate so many scans of the link of a scenario, which has a setting, beside its law."""
     from bussim import api
 
-    changed = with_setting(scenario, bus, retries, timeout, loss)
-    exact: LinkModel = from_scenario(changed)[bus]
+    exact: LinkModel = from_scenario(scenario)[bus]
     figures = figures_of(exact, Request(levels={}, refresh=False))
     if not figures.valid:
-        return Verification(retries, timeout, reason="; ".join(figures.reasons))
-    result = api.run(replace(changed, duration=round(_SCANS * (figures.mean or TICKS_PER_SECOND))))
-    scans = result.link_scans
-    times = scans.loc[scans["bus"] == bus, "duration_ms"].to_numpy()[1:]  # the first has the start-up in it
-    mean, half = _mean_and_half(times.tolist())
+        return replace(setting, reason="; ".join(figures.reasons))
+    rows = api.run(replace(scenario, duration=round(scans * (figures.mean or TICKS_PER_SECOND)))).link_scans
+    rows = rows[rows["bus"] == bus][_FIRST:]
+    count, together = len(rows), _together(figures)
+    mean, half, _ = _batches(rows["duration_ms"].tolist())
     # A sample that saw few of the rare long scans knows their spread badly; the distribution knows it.
-    half = max(half, _WIDTH * (figures.sd or 0.0) / TICKS_PER_MS / math.sqrt(max(len(times), 1)))
-    errors = sum(result.summary["links"][bus]["station_errors"].values())
-    expected = len(times) * sum(figures.error_per_scan.values())
-    spread = _WIDTH * math.sqrt(max(expected, 1.0))
-    # For rare errors the normal range is too narrow above: with an expectation of 0.01 one is no wonder.
-    allowed = (max(0, math.floor(expected - spread)), math.ceil(expected + spread + 2))
-    exact_mean = figures.mean / TICKS_PER_MS if figures.mean is not None else math.nan
-    return Verification(retries, timeout, len(times), exact_mean, mean, half, expected, errors, allowed)
+    half = max(half, _WIDTH * (figures.sd or 0.0) / TICKS_PER_MS * math.sqrt(together / max(count, 1)))
+    _, many, errors = _batches((rows["stations_in_error"] - len(exact.dead)).tolist())
+    expected = count * sum(figures.error_per_scan.values())
+    spread = _WIDTH * math.sqrt(max(expected * together, 1.0))
+    if exact.noise.chains:  # several bursts may belong together
+        spread = max(spread, many * count)
+    return replace(
+        setting,
+        scans=count,
+        exact_mean=math.nan if figures.mean is None else figures.mean / TICKS_PER_MS,
+        mean=mean,
+        half=half,
+        expected_errors=expected,
+        independent=expected / together,
+        errors=round(errors),
+        # For rare errors the normal range is too narrow above: with an expectation of 0.01 one is no wonder.
+        allowed=(max(0, math.floor(expected - spread)), math.ceil(expected + spread + 2)),
+    )
 
 
-def _mean_and_half(times: list[float]) -> tuple[float, float]:
-    """Mean, and half of its 99.9 % interval from batch means."""
-    size = len(times) // _BATCHES
+def _together(figures: Figures) -> float:
+    """How many errors come together: with bursts at all stations, and for as long as an error lasts.
+
+    The variance of a count of errors is so many times that of independent ones; a length that is spread
+    geometrically about a mean m has a mean square of m (2 m - 1).
+    """
+    if not figures.onsets_per_year or not figures.errors_per_year:
+        return 1.0
+    model = figures.model
+    lasting = 2 * figures.errors_per_year / figures.onsets_per_year - 1
+    return max(1.0, lasting) * (1 if model.noise.memoryless else len(model.alive))
+
+
+def _batches(values: Sequence[float]) -> tuple[float, float, float]:
+    """Mean, half of its 99.99 % interval from batch means, and sum."""
+    size, total = len(values) // _BATCHES, math.fsum(values)
     if size < 1:
-        return math.nan, math.inf
-    batches = [math.fsum(times[i * size : (i + 1) * size]) / size for i in range(_BATCHES)]
+        return math.nan, math.inf, total
+    batches = [math.fsum(values[i * size : (i + 1) * size]) / size for i in range(_BATCHES)]
     mean = math.fsum(batches) / _BATCHES
     variance = math.fsum((batch - mean) ** 2 for batch in batches) / (_BATCHES - 1)
-    return mean, student_t(_BATCHES - 1, 0.999) * math.sqrt(variance / _BATCHES)
+    return mean, student_t(_BATCHES - 1, _CONFIDENCE) * math.sqrt(variance / _BATCHES), total
