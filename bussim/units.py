@@ -29,8 +29,11 @@ UNIT_TICKS: dict[str, Fraction] = {
     "y": Fraction(365 * 86400 * TICKS_PER_SECOND),
 }
 
-_TIME = re.compile(r"\s*([+-]?(?:\d{1,30}\.?\d{0,30}|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*([A-Za-zµμ]*)\s*")
+_TIME = re.compile(r"\s*([+-]?(?:\d{1,30}\.?\d{0,30}|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*([^\W\d_]*)\s*")
 _SHOWN_UNITS = "ns, us, ms, s, min, h, d, y"
+#: What other words for units begin with, in small letters.
+_WORDS = {"ms": "msec milli 毫", "us": "usec µsec mic mik 微", "ns": "nsec nano 纳", "min": "minu 分"}
+_WORDS |= {"ms or min": "m", "s": "se 秒", "h": "hr ho st 小时 时", "d": "day tag 天 日", "y": "ye ja 年"}
 
 
 def round_half_up(value: Fraction) -> int:
@@ -55,7 +58,9 @@ def parse_nanoseconds(text: str) -> int:
 def _exact(text: str) -> Fraction:
     match = _TIME.fullmatch(text)
     if match is None:
-        raise ValueError(f"is {text!r}, not a time; write a number and a unit, such as 8 ms")
+        dotted = re.sub(r"(\d),(\d)", r"\1.\2", text.strip())
+        example = dotted if _TIME.fullmatch(dotted) else "8 ms"
+        raise ValueError(f"is {text!r}, not a time; write a number and a unit, such as {example}")
     number, unit = match.group(1), match.group(2).replace("μ", "µ")
     if not unit:
         raise ValueError(
@@ -63,8 +68,15 @@ def _exact(text: str) -> Fraction:
         )
     scale = UNIT_TICKS.get(unit)
     if scale is None:
-        raise ValueError(f"has the unit {unit!r}; allowed are {_SHOWN_UNITS}")
+        raise ValueError(f"has the unit {unit!r}; allowed are {_SHOWN_UNITS}{_meant(unit.lower())}")
     return Fraction(Decimal(number)) * scale
+
+
+def _meant(word: str) -> str:
+    """The end of a message about an unknown unit, in small letters: the one that is meant."""
+    units = (unit for unit, begins in _WORDS.items() if word.startswith(tuple(begins.split())))
+    meant = word if word in UNIT_TICKS else next(units, None)
+    return f"; did you mean {meant}?" if meant else ""
 
 
 def format_time(ticks: int) -> str:

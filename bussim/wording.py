@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Iterable, Sequence
 
+#: What texts are in that are no UTF-8.
+CODINGS = "GBK, Big5, Shift-JIS or Latin-1"
 #: Longest piece of the user's input that a message repeats.
 _SHOWN = 60
 
@@ -61,6 +65,46 @@ def _number(value: int | float) -> str:
     return str(value)
 
 
+#: Characters that are typed or pasted for an ASCII one, beyond those that Unicode calls compatible with it.
+_LOOKALIKES = {
+    **dict.fromkeys("“”„‟«»「」『』", '"'),
+    **dict.fromkeys("‘’‚‹›", "'"),
+    **dict.fromkeys("–—−", "-"),
+    "、": ",",
+    "【": "[",
+    "】": "]",
+}
+
+
+def plain_form(char: str) -> str | None:
+    """The ASCII character that another one was typed for, None if it stands for none."""
+    if char.isascii():
+        return None
+    found = _LOOKALIKES.get(char) or unicodedata.normalize("NFKC", char)
+    return found if len(found) == 1 and found.isascii() else None
+
+
+def describe(char: str) -> str:
+    """A character with its name in Unicode; one that is not seen by its number."""
+    if char == "\t":
+        return "a tab"
+    shown = f"U+{ord(char):04X}" if char.isspace() else char
+    return f"{shown} ({unicodedata.name(char, 'no name').lower()})"
+
+
+def odd(value: object) -> str:
+    """A hint at the end of a message about a text that has something beside a value, "" if it has not."""
+    if not isinstance(value, str):
+        return ""
+    for char in value:
+        plain = plain_form(char)
+        if plain is not None:
+            return f"; there is {describe(char)}, write {plain if plain.strip() else 'a blank'}"
+    if re.search(r"[^\s]#|//", value):
+        return "; a comment begins with a blank and #"
+    return f"; leave the {value[-1]} at its end out" if value.endswith((",", ";")) else ""
+
+
 def names(options: Iterable[str]) -> str:
     """A list of names for a message, cut after a dozen."""
     listed = [shorten(option) for option in options]
@@ -70,13 +114,19 @@ def names(options: Iterable[str]) -> str:
 
 
 def nearest(name: str, options: Sequence[str], *, cutoff: float = 0.6) -> str | None:
-    """The option that is most like ``name``, or None if none is (1: the same, 0: nothing in common)."""
+    """The option that is most like ``name``, or None if none is (1: the same, 0: nothing in common).
+
+    One with another first letter must be more like it.
+    """
     import difflib  # 5 ms that only a mistake pays
 
     lower: dict[str, str] = {}
     for option in options:
         lower.setdefault(option.lower(), option)
-    found = difflib.get_close_matches(name.lower()[:200], list(lower), n=1, cutoff=cutoff)
+    wanted = name.lower()[:200]
+    alike = [option for option in lower if option[:1] == wanted[:1]]
+    found = difflib.get_close_matches(wanted, alike, n=1, cutoff=cutoff)
+    found = difflib.get_close_matches(wanted, list(lower), n=1, cutoff=max(cutoff, 0.75)) or found
     return lower[found[0]] if found else None
 
 

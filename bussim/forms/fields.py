@@ -6,7 +6,7 @@ Every validator raises with a predicate that follows the value's name: "is 12, a
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -20,7 +20,7 @@ from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.line.characters import BAUDS, CharFormat
 from bussim.plc.memory import Device, parse_device, parse_range
 from bussim.units import TICKS_PER_SECOND, format_nanoseconds, format_time, parse_nanoseconds, parse_time
-from bussim.wording import RawFloat, RawInt, nearest, show
+from bussim.wording import RawFloat, RawInt, nearest, plain_form, show
 
 #: The error type of our own messages.
 OWN = "bussim"
@@ -30,6 +30,9 @@ LONGEST = 10 * 365 * 86400 * TICKS_PER_SECOND
 _NAME = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}")
 _NODE = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}(\.COM[1-6])?")
 _CALLABLE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
+_QUANTITY = re.compile(r"[K#]?([+-]?\d{1,12}(?:[.,]\d{0,12})?(?:e[+-]?\d\d?)?) *(k|%|[a-z]*)", re.IGNORECASE)
+_HEXADECIMAL = re.compile(r"(?:H|\$)([0-9A-F]{1,8})|([0-9A-F]{1,8})H", re.IGNORECASE)
+_YES, _NO = "yes on y 1 true ja ein 是 开", "no off n 0 false nein aus 否 关"
 _HEX = re.compile(r"(?:0x)?([0-9a-fA-F]{2})")
 
 
@@ -73,23 +76,40 @@ def _is_int(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
+def _readings(value: object) -> Iterator[Any]:
+    """What a value that is wrong may have been meant as, what is nearer to it first."""
+    text = "".join(plain_form(char) or char for char in str(_unread(value))).strip(" \"'")
+    if found := _HEXADECIMAL.fullmatch(text):
+        digits = found[1] or found[2]
+        yield RawInt(int(digits, 16), f"0x{digits.upper()}")
+    elif found := _QUANTITY.fullmatch(text):
+        number = float(found[1].replace(",", ".")) * {"k": 1000, "%": 0.01}.get(found[2], 1)
+        yield from (round(number), number) if number == round(number) else (number,)
+        if re.fullmatch(r"\d+[.,]\d{3}", found[1]):
+            yield int(re.sub(r"\D", "", found[1]))
+    yield from (flag for words, flag in ((_YES, True), (_NO, False)) if text.lower() in words.split())
+    if isinstance(value, str | int) and value not in ("", True, False):
+        yield from (text, text.upper(), re.sub(r"[^\w.-]+", "_", text).strip("_-"))
+
+
 def _those(
     fits: Callable[[Any], bool],
-    wanted: str,
+    wanted: str | Callable[[Any], str],
     hint: Callable[[Any], str] = lambda _: "",
     *,
     made: Callable[[Any], Any] = lambda value: int(value) if _is_int(value) else value,
-    then: Kind | None = None,
 ) -> Kind:
-    """Values that fit. To another one the message says what is ``wanted``, and a hint.
+    """Values that fit. To another one the message says what is ``wanted``, and a hint: else what is meant.
 
-    ``made`` is what becomes of one, ``then`` the kind of which it must be as well.
+    ``made`` is what becomes of one.
     """
 
     def check(value: Any) -> Any:
         if fits(value):
-            return made(value) if then is None else then.read(value)
-        raise fail(f"{_found(value)}, {wanted}{hint(value)}")
+            return made(value)
+        meant = (one if isinstance(one, str) else show(one) for one in _readings(value) if fits(one))
+        shown = hint(value) or next((f"; did you mean {one}?" for one in meant), "")
+        raise fail(f"{_found(value)}, {wanted if isinstance(wanted, str) else wanted(value)}{shown}")
 
     return Kind(check)
 
@@ -128,8 +148,10 @@ def _title(value: object) -> str:
 
 def whole(low: int, high: int) -> Kind:
     """A whole number from ``low`` to ``high``."""
-    allowed = _those(lambda value: low <= value <= high, f"allowed {low}..{high}")
-    return _those(_is_int, f"expected a whole number {low}..{high}", then=allowed)
+    return _those(
+        lambda value: _is_int(value) and low <= value <= high,
+        lambda value: f"{'allowed' if _is_int(value) else 'expected a whole number'} {low}..{high}",
+    )
 
 
 def number(low: float, high: float) -> Kind:
@@ -138,8 +160,11 @@ def number(low: float, high: float) -> Kind:
     def is_number(value: object) -> bool:
         return isinstance(value, int | float) and not isinstance(value, bool)
 
-    allowed = _those(lambda value: low <= value <= high, f"allowed {low:g}..{high:g}", made=float)
-    return _those(is_number, f"expected a number {low:g}..{high:g}", then=allowed)
+    return _those(
+        lambda value: is_number(value) and low <= value <= high,
+        lambda value: f"{'allowed' if is_number(value) else 'expected a number'} {low:g}..{high:g}",
+        made=float,
+    )
 
 
 def time(low: int = 0, high: int = LONGEST) -> Kind:
@@ -213,7 +238,7 @@ def choice(*options: str) -> Kind:
     """One of some words."""
 
     def hint(value: object) -> str:
-        near = nearest(value, options) if isinstance(value, str) else None
+        near = nearest(f"COM{value}" if _is_int(value) else str(value), options)
         return f"; did you mean {near}?" if near else ""
 
     allowed = f"allowed {', '.join(options)}"
@@ -226,16 +251,13 @@ def one_of(options: Sequence[int]) -> Kind:
     return _those(lambda value: _is_int(value) and value in options, allowed)
 
 
-_LINK_PORTS = _those(lambda value: value in ("COM3", "COM4"), "allowed COM3, COM4")
+_LINK_PORTS = choice("COM3", "COM4")
 
 
 def _link_port(value: object) -> str:
     if value in ("COM5", "COM6"):
         raise fail(f"is {value}, which M8179 cannot select (0: COM3, 1: COM4); allowed COM3, COM4")
     return cast("str", _LINK_PORTS.read(value))
-
-
-allowed = _those(lambda value: value in ("COM3", "COM4"), "allowed COM3, COM4")
 
 
 class PlcPoint(NamedTuple):
@@ -311,10 +333,6 @@ def _character(value: object) -> int:
     return cast("int", _CHARACTER_CODE.read(value))
 
 
-wanted = 'expected a character code 0..255 or one character such as "\\r"'
-code = _those(lambda value: _is_int(value) and 0 <= value <= 0xFF, wanted)
-
-
 def exact(value: float) -> Fraction:
     """The decimal number that a float prints as: 1.1 is eleven tenths."""
     return Fraction(Decimal(repr(value)))
@@ -326,7 +344,13 @@ Name = Annotated[
     _matching(
         _NAME,
         "not a name; allowed are letters, digits, _ and -, with at least one letter",
-        lambda value: ", and no - at the beginning" if str(value).startswith("-") else "",
+        lambda value: (
+            ", and no - at the beginning"
+            if str(value).startswith("-")
+            else "; true and false are names in quotes"
+            if isinstance(value, bool)
+            else ""
+        ),
     ),
 ]
 #: The name of a node of a bus: a PLC, one of its ports (press1.COM3), a device.

@@ -200,7 +200,7 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
         ("program: one.il", "program: 5", "x.yaml:9:14: program is 5, expected the name of a file such as press1.il, or the program's lines as a block (program: |)"),
         ("X0: {square: 500 ms}", "Y0: {square: 500 ms}", "x.yaml:13:14: inputs.Y0 is no input: Y cannot be driven here, only X"),
         ("X0: {square: 500 ms}", "X8: {square: 500 ms}", "x.yaml:13:14: a device of inputs is 'X8', but X is numbered in octal (no 8 or 9); point 8 of X is X10"),
-        ("{square: 500 ms}", "{sqare: 500 ms}", "x.yaml:13:19: inputs.X0.sqare is not a key here; did you mean square?"),
+        ("{square: 500 ms}", "{sqare: 500 ms}", "x.yaml:13:19: inputs.X0.sqare is not a key here; allowed are pulse, square, random, times, csv; did you mean square?"),
         ("{square: 500 ms}", "{square: 500}", "x.yaml:13:27: inputs.X0.square is 500, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 500 ms"),
         ("{square: 500 ms}", "{pulse: {width: 2 s, every: 1 s}}", "x.yaml:13:46: inputs.X0.pulse.every must be more than width"),
         ("{square: 500 ms}", "{pulse: {width: 2 s, times: 3}}", "x.yaml:13:46: inputs.X0.pulse.times needs every"),
@@ -218,7 +218,7 @@ def test_a_mistake_in_a_folded_text_names_its_line_of_the_program() -> None:
         ("to: one.M1064", "to: three.M1064", "x.yaml:16:24: to is 'three.M1064', but three is no PLC; allowed are one, two"),
         ("edge: rising", "edge: up", "x.yaml:16:41: edge is 'up', allowed rising, falling, both"),
         ("from: two.X0, to: one.M1064", "from: two.D32, to: one.D32", "x.yaml:16:34: edge has no meaning for words, and two.D32 is one"),
-        ("edge: rising", "egde: rising", "x.yaml:16:35: egde is not a key here; did you mean edge?"),
+        ("edge: rising", "egde: rising", "x.yaml:16:35: egde is not a key here; allowed are name, from, to, edge, inverted; did you mean edge?"),
     ],
 )  # fmt: skip
 def test_a_mistake(tmp_path: Path, old: str, new: str, expected: str) -> None:

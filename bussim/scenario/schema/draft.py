@@ -26,10 +26,11 @@ from bussim.scenario.schema.document import (
     BusIn,
     DocumentIn,
     PlcIn,
+    PortIn,
 )
 from bussim.scenario.schema.programs import MAX_LATENCIES, LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import counted, show, suggest
+from bussim.wording import counted, names, nearest, odd, show
 
 if TYPE_CHECKING:
     from bussim.devices.forms import DeviceIn
@@ -37,6 +38,22 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=Model)
 
+#: What one entry of a list that is read by itself looks like, and a mapping of free keys.
+_EXAMPLES = {
+    "buses": BusIn.example,
+    "plcs": PlcIn.example,
+    "devices": "{name: feeder1, model: stepper, bus: feeder, station: 1}",
+    "polls": "{station: 1, function: 3, address: 0, count: 2, every: 200 ms}",
+    "noise": NoiseIn.example,
+    "faults": FaultIn.example,
+    "latency": LatencyIn.example,
+    "observe": "press1.D8201",
+    "registers": "{D8176: 1}",
+    "ports": f"{{COM3: {PortIn.example}}}",
+    "sources": "{M1000: {toggle: 1 s}}",
+    "inputs": "{X0: {square: 500 ms}}",
+    "power_on": "{press2: 4 s}",
+}
 #: Sections that may stand empty, as when all of their entries are commented out.
 _EMPTY_LISTS = frozenset({"buses", "devices", "polls", "noise", "faults", "observe", "latency"})
 #: Keys of entries that name a bus, by section.
@@ -243,7 +260,7 @@ def _explain(model: type[Model], detail: Any, path: Path, data: object, report: 
         shown = _existing(loc, data)
         # The name of a missing key is part of its message; a shorthand's invisible key is not.
         at = loc if context["at"] is not None and shown == loc[:-1] else shown
-        report.error((*path, *at), context["text"])
+        report.error((*path, *at), context["text"] + odd(detail["input"]))
     elif kind == "missing":
         shown = _existing(loc[:-1], data)
         if shown == loc[:-1]:
@@ -258,18 +275,22 @@ def _explain(model: type[Model], detail: Any, path: Path, data: object, report: 
         report.error((*path, *loc), f"has {counted(context['actual_length'], 'entry')}, allowed {wanted}")
     else:
         found = "is empty" if detail["input"] is EMPTY else f"is {show(detail['input'])}"
-        report.error((*path, *_existing(loc, data)), f"{found}, expected {_expected(model, loc, kind)}")
+        expected = _expected(model, loc, kind) + odd(detail["input"])
+        report.error((*path, *_existing(loc, data)), f"{found}, expected {expected}")
 
 
 def _expected(model: type[Model], loc: Path, kind: str) -> str:
+    owner, example = _model_at(model, loc), _EXAMPLES.get(str(loc[-1]), "") if loc else ""
     if kind == "list_type":
-        return "a list"
+        example = example or (owner.example if owner is not None else "")
+        return f"a list, each entry with a dash: - {example}" if example else "a list in brackets"
     if kind == "string_type":
         return "a text"
-    owner = _model_at(model, loc)
     if kind.startswith("model") and owner is not None and owner.example:
         return owner.example
-    return "a mapping" if kind.startswith(("model", "dict")) else "something else"
+    if not kind.startswith(("model", "dict")):
+        return "something else"
+    return f"a mapping such as {example}" if example else "a mapping"
 
 
 def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
@@ -277,8 +298,21 @@ def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
     owner = _model_at(model, loc[:-1])
     if not getattr(owner, "known", True):
         return  # a device of an unknown model, whose keys are not known
-    allowed = [info.alias or name for name, info in owner.model_fields.items()] if owner else []
-    report.unknown_key((*path, *loc), f"is not a key here; {suggest(key, allowed)}")
+    allowed = _keys_of(owner)
+    elsewhere = [other for other in allowed if key in _keys_of(_model_at(model, (*loc[:-1], other)))]
+    if elsewhere:
+        hint = f"it belongs into {elsewhere[0]}"
+    elif path and key != "name" and key in _keys_of(DocumentIn):
+        hint = "it belongs to the top of the file, without indentation"
+    else:
+        near = nearest(key, allowed)
+        hint = f"did you mean {near}?" if near else ""
+    known = f"; allowed are {names(allowed) if hint else ', '.join(allowed)}" if allowed else ""
+    report.unknown_key((*path, *loc), f"is not a key here{known}{'; ' if hint else ''}{hint}{odd(key)}")
+
+
+def _keys_of(model: type[Model] | None) -> list[str]:
+    return [] if model is None else [info.alias or name for name, info in model.model_fields.items()]
 
 
 def _model_at(model: type[Model], loc: Path) -> type[Model] | None:
@@ -286,7 +320,7 @@ def _model_at(model: type[Model], loc: Path) -> type[Model] | None:
     found: type[Model] | None = model
     inner = False  # a mapping of freely named keys: the next part is one of them
     for part in loc:
-        if inner:
+        if inner or isinstance(part, int):  # of a list's entries the form is that of the list
             inner = False
             continue
         if found is None:

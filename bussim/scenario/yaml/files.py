@@ -9,7 +9,7 @@ import stat
 from pathlib import Path
 
 from bussim.scenario import builtin
-from bussim.wording import nearest, shorten
+from bussim.wording import CODINGS, nearest, shorten
 
 #: Names of a folder that are searched for the one that was meant.
 _MOST_NAMES = 2000
@@ -103,5 +103,5 @@ def _encoding(raw: bytes, position: int) -> str:
     line = before.count(b"\n") + 1
     return (
         f"which is no UTF-8 text (line {line} has the byte 0x{raw[position]:02X}); save it as UTF-8, "
-        "it may be in GBK, Big5, Shift-JIS or Latin-1"
+        f"it may be in {CODINGS}"
     )

@@ -14,8 +14,9 @@ from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import Problem
-from bussim.scenario.yaml.source_map import Mark, Path, SourceMap
-from bussim.wording import RawFloat, RawInt, shorten
+from bussim.scenario.yaml.repair import LINE_END, Mark, Mended, Trouble
+from bussim.scenario.yaml.source_map import Path, SourceMap
+from bussim.wording import CODINGS, RawFloat, RawInt, describe, shorten
 
 if TYPE_CHECKING:
     from ruamel.yaml.events import Event, ScalarEvent
@@ -38,10 +39,12 @@ _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
-#: What ends a line to the parser.
-_LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
-#: The beginning of a program's text, whose first line shows its indentation.
-_PROGRAM = re.compile(r"[ -]*(?P<key>program) *: *[|>][+-]? *(#.*)?$")
+#: A key in braces in which its value is.
+_GLUED = re.compile(r"([^\W\d][\w.-]*) *([:：=]) *(.*)")
+#: Where a scenario begins.
+_SCHEMA = re.compile(r"^[{\s\"]*schema[\"\s]*[:：=]", re.MULTILINE)
+#: What begins a document that is meant as keys with their values.
+_KEY_IN_TEXT = re.compile(r"[A-Za-z_]+ *[:：=]")
 #: What YAML allows in a text (YAML 1.2.2, section 5.1), turned round.
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -84,7 +87,7 @@ def _text(source: bytes | str, file: str) -> str:
     if isinstance(source, str):
         return source.removeprefix("\ufeff")
     raw = source
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or raw[:8].count(0) > 2:
         raise _Stop(Problem(file, 1, 1, "is UTF-16 text; save the file as UTF-8"))
     try:
         return raw.decode("utf-8-sig")
@@ -92,7 +95,7 @@ def _text(source: bytes | str, file: str) -> str:
         before = raw[: error.start].decode("utf-8-sig", errors="replace")
         line, column = _mark_at(before, len(before))
         byte = raw[error.start]
-        message = f"the byte 0x{byte:02X} is not UTF-8 text; is this a scenario file, saved as UTF-8?"
+        message = f"the byte 0x{byte:02X} is not UTF-8 text; save the file as UTF-8 (is it in {CODINGS}?)"
         raise _Stop(Problem(file, line, column, message)) from None
 
 
@@ -105,21 +108,52 @@ def read(source: bytes | str, file: str) -> tuple[object, SourceMap, list[Proble
     source_map = SourceMap(file)
     problems: list[Problem] = []
     try:
-        text = _text(source, file)
-        root = _Reader(file, text, problems).document()
+        root = _document(_text(source, file), file, problems)
     except _Stop as stop:
         return None, source_map, [*problems, stop.problem]
     source_map.data = None if root is None else _plain(root, (), source_map)
     return source_map.data, source_map, problems
 
 
+def _document(text: str, file: str, problems: list[Problem]) -> _Node | None:
+    """The root node of a text, repaired where it is no YAML; ``problems`` takes the mistakes found."""
+    mended, error, root = Mended(text), None, None
+    while True:
+        found: list[Problem] = []
+        try:
+            error, root = None, _Reader(file, mended, found).document()
+        except Trouble as stop:
+            error = _stopped(mended.text) or stop
+        if error is None or not mended.mend(error, _stopped):
+            break
+    if error is None or _SCHEMA.search(mended.text):  # else it is some other text, and its repairs guesswork
+        problems += [Problem(file, *mark, message) for mark, message in mended.mistakes]
+    problems += found
+    if error is not None:
+        raise _Stop(Problem(file, *mended.original(error.mark), error.message))
+    return root
+
+
+def _stopped(text: str, *, again: bool = True) -> Trouble | None:
+    """What stops the reading of a text, None for nothing."""
+    try:
+        _Reader("", Mended(text), []).document()
+    except Trouble as found:
+        if again and found.mark[0] > 1:
+            # The parser looks ahead: its complaint may hide one of the lines before.
+            start = [match.end() for match in LINE_END.finditer(text)][found.mark[0] - 2]
+            earlier = _stopped(text[:start], again=False)
+            if earlier is not None and "stream" not in earlier.message:
+                return earlier
+        return found
+    except _Stop:
+        pass
+    return None
+
+
 def _mark_at(text: str, position: int) -> Mark:
     before = text[:position].replace("\r\n", "\n").replace("\r", "\n")
     return before.count("\n") + 1, position - (text[:position].replace("\r", "\n").rfind("\n") + 1) + 1
-
-
-def _mark_of(event: Event) -> Mark:
-    return event.start_mark.line + 1, event.start_mark.column + 1
 
 
 def _events(text: str, file: str) -> Iterator[Event]:
@@ -136,33 +170,18 @@ def _events(text: str, file: str) -> Iterator[Event]:
     try:
         yield from YAML(typ="safe", pure=True).parse(text)
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line, column = (mark.line + 1, mark.column + 1) if mark is not None else (0, 0)
-        raise _Stop(
-            Problem(file, line, column, f"is not YAML: {_complaint(error)}{_uneven(text, line)}")
-        ) from None
-    except _Stop:
+        begun, mark = error.context_mark or error.problem_mark, error.problem_mark or error.context_mark
+        if str(error.context).startswith("while scanning a") or "<stream end>" in str(error.problem):
+            mark = begun  # what is begun so is what cannot be read; it may go on for lines
+        raise Trouble(_mark(mark), f"is not YAML: {_complaint(error)}", _mark(begun)) from None
+    except (_Stop, Trouble):
         raise
     except Exception as error:  # the parser has more ways to fail on garbage than it documents
         raise _Stop(Problem(file, 0, 0, f"is not YAML ({type(error).__name__})")) from None
 
 
-def _uneven(text: str, line: int) -> str:
-    """A hint if a mistake at a line (1…) is that a program's text begins deeper than it goes on."""
-    lines = text.splitlines()[:line]
-    for number in range(len(lines) - 1, -1, -1):
-        found = _PROGRAM.match(lines[number])
-        if found is None:
-            continue
-        depths = [len(each) - len(each.lstrip(" ")) for each in lines[number + 1 :] if each.strip()]
-        key = found.start("key")
-        if depths and min(depths) > key and min(depths) < depths[0]:
-            return (
-                f"; the text of program at line {number + 1} begins deeper than it goes on: indent its lines "
-                f"evenly, write `program: |{min(min(depths) - key, 9)}`, or keep it in a file"
-            )
-        return ""
-    return ""
+def _mark(mark: Any) -> Mark:
+    return mark.line + 1, mark.column + 1
 
 
 def _complaint(error: object) -> str:
@@ -177,13 +196,15 @@ def _complaint(error: object) -> str:
 class _Reader:
     """Makes nodes of the parser's events, within the bounds; ``problems`` takes the mistakes found."""
 
-    def __init__(self, file: str, text: str, problems: list[Problem]) -> None:
+    def __init__(self, file: str, mended: Mended, problems: list[Problem]) -> None:
         self._file = file
-        self._lines = _LINE_END.split(text)
+        self._mended = mended
+        self._lines = LINE_END.split(mended.text)
         self._problems = problems
-        self._events = _events(text, file)
+        self._events = _events(mended.text, file)
         self._anchors: dict[str | None, _Node | None] = {}  # None: still being read
         self._count = 0
+        self._flow = 0  # braces and brackets that are open
 
     def document(self) -> _Node | None:
         """The root node of the only document, None if there is none."""
@@ -194,7 +215,7 @@ class _Reader:
             if isinstance(event, DocumentStartEvent):
                 if root is not None:
                     message = "a second document begins here; a scenario is one document"
-                    raise self._stop(_mark_of(event), message)
+                    raise self._stop(self._mark(event), message)
                 root = self._node(next(self._events), ())
         return root
 
@@ -202,7 +223,7 @@ class _Reader:
         """The value at ``path`` that begins with an event."""
         from ruamel.yaml.events import AliasEvent, MappingStartEvent, ScalarEvent
 
-        mark = _mark_of(event)
+        mark = self._mark(event)
         if isinstance(event, AliasEvent):
             return self._alias(event.anchor, mark, path)
         if event.tag is not None:
@@ -210,13 +231,18 @@ class _Reader:
             self._complain(mark, f"the tag {shown} is not allowed; write plain text and numbers")
         self._add(mark, 1)
         if isinstance(event, ScalarEvent):
-            node = self._scalar(event, mark)
+            node = self._scalar(event, mark, path)
         else:
             self._check_depth(mark, path, 1)
             self._anchors[event.anchor] = None
+            self._flow += bool(event.flow_style)
             node = (self._mapping if isinstance(event, MappingStartEvent) else self._list)(mark, path)
+            self._flow -= bool(event.flow_style)
         self._anchors[event.anchor] = node
         return node
+
+    def _mark(self, event: Event) -> Mark:
+        return self._mended.original(_mark(event.start_mark))
 
     def _stop(self, mark: Mark, message: str) -> _Stop:
         return _Stop(Problem(self._file, *mark, message))
@@ -244,10 +270,12 @@ class _Reader:
         self._check_depth(mark, path, node.height)
         return node
 
-    def _scalar(self, event: ScalarEvent, mark: Mark) -> _Node:
+    def _scalar(self, event: ScalarEvent, mark: Mark, path: Path) -> _Node:
         text: str = event.value
         node = _Node(mark, text, text)
         if event.style is None:
+            if not path and _KEY_IN_TEXT.match(text):
+                raise Trouble(_mark(event.start_mark), "is not YAML: a text, expected keys", (1, 1))
             try:
                 node.scalar = _resolve(text)
             except ValueError as error:
@@ -255,6 +283,24 @@ class _Reader:
         elif event.style == "|":
             node.block = self._block(event.start_mark.line + 1, text)
         return node
+
+    def _parted(self, key: _Node, value: _Node, before: dict[str, tuple[Mark, _Node]]) -> tuple[_Node, _Node]:
+        """Key and value of what stands in braces as a key without a value; its mistake is reported."""
+        text = key.text or ""
+        if found := _GLUED.fullmatch(text):
+            name, sign, rest = found.groups()
+            what = "no blank after its colon" if sign == ":" else f"{describe(sign)} for a colon and a blank"
+            mark = (key.mark[0], key.mark[1] + found.start(2))
+            self._complain(mark, f"{name} has {what}; write {name}: {shorten(rest)}")
+            return _Node(key.mark, name, name), _Node(key.mark, rest, _resolve(rest))
+        last, (mark, number) = next(reversed(before.items()), ("", (key.mark, value)))
+        if text[:1].isdigit() and (number.text or "").isdigit():
+            comma, dot = f"{number.text},{text}", f"{number.text}.{text}"
+            if re.match(r"\d{3}$", text):
+                dot = f"{number.text}{text}"
+            self._complain(number.mark, f"{last} is {comma}, whose comma begins another key; write {dot}")
+            return _Node(mark, last, last), _Node(number.mark, dot, _resolve(dot))
+        return key, value
 
     def _block(self, line: int, text: str) -> tuple[int, int] | None:
         """First line (from 1) and indentation of a text whose lines begin at ``line`` (from 0)."""
@@ -279,17 +325,23 @@ class _Reader:
             key = self._node(event, (*path, ""))
             if key.text is None:
                 self._complain(key.mark, "a key must be text, not a list or mapping")
+            plain = getattr(event, "style", "") is None
             node = self._node(next(self._events), (*path, key.text or ""))
             if node.text == "":
                 node.mark = key.mark  # of nothing, the parser's position is that of whatever comes next
-            if key.text == "<<" and getattr(event, "style", "") is None:
+                if self._flow and plain:
+                    key, node = self._parted(key, node, entries)
+            if key.text == "<<" and plain:
                 sources = [node] if node.items is None else node.items
                 if any(source.entries is None for source in sources):
                     self._complain(node.mark, "<< takes a mapping or a list of mappings")
                 merged += sources
-            elif key.text in entries:
+            elif key.text in entries and entries[key.text][0] != key.mark:
                 name = SourceMap(self._file).short_name((*path, key.text))
-                self._complain(key.mark, f"{name} is given twice, first in line {entries[key.text][0][0]}")
+                message = f"{name} is given twice, first in line {entries[key.text][0][0]}"
+                if not self._flow and path and isinstance(path[-1], int) and key.text == next(iter(entries)):
+                    raise Trouble(_mark(event.start_mark), message, _mark(event.start_mark))
+                self._complain(key.mark, message)
             elif key.text is not None:
                 entries[key.text] = (key.mark, node)
         for source in merged:

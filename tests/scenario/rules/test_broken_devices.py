@@ -57,7 +57,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "key": (
         spoilt((DRIVE, "{name: drive, model: stepper, bus: line, coils: {1: 1}}")),
         [
-            "x.yaml:24:46: coils is not a key here; allowed are name, model, bus, baud, format, station, mode, delay, jitter, registers, steps, switches, …"
+            "x.yaml:24:46: coils is not a key here; allowed are name, model, bus, baud, format, station, mode, delay, jitter, registers, steps, switches, profile"
         ],
     ),
     "register": (
@@ -272,7 +272,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "x.yaml:29:26: station is press1.COM5, which is not on line; did you mean press1.COM3?",
             "x.yaml:30:26: station is press1.COM6, which is on no bus; did you mean press1.COM5?",
             "x.yaml:31:26: station is reader, which is not on line; allowed are press1.COM3, press2.COM3, drive",
-            "x.yaml:33:26: station is 'a b', expected the name of a PLC, a port such as press1.COM3, or a device",
+            "x.yaml:33:26: station is 'a b', expected the name of a PLC, a port such as press1.COM3, or a device; did you mean a_b?",
         ],
     ),
     "power": (
@@ -354,7 +354,12 @@ def test_the_message_says_what_where_and_what_is_allowed(text: str, expected: li
 
 def test_devices_that_are_no_list() -> None:
     text = PORTS[: PORTS.index("devices:")] + "devices: {}\n"
-    assert mistakes(text) == ["x.yaml:23:10: devices is a mapping, expected a list"]
+    assert mistakes(text) == [
+        (
+            "x.yaml:23:10: devices is a mapping, expected a list, each entry with a dash: "
+            "- {name: feeder1, model: stepper, bus: feeder, station: 1}"
+        )
+    ]
 
 
 def test_too_many_devices() -> None:

@@ -41,7 +41,9 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "noise mapping": (
         added("noise: {bus: link}\n"),
-        ["x.yaml:12:8: noise is a mapping, expected a list"],
+        [
+            "x.yaml:12:8: noise is a mapping, expected a list, each entry with a dash: - {bus: link, ber: 1.0e-6}"
+        ],
     ),
     "burst": (
         added("noise:\n  - {bus: link, burst: {good: 1 s, bad: 0 s}}\n"),
@@ -60,7 +62,9 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "fault unknown": (
         added("faults:\n  - {at: 1 s, power_of: press2}\n"),
-        ["x.yaml:13:15: power_of is not a key here; did you mean power_off?"],
+        [
+            "x.yaml:13:15: power_of is not a key here; allowed are name, at, for, count, power_off, stop, drop_reply, slow, jabber, cable_cut, wrong_format, clock_ppm, …; did you mean power_off?"
+        ],
     ),
     "fault none": (
         added("faults:\n  - {at: 1 s}\n"),
@@ -129,7 +133,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "flip4": (
         added("faults:\n  - {flip_bits: {station: press2, bits: 5, frame: dta}}\n"),
         [
-            "x.yaml:13:41: flip_bits.bits is 5, expected a list",
+            "x.yaml:13:41: flip_bits.bits is 5, expected a list in brackets",
             "x.yaml:13:51: flip_bits.frame is 'dta', allowed data, poll, parameters, request, response; did you mean data?",
         ],
     ),
@@ -158,7 +162,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "power_on no map": (
         added("faults:\n  - {power_on: press2}\n"),
-        ["x.yaml:13:16: power_on is 'press2', expected a mapping"],
+        ["x.yaml:13:16: power_on is 'press2', expected a mapping such as {press2: 4 s}"],
     ),
     "fault no link": (
         added("  - {name: press4}\nfaults:\n  - {drop_reply: press4}\n"),

@@ -23,7 +23,9 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "duration unknown unit": (
         changed("duration: 10 s", "duration: 10 sec"),
-        ["x.yaml:3:11: duration has the unit 'sec'; allowed are ns, us, ms, s, min, h, d, y"],
+        [
+            "x.yaml:3:11: duration has the unit 'sec'; allowed are ns, us, ms, s, min, h, d, y; did you mean s?"
+        ],
     ),
     "duration word": (
         changed("duration: 10 s", "duration: soon"),
@@ -75,15 +77,21 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "unknown top key": (
         added("noises: []\n"),
-        ["x.yaml:12:1: noises is not a key here; did you mean noise?"],
+        [
+            "x.yaml:12:1: noises is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency; did you mean noise?"
+        ],
     ),
     "unknown nn key": (
         changed("slaves: 2", "slave: 2"),
-        ["x.yaml:9:45: nn.slave is not a key here; did you mean slaves?"],
+        [
+            "x.yaml:9:45: nn.slave is not a key here; allowed are bus, port, station, slaves, mode, retries, timeout; did you mean slaves?"
+        ],
     ),
     "unknown plc key": (
         changed("scan: 8 ms", "scann: 8 ms"),
-        ["x.yaml:8:5: scann is not a key here; did you mean scan?"],
+        [
+            "x.yaml:8:5: scann is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs; did you mean scan?"
+        ],
     ),
     "duplicate name": (
         changed("name: press3", "name: press2"),
@@ -139,7 +147,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "nn word": (
         changed("nn: true", "nn: yes"),
-        ["x.yaml:5:22: nn is 'yes', allowed true, false"],
+        ["x.yaml:5:22: nn is 'yes', allowed true, false; did you mean true?"],
     ),
     "port COM5": (
         changed("port: COM4, station: 1", "port: COM5, station: 1"),
@@ -155,7 +163,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "station text": (
         changed("station: 2", 'station: "2"'),
-        ["x.yaml:11:69: nn.station is '2', expected a whole number 0..7"],
+        ["x.yaml:11:69: nn.station is '2', expected a whole number 0..7; did you mean 2?"],
     ),
     "slaves 0": (
         changed("slaves: 2", "slaves: 0"),
@@ -175,7 +183,9 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "profile override": (
         changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, turnarround: 1 ms}"),
-        ["x.yaml:9:27: profile.turnarround is not a key here; did you mean turnaround?"],
+        [
+            "x.yaml:9:27: profile.turnarround is not a key here; allowed are base, master_gap, turnaround, scan_overhead, attempts, absent_station, error_count, reply, link_scan_unit, scan_factor, default_timeout, timeout_range, …; did you mean turnaround?"
+        ],
     ),
     "profile attempts": (
         changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, attempts: retries+2}"),
@@ -196,12 +206,12 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "x.yaml:9:62: profile.rtu_gaps.inner is 4, more than what ends a frame (3.5)",
             "x.yaml:9:77: profile.ascii_gap is 1 us, allowed 1 ms..60 s",
             "x.yaml:9:98: profile.slave_backlog is 101, allowed 0..100",
-            "x.yaml:9:116: profile.begun_holds is 1, allowed true, false",
+            "x.yaml:9:116: profile.begun_holds is 1, allowed true, false; did you mean true?",
             (
                 "x.yaml:9:146: profile.instruction_times.basic is 80, a time without a unit; "
                 "write one of ns, us, ms, s, min, h, d, y, such as 80 ms"
             ),
-            "x.yaml:9:150: profile.instruction_times.MOV is not a key here; did you mean move?",
+            "x.yaml:9:150: profile.instruction_times.MOV is not a key here; allowed are basic, timer, comparison, idle, move, arithmetic, block, each, serial, wide, others; did you mean move?",
             "x.yaml:9:169: profile.instruction_times.others names 'MOVE', no instruction; did you mean MOV?",
         ],
     ),

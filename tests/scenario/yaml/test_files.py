@@ -37,11 +37,11 @@ def test_a_good_file(tmp_path: Path) -> None:
         (b"\xff\xfea\x00:\x00", "FILE:1:1: is UTF-16 text; save the file as UTF-8"),
         (
             "schema: 1\nname: Förderband\n".encode("latin-1"),
-            "FILE:2:8: the byte 0xF6 is not UTF-8 text; is this a scenario file, saved as UTF-8?",
+            "FILE:2:8: the byte 0xF6 is not UTF-8 text; save the file as UTF-8 (is it in GBK, Big5, Shift-JIS or Latin-1?)",
         ),
         (
             b"\x89PNG\r\n\x1a\n",
-            "FILE:1:1: the byte 0x89 is not UTF-8 text; is this a scenario file, saved as UTF-8?",
+            "FILE:1:1: the byte 0x89 is not UTF-8 text; save the file as UTF-8 (is it in GBK, Big5, Shift-JIS or Latin-1?)",
         ),
         (b"# " + b"x" * (1 << 20), "FILE: is larger than 512 KiB, too much for a scenario"),
         (b"[" * 500_000, "FILE:1:31: nested deeper than 30 levels"),
