@@ -2,7 +2,7 @@
 
 Closed families are the enumerations of bussim and the unions of its classes that a module names. A
 ``match`` or a chain of ``if`` over two or more of their members, also one of early returns, ends in
-``assert_never`` or ``raise``; a table of them has all. Where the remaining kinds are really alike the place
+``assert_never`` or ``raise``; a table of them has all. Where the remaining kinds are really alike the index
 stands in ``ALIKE``. What a profile leaves open is decided beside its enumeration, nowhere else.
 """
 
@@ -157,22 +157,22 @@ class Choices(ast.NodeVisitor):
 
     def block(self, statements: list[ast.stmt]) -> None:
         """Check each chain that begins in a block, early returns one after the other as one chain."""
-        place = 0
-        while place < len(statements):
-            statement = statements[place]
-            place += 1
+        index = 0
+        while index < len(statements):
+            statement = statements[index]
+            index += 1
             if isinstance(statement, ast.Match):
                 last = statement.cases[-1]
                 branches = [self.pattern(case.pattern) for case in statement.cases]
                 self.check(branches, [] if branches[-1] else last.body, statement.lineno)
             elif isinstance(statement, ast.If) and statement not in self._parts:
                 found, end = self.chain(statement)
-                while not end and leaves(statement) and place < len(statements):
-                    following = statements[place]
+                while not end and leaves(statement) and index < len(statements):
+                    following = statements[index]
                     if not isinstance(following, ast.If) or refuses([following]):
                         end = [following]
                         break
-                    statement, place = following, place + 1
+                    statement, index = following, index + 1
                     more, end = self.chain(statement)
                     found += more
                 for subject in {subject for subject, kinds in found if kinds}:

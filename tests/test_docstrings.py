@@ -75,8 +75,8 @@ def has(owner: object, name: str) -> bool:
 
 def leads_somewhere(owner: object, path: list[str]) -> bool:
     """Whether names, one in the other, begin at a module or class."""
-    for place, name in enumerate(path):
-        if place == len(path) - 1:
+    for index, name in enumerate(path):
+        if index == len(path) - 1:
             return has(owner, name)
         if not hasattr(owner, name):
             return False
@@ -163,8 +163,8 @@ def test_examples_call_what_there_is() -> None:
         for name in unknown_calls(text, known)
     }
     assert wrong == set()
-    example = "Serve.\n\n::\n\n    with Session(places(1)) as it:\n        it.run()\n"
-    assert unknown_calls(example, {"Session"}) == {"places"}
+    example = "Serve.\n\n::\n\n    with Session(targets(1)) as it:\n        it.run()\n"
+    assert unknown_calls(example, {"Session"}) == {"targets"}
 
 
 def test_references_that_lead_nowhere_are_found() -> None:

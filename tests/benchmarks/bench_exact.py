@@ -1,4 +1,4 @@
-"""Speed of the exact solver. Prints figures and judges nothing: ``python -m tests.benchmarks.bench_exact``.
+"""Speed of the exact solver. Prints figures and asserts nothing: ``python -m tests.benchmarks.bench_exact``.
 
 The ratio to simulating is against a bare SimPy loop of the same exchanges in the same process (one
 re-armed event an exchange, one random draw), the least that any simulation of the link could take.

@@ -27,17 +27,17 @@ def main() -> None:
     """Write a trace, read it back and export it in every format."""
     rtu = [each for one in exchanges(200) for each in one.frames]
     frames = sorted([*link_frames(_FRAMES - len(rtu), damage=0.1), *rtu], key=lambda each: each.end)
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        with (place / TRACE).open("w", encoding="utf-8", newline="\n") as file:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with (folder / TRACE).open("w", encoding="utf-8", newline="\n") as file:
             writer = TraceWriter(file, trace(buses=(LINK, OVEN)).header)
             for frame in frames:
                 writer.write(frame)
         for to, form in FORMATS.items():
             begun = time.process_time()
-            export_trace(read_trace(place), place / f"out{form.ending}", to)
+            export_trace(read_trace(folder), folder / f"out{form.ending}", to)
             taken = time.process_time() - begun
-            size = (place / f"out{form.ending}").stat().st_size
+            size = (folder / f"out{form.ending}").stat().st_size
             print(f"{to:<9} {len(frames):>6,} frames {taken:6.2f} s {size / 1e3:9,.0f} kB")
 
 

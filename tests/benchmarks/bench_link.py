@@ -5,7 +5,7 @@
     python tests/benchmarks/bench_link.py --long       # also memory: 1 minute against 10 hours
 
 Eight stations in mode 2, one reply in a thousand lost, no trace and no rows, shared words that change
-once a second. The bare loop does the same number of exchanges (a poll with its answer, or the master's
+once a second. The bare loop does the same number of exchanges (a poll with its reply, or the master's
 data frame: eight a link scan) in the same process: one re-armed event each, a random draw, nothing
 else. Both run in short slices that take turns, so that whatever else the machine does hits both alike;
 the result is the median of the slices' ratios. Nothing is asserted: a time is no test's verdict.

@@ -167,7 +167,7 @@ def measure(lines: list[str], rounds: int) -> tuple[float, float, float]:
     return statistics.median(alone), statistics.median(with_program), statistics.median(ratios)
 
 
-class Nobody(Collector):
+class Unrecorded(Collector):
     """A sink that keeps next to nothing."""
 
     def take(self, record: Record) -> None:
@@ -195,7 +195,7 @@ def simulation(program: Program | None, *, observed: bool) -> Callable[[], float
 
     def run() -> float:
         begun = time.process_time()
-        simulate(scenario, Nobody())
+        simulate(scenario, Unrecorded())
         return (time.process_time() - begun) * 1e3
 
     return run

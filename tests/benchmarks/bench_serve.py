@@ -1,4 +1,4 @@
-"""How fast a served Modbus slave answers on a pseudo-terminal, and how often.
+"""How fast a served Modbus slave responds on a pseudo-terminal, and how often.
 
     python tests/benchmarks/bench_serve.py [SECONDS]
 
@@ -42,11 +42,11 @@ devices:
 """
 #: Milliseconds of silence that end a request.
 SILENCES = {1: 4.5 * 10 / 115.2, 2: 1.75}
-ANSWER = 25
+RESPONSE = 25
 
 
 def measure(device: str, station: int, seconds: float) -> list[float]:
-    """Milliseconds from each request to the whole answer."""
+    """Milliseconds from each request to the whole response."""
     request = encode_adu(Mode.RTU, station, bytes((3, 0, 0, 0, 10))).chars
     handle = os.open(device, os.O_RDWR | os.O_NOCTTY)
     tty.setraw(handle)
@@ -55,12 +55,12 @@ def measure(device: str, station: int, seconds: float) -> list[float]:
     while time.perf_counter() < until:
         begun = time.perf_counter()
         os.write(handle, request)
-        answer = b""
-        while len(answer) < ANSWER:
+        response = b""
+        while len(response) < RESPONSE:
             ready, _, _ = select.select((handle,), (), (), 2.0)
             if not ready:
-                raise SystemExit(f"no answer to request {len(times)}: {answer.hex()}")
-            answer += os.read(handle, 256)
+                raise SystemExit(f"no response to request {len(times)}: {response.hex()}")
+            response += os.read(handle, 256)
         times.append((time.perf_counter() - begun) * 1000)
     os.close(handle)
     return times

@@ -1,4 +1,4 @@
-"""A served Modbus slave on a pseudo-terminal: transactions a second, and its answer beyond the silence.
+"""A served Modbus slave on a pseudo-terminal: transactions a second, and its response beyond the silence.
 
     python tests/benchmarks/bench_slave.py [transactions]
 
@@ -20,7 +20,7 @@ from bussim.live.served import ServedSlave
 
 SILENCE = 1.75e-3
 REQUEST = encode_adu(Mode.RTU, 1, bytes((3, 0, 0, 0, 10))).chars
-ANSWER = 25
+RESPONSE = 25
 
 
 def main(count: int) -> int:
@@ -33,9 +33,9 @@ def main(count: int) -> int:
             asked = time.perf_counter()
             os.write(end, REQUEST)
             got = 0
-            while got < ANSWER:
+            while got < RESPONSE:
                 if not select.select((end,), (), (), 5)[0]:
-                    print("no answer within 5 s")
+                    print("no response within 5 s")
                     return 1
                 got += len(os.read(end, 256))
             times.append(time.perf_counter() - asked)
@@ -44,7 +44,7 @@ def main(count: int) -> int:
     rate, beyond = count / total, statistics.median(times) - SILENCE
     p99 = sorted(times)[count * 99 // 100] - SILENCE
     print(f"{rate:.0f} transactions a second (bar: 300)")
-    print(f"answer {1000 * beyond:.3f} ms beyond the silence, median (bar: 1 ms); p99 {1000 * p99:.3f} ms")
+    print(f"response {1000 * beyond:.3f} ms beyond the silence, median (bar: 1 ms); p99 {1000 * p99:.3f} ms")
     return 0 if rate >= 300 and beyond < 1e-3 else 1
 
 

@@ -48,7 +48,7 @@ def test_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == "mine.yaml: ok: two stations: 2 PLCs, 1 N:N link, 60 s, seed 1\n"
 
 
-def test_warnings_have_places_and_leave_the_exit_code_at_0(capsys: pytest.CaptureFixture[str]) -> None:
+def test_warnings_have_positions_and_leave_the_exit_code_at_0(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "bad_parameter"]) == 0
     printed = capsys.readouterr()
     assert printed.err == ""

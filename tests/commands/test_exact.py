@@ -115,7 +115,7 @@ def test_size_recommends_and_prints_the_lines_to_paste(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"size.json", "size_link.png", "size_link.svg"}
 
 
-def test_without_noise_the_ladder_is_shown_and_retries_remain() -> None:
+def test_without_noise_the_noise_levels_are_shown_and_retries_remain() -> None:
     found = link(size, "two_stations")
     assert found["assumed_noise"] == "ladder"
     assert found["recommended"]["attempts"] >= 3  # type: ignore[index]

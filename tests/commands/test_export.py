@@ -41,23 +41,23 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[in
 def test_a_file_is_written_to_the_run_and_said(
     runs: Path, capsys: pytest.CaptureFixture[str], fmt: str, name: str
 ) -> None:
-    place = runs / "traced" / name
+    target = runs / "traced" / name
     code, out, err = said(capsys, runs / "traced", "--to", fmt)
     assert (code, err) == (0, "")
-    assert out.splitlines()[0] == str(place)
-    assert place.stat().st_size > 1000
+    assert out.splitlines()[0] == str(target)
+    assert target.stat().st_size > 1000
     code, out, err = said(capsys, runs / "traced", "--to", fmt)
     assert (code, out) == (2, "")
-    assert f"{place} exists; choose another name with -o, or replace it with --force" in err
-    before = place.read_bytes()
+    assert f"{target} exists; choose another name with -o, or replace it with --force" in err
+    before = target.read_bytes()
     assert said(capsys, runs / "traced", "--to", fmt, "--force")[0] == 0
-    assert place.read_bytes() == before
+    assert target.read_bytes() == before
     assert not list((runs / "traced").glob("*.part"))
 
 
-def test_json_tells_what_was_written(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    place = tmp_path / "a.pcapng"
-    code, out, _ = said(capsys, runs / "traced", "--to", "pcapng", "--json", "-o", place, "--encap", "udp")
+def test_json_names_what_was_written(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "a.pcapng"
+    code, out, _ = said(capsys, runs / "traced", "--to", "pcapng", "--json", "-o", target, "--encap", "udp")
     found = json.loads(out)
     frames = list(read_trace(runs / "traced").of(FrameRecord))
     (hint,) = found.pop("open_with")
@@ -66,7 +66,7 @@ def test_json_tells_what_was_written(runs: Path, tmp_path: Path, capsys: pytest.
     assert "nn.lua" in hint
     assert found == {
         "schema": 1,
-        "file": str(place),
+        "file": str(target),
         "format": "pcapng",
         "frames": len(frames),
         "buses": ["link", "feeder", "oven"],
@@ -90,10 +90,10 @@ def test_one_bus_and_a_window_are_chosen(runs: Path, capsys: pytest.CaptureFixtu
 def test_a_trace_file_is_taken_for_its_folder(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = tmp_path / "a.vcd"
-    code, out, _ = said(capsys, runs / "traced" / "trace.jsonl", "--to", "vcd", "-o", place)
+    target = tmp_path / "a.vcd"
+    code, out, _ = said(capsys, runs / "traced" / "trace.jsonl", "--to", "vcd", "-o", target)
     assert code == 0
-    assert place.is_file()
+    assert target.is_file()
     assert "PulseView: decoder UART, lane link: 38400 7E1" in out
     assert out.count("stack Modbus on it") == 2  # on the feeder and on the oven, not on the link
 
@@ -155,7 +155,7 @@ def test_a_run_without_a_trace_says_how_to_get_one(
     assert "plain, traced" in err
 
 
-def test_a_damaged_trace_is_told_by_its_line(
+def test_a_damaged_trace_is_reported_by_its_line(
     tmp_path: Path, runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = (runs / "traced" / "trace.jsonl").read_text("utf-8").splitlines()

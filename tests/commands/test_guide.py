@@ -81,7 +81,7 @@ def test_a_topic_without_a_page_in_a_language_is_shown_in_english(
     assert capsys.readouterr().out.startswith("# Real wires\n")
 
 
-def test_a_wrong_topic_is_answered_with_the_nearest(pages: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_topic_names_the_nearest(pages: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del pages
     assert main(["guide", "sising"]) == 2
     assert "the guide has no topic 'sising'; did you mean sizing?" in capsys.readouterr().err

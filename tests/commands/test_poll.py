@@ -87,7 +87,7 @@ def test_writing(
 ) -> None:
     assert main(["poll", slave.device, *LINE, *options, "-a", "1,2", *values]) == 0
     for station in (1, 2):
-        found = [device(slave, station).get(space, 4 + place) for place in range(len(written))]
+        found = [device(slave, station).get(space, 4 + index) for index in range(len(written))]
         assert found == written
 
 
@@ -98,7 +98,7 @@ def test_negative_values_come_behind_dashes(slave: ServedSlave) -> None:
 
 
 @posix
-def test_a_broadcast_is_written_and_not_answered(slave: ServedSlave) -> None:
+def test_a_broadcast_is_written_without_a_response(slave: ServedSlave) -> None:
     assert main(["poll", slave.device, *LINE, "-a", "0", "77"]) == 0
     assert [device(slave, station).get(Space.HOLDING, 0) for station in (1, 2)] == [77, 77]
 
@@ -119,7 +119,7 @@ def test_failures_are_counted_and_retried(slave: ServedSlave, capsys: pytest.Cap
 
 
 @posix
-def test_nobody_there_is_exit_code_1(slave: ServedSlave, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_station_there_is_exit_code_1(slave: ServedSlave, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["poll", slave.device, *LINE, "-a", "9", "-1", "-o", "50 ms"]) == 1
     assert "no response in time" in capsys.readouterr().out
 

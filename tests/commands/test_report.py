@@ -72,7 +72,7 @@ def test_the_same_runs_give_the_same_bytes(
     assert texts[0] == texts[1]
 
 
-def test_without_a_trace_it_tells_how_to_get_a_timeline(
+def test_without_a_trace_it_says_how_to_get_a_timeline(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = page(capsys, runs / "plain", "-o", tmp_path / "a.html")
@@ -88,7 +88,7 @@ def test_a_timeline_that_is_too_much_for_the_page_is_left_to_its_command(
     assert f"draw it with bussim timeline {runs / 'traced'} --worst" in text
 
 
-def test_without_a_law_it_tells_why(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_law_it_says_why(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = page(capsys, runs / "twice", "-o", tmp_path / "a.html")
     assert "since no exact law holds:" in text
     assert "no link scan can take longer" not in text

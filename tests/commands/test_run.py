@@ -150,7 +150,7 @@ def test_mistakes_exit_with_2_and_write_nothing(
     assert names(here) == set()
 
 
-def test_a_place_that_cannot_be_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_cannot_be_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "file").write_text("x")
     assert main(["run", "--out", "file/o"]) == 2
     assert "cannot be written" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""``bussim size`` on lines whose right answers are known from a solver of their own."""
+"""``bussim size`` on lines whose right settings are known from a solver of their own."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_typing_in_a_little_noise_changes_nothing(noise: str) -> None:
     assert best["ride_through_ms"] >= 100  # type: ignore[index]
 
 
-def test_each_answer_says_what_more_noise_does_and_what_it_rests_on() -> None:
+def test_each_sizing_says_what_more_noise_does_and_what_it_rests_on() -> None:
     found = sized("electrical_noise")
     assert [margin["factor"] for margin in found["margins"]] == [1, 10, 100]  # type: ignore[attr-defined]
     once, ten, hundred = found["margins"]  # type: ignore[misc]

@@ -31,10 +31,10 @@ PATIENCE = 20.0
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a traced run, with an outage."""
-    place = tmp_path_factory.mktemp("runs") / "press"
+    folder = tmp_path_factory.mktemp("runs") / "press"
     with undrawn():
-        bussim.run(bussim.load("press_line", ["duration=12 s"]), out=place, trace=True)
-    return place
+        bussim.run(bussim.load("press_line", ["duration=12 s"]), out=folder, trace=True)
+    return folder
 
 
 def heard(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
@@ -72,16 +72,16 @@ def test_a_run_is_heard_as_it_was(run: Path, capsys: pytest.CaptureFixture[str])
 def test_what_is_recorded_is_a_run_that_others_read(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = tmp_path / "recorded"
-    first = heard(capsys, str(run), "--out", str(place))
-    assert (place / "link_scans.csv").read_bytes() == (run / "link_scans.csv").read_bytes()
-    assert not (place / "INCOMPLETE").exists()
-    again = heard(capsys, str(place))
+    folder = tmp_path / "recorded"
+    first = heard(capsys, str(run), "--out", str(folder))
+    assert (folder / "link_scans.csv").read_bytes() == (run / "link_scans.csv").read_bytes()
+    assert not (folder / "INCOMPLETE").exists()
+    again = heard(capsys, str(folder))
     for key in ("link", "exchanges", "frames", "characters"):
         assert again[key] == first[key], key
-    assert main(["plot", str(place)]) == 0
-    assert (place / "scan_time_link.png").is_file()
-    trace = read_trace(place)
+    assert main(["plot", str(folder)]) == 0
+    assert (folder / "scan_time_link.png").is_file()
+    trace = read_trace(folder)
     assert trace.header.exact
     assert trace.header.buses[0].stations == {"press1": 0, "press2": 1, "press3": 2}
     assert len(list(trace.of(ScanRecord))) == first["link"]["scans"]
@@ -206,12 +206,12 @@ def test_a_session_that_sigrok_wrote(run: Path, tmp_path: Path, capsys: pytest.C
 @posix
 def test_a_line_is_listened_to_and_recorded(tmp_path: Path) -> None:
     """Two programs on a wire, and sniff in between; then Ctrl-C."""
-    place = tmp_path / "recorded"
+    folder = tmp_path / "recorded"
     with ServedSlave(fmt=CharFormat(8, "N", 1)) as slave:
         link = tmp_path / "tap"
         command = [
             sys.executable, "-m", "bussim.cli", "sniff", f"pty:{link}", "--bridge", slave.device,
-            "--protocol", "modbus-rtu", "-b", "115200", "-P", "none", "--out", str(place), "--json",
+            "--protocol", "modbus-rtu", "-b", "115200", "-P", "none", "--out", str(folder), "--json",
         ]  # fmt: skip
         running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         until = time.monotonic() + PATIENCE
@@ -231,10 +231,10 @@ def test_a_line_is_listened_to_and_recorded(tmp_path: Path) -> None:
     assert found["damaged"] == 0
     assert not found["exact_times"]
     assert all(asked["outcomes"] == {"ok": 1} for asked in found["exchanges"].values())
-    trace = read_trace(place)
+    trace = read_trace(folder)
     assert not trace.header.exact
     assert len(list(trace.of(TransactionRecord))) == 20
-    assert not (place / "INCOMPLETE").exists()
+    assert not (folder / "INCOMPLETE").exists()
     assert not link.is_symlink()
 
 

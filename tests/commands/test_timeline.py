@@ -113,14 +113,14 @@ def test_what_cannot_be_drawn_is_said(
     message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    place = [] if "-o" in options else ["-o", "a.png"]
-    code, out, err = said(capsys, runs / "traced", *options, *place)
+    target = [] if "-o" in options else ["-o", "a.png"]
+    code, out, err = said(capsys, runs / "traced", *options, *target)
     assert (code, out) == (2, "")
     assert message in err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_without_a_trace_tells_how_to_get_one(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_without_a_trace_says_how_to_get_one(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = said(capsys, runs / "plain")
     assert code == 2
     assert f"{runs / 'plain'} has no trace to draw; get one with bussim run" in err

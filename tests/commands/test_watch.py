@@ -141,7 +141,7 @@ def test_bad_requests(words: list[str], message: str, capsys: pytest.CaptureFixt
     assert message in capsys.readouterr().err
 
 
-def test_exact_tells_the_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_exact_prints_the_bounds(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["exact", "interlock", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["latency"]["door-to-press1"]
     assert found["valid"]
@@ -155,7 +155,7 @@ def test_exact_tells_the_bounds(capsys: pytest.CaptureFixture[str]) -> None:
     assert "door-to-press1" in text
 
 
-def test_check_tells_the_steps(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_prints_the_steps(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "manual_programs"]) == 0
     text = capsys.readouterr().out
     assert "2 programs" in text

@@ -46,7 +46,7 @@ def test_the_scenario_is_whole_and_survives_being_written(alone: str) -> None:
         assert loads(ALONE + text) == found
 
 
-def test_its_run_tells_what_there_is(alone: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_its_run_shows_what_there_is(alone: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "run"
     assert main(["run", alone, "--out", str(folder), "--trace"]) == 0
     text = capsys.readouterr().out
@@ -80,7 +80,7 @@ def test_its_run_tells_what_there_is(alone: str, tmp_path: Path, capsys: pytest.
         assert reason in capsys.readouterr().err
 
 
-def test_exact_tells_its_latency_and_watch_its_devices(
+def test_exact_prints_its_latency_and_watch_its_devices(
     alone: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["exact", alone, "--json"]) == 0

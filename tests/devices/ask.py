@@ -44,5 +44,5 @@ def code(device: RegisterMap, request: Request, now: int = 0) -> int:
 
 
 def slave_config(port: DevicePort, mode: Mode, line: LineTiming) -> SlaveConfig:
-    """A model's slave engine, which answers by itself."""
+    """A model's slave engine, which responds by itself."""
     return SlaveConfig(port.framing(mode, line), port.delay)

@@ -1,4 +1,4 @@
-"""What every device promises: nothing raises, every answer fits a frame, asking changes nothing."""
+"""What every device promises: nothing raises, every response fits a frame, asking changes nothing."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ requests = st.one_of(
 
 @pytest.mark.parametrize("name", DEVICES)
 @given(script=st.lists(st.tuples(requests, st.integers(0, 20 * S)), max_size=15))
-def test_no_request_raises_and_every_answer_fits(name: str, script: list[tuple[Request, int]]) -> None:
+def test_no_request_raises_and_every_response_fits(name: str, script: list[tuple[Request, int]]) -> None:
     device, now = DEVICES[name](), 0
     for request, later in script:
         now += later
@@ -173,7 +173,7 @@ def play(script: list[tuple[int, Any]], ask: Callable[[Stepper, int, int], None]
 
 
 def step_by_step(device: Stepper, now: int, until: int) -> None:
-    """As a driver that follows the device's appointments."""
+    """As a driver that follows the device's deadlines."""
     while (at := next_change(device)) is not None and at <= until:
         assert at >= now
         now = at

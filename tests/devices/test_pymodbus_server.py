@@ -1,4 +1,4 @@
-"""Our slave against pymodbus's server: the same requests, one after the other, must get the same answers.
+"""Our slave against pymodbus's server: the same requests, one after the other, must get the same responses.
 
 Both keep what was written, so that a difference in memory shows in the reads that follow; requests beyond
 the map must be refused alike.
@@ -55,7 +55,7 @@ def somewhere(rng: random.Random) -> Request:
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_the_same_answers_to_the_same_requests(mode: Mode) -> None:
+def test_the_same_responses_to_the_same_requests(mode: Mode) -> None:
     rng = random.Random(f"server {mode}")
     framer, core = pymodbus_framer(mode, server=True), their_core()
     line = RTU_LINE if mode is Mode.RTU else ASCII_LINE
@@ -77,13 +77,13 @@ def test_the_same_answers_to_the_same_requests(mode: Mode) -> None:
             _, end = receive_by_character(slave, chars, at, line)
             if mode is Mode.RTU:
                 slave.line_idle(end + slave.quiet)
-            answer = slave.begin_transmit(end + slave.quiet)
-            at = end + 2 * slave.quiet + line.characters(len(answer.chars))
+            response = slave.begin_transmit(end + slave.quiet)
+            at = end + 2 * slave.quiet + line.characters(len(response.chars))
             slave.transmit_done(at - slave.quiet)
             while slave.poll() is not None:
                 pass
-            assert answer.chars == await theirs(chars), request
-            refused += answer.pdu[0] >> 7
+            assert response.chars == await theirs(chars), request
+            refused += response.pdu[0] >> 7
 
     asyncio.run(all_of_them())
     assert COUNT // 10 < refused < COUNT // 2

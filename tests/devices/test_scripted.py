@@ -118,7 +118,7 @@ def test_it_replies_to_the_given_bytes() -> None:
     assert not hints
     hints, end = receive(device, b"T\r", 3 * S)
     assert sent(device, 4 * S, now=3 * S) == [(end, b"ok")]
-    # What was answered does not count a second time.
+    # What has its reply does not count a second time.
     assert receive(device, b"\r", 5 * S)[0] == 0
 
 

@@ -33,7 +33,7 @@ OVERHEAD = 253_440  # 3.52 ms
 TIMEOUT_UNIT = 10 * MS
 POLL_TICKS, PARAMETERS_TICKS = 5 * CHAR, 14 * CHAR
 
-SCRIPT, HEAR, DEADLINES, SEND = range(4)
+SCRIPT, RECEPTION, DEADLINES, SEND = range(4)
 
 
 @dataclass(eq=False)
@@ -209,7 +209,7 @@ class Node:
         self._pieces = [(tx, now) for tx in self._wire.on_wire if tx.sender is not self]
         self.replan()
 
-    def hear(self, tx: Tx, *, whole: bool) -> None:
+    def receive(self, tx: Tx, *, whole: bool) -> None:
         """A transmission begins."""
         if tx.sender is self or self._sending is not None or not self.on:
             return
@@ -243,14 +243,14 @@ class Node:
             clip(low_intervals(tx.chars, NN_LINE, tx.start, self._wire.damage(tx, self)), since, tx.cut)
             for tx, since in self._pieces
         )
-        self._look()
+        self._next_edge()
 
-    def _look(self) -> None:
+    def _next_edge(self) -> None:
         self._plan += 1
         plan = self._plan
         self._next = self._uart.next_character(self._line, self._ready)
         if self._next is not None:
-            self._wire.at(max(self._next.end, self._wire.now), lambda: self._character(plan), HEAR)
+            self._wire.at(max(self._next.end, self._wire.now), lambda: self._character(plan), RECEPTION)
 
     def _character(self, plan: int) -> None:
         char = self._next
@@ -263,7 +263,7 @@ class Node:
         hints = engine.receive(rx, char.start, char.end)
         frame = engine.heard
         if self._sending is None and plan == self._plan:
-            self._look()
+            self._next_edge()
             if self._next is None:
                 self._pieces = [(tx, since) for tx, since in self._pieces if tx in self._wire.on_wire]
         self._received(hints, char.end, frame)
@@ -276,7 +276,7 @@ class Node:
         if self._half:
             self._heard += 1
             heard = self._heard
-            self._wire.at(max(self._wire.now, end + QUIET), lambda: self._quiet(heard), HEAR)
+            self._wire.at(max(self._wire.now, end + QUIET), lambda: self._quiet(heard), RECEPTION)
         self._after(hints, end)
 
     def _quiet(self, heard: int) -> None:
@@ -339,8 +339,8 @@ class Wire:
         for node in self.nodes:
             if not quiet:
                 node.receive_by_character()
-            node.hear(tx, whole=self.whole and quiet and tx.frame is not None)
-        self.at(tx.end, lambda: self._end(tx), HEAR)
+            node.receive(tx, whole=self.whole and quiet and tx.frame is not None)
+        self.at(tx.end, lambda: self._end(tx), RECEPTION)
 
     def cut(self, tx: Tx, now: int) -> None:
         """A transmission ends in the middle."""
@@ -354,7 +354,7 @@ class Wire:
         if tx.cut is not None:
             return
         self.on_wire.remove(tx)
-        # Everybody hears the end of it before anybody acts on it.
+        # All nodes hear the end of it before one acts on it.
         for node in self.nodes:
             node.ended(tx, self.now)
         if tx.sender is not None:

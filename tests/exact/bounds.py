@@ -27,7 +27,7 @@ def kolmogorov(distribution: Distribution, sample: Sequence[float]) -> float:
     return float(math.sqrt(n) * max(np.abs(right - seen).max(), np.abs(left - before).max()))
 
 
-def off_by(count: int, tries: int, probability: float, clumping: float = 1.0) -> float:
-    """How many standard deviations a count lies from its mean; ``clumping`` multiplies its variance."""
-    variance = tries * probability * (1 - probability) * clumping
+def off_by(count: int, tries: int, probability: float, overdispersion: float = 1.0) -> float:
+    """How many standard deviations a count lies from its mean; ``overdispersion`` multiplies its variance."""
+    variance = tries * probability * (1 - probability) * overdispersion
     return abs(count - tries * probability) / math.sqrt(variance + 1e-12)

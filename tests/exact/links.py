@@ -52,18 +52,18 @@ def with_burst(
     bad: float,
     ber_good: float,
     ber_bad: float,
-    place: str = "bus",
+    part: str = "bus",
     station: int | None = None,
 ) -> LinkModel:
     """The same link with a burst noise more; sojourns in ms."""
     chains = (*model.noise.chains, (good * MS, bad * MS))
-    source = NoiseSource(place, station, ber_good, ber_bad, chain=len(chains) - 1)
+    source = NoiseSource(part, station, ber_good, ber_bad, chain=len(chains) - 1)
     return replace(model, noise=LineNoise((*model.noise.sources, source), chains))
 
 
-def with_noise(model: LinkModel, place: str, station: int | None, ber: float) -> LinkModel:
+def with_noise(model: LinkModel, part: str, station: int | None, ber: float) -> LinkModel:
     """The same link with independent bit errors more."""
-    source = NoiseSource(place, station, ber)
+    source = NoiseSource(part, station, ber)
     return replace(model, noise=replace(model.noise, sources=(*model.noise.sources, source)))
 
 

@@ -29,8 +29,8 @@ class Chain:
         """The state at a tick and when it ends."""
         while self.ends[-1] <= tick:
             self._more()
-        place = bisect_right(self.ends, tick)
-        return (self.first + place) & 1, self.ends[place]
+        index = bisect_right(self.ends, tick)
+        return (self.first + index) & 1, self.ends[index]
 
 
 @dataclass
@@ -83,7 +83,7 @@ class Player:
             s for s in self.model.noise.sources if s.part == "bus" or (s.part == "tx" and s.station == sender)
         )
 
-    def _ear(self, receiver: int) -> tuple[NoiseSource, ...]:
+    def _receiver(self, receiver: int) -> tuple[NoiseSource, ...]:
         return tuple(s for s in self.model.noise.sources if s.part == "rx" and s.station == receiver)
 
     def _turnaround(self, station: Station) -> float:
@@ -107,7 +107,7 @@ class Player:
         self.now += model.poll
         deadline = self.now + model.timeout
         bits = model.poll_bits
-        polled = self._first_hit(self._wire(0) + self._ear(station.number), start, bits) == bits
+        polled = self._first_hit(self._wire(0) + self._receiver(station.number), start, bits) == bits
         if not station.alive or not polled or self.rng.random() < station.loss:
             self.now = deadline
             return False
@@ -117,10 +117,10 @@ class Player:
         wire = self._first_hit(self._wire(station.number), start, bits)
         for receiver in self.receivers:
             if receiver not in (0, station.number):
-                own = self._first_hit(self._ear(receiver), start, bits)
+                own = self._first_hit(self._receiver(receiver), start, bits)
                 if min(wire, own) == bits:
                     self._refresh(station.number, receiver, end)
-        hit = min(wire, self._first_hit(self._ear(0), start, bits))
+        hit = min(wire, self._first_hit(self._receiver(0), start, bits))
         if hit == bits:
             self._refresh(station.number, 0, end)
             self.now = end
@@ -136,7 +136,8 @@ class Player:
         for receiver in self.receivers:
             if (
                 receiver
-                and min(wire, self._first_hit(self._ear(receiver), start, model.data_bits)) == model.data_bits
+                and min(wire, self._first_hit(self._receiver(receiver), start, model.data_bits))
+                == model.data_bits
             ):
                 self._refresh(0, receiver, self.now)
         for station in model.stations:

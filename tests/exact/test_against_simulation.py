@@ -154,11 +154,11 @@ def test_simulation_and_law_agree(name: str) -> None:
     assert kolmogorov(solved.distribution, scans[:: _thinned(data)]) < KOLMOGOROV
     assert totals.links[0].collisions == 0
     # Bursts and remembered flags put errors together, by at most so much.
-    clumping = 12.0 if "burst" in str(data) else 2.0 if "probe" in str(data) else 1.0
+    overdispersion = 12.0 if "burst" in str(data) else 2.0 if "probe" in str(data) else 1.0
     for station, fails in zip(model.stations, solved.fails, strict=True):
         if station.alive:
             errors = totals.links[0].station_errors[station.number]
-            assert off_by(errors, len(scans), fails.error, clumping) < SIGMAS
+            assert off_by(errors, len(scans), fails.error, overdispersion) < SIGMAS
     for (source, receiver), gap in gap_distributions(solved).items():
         sample = heard.gaps[source, receiver][3:]
         assert kolmogorov(gap.distribution, sample[:: _thinned(data)]) < KOLMOGOROV, (source, receiver)

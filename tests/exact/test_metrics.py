@@ -101,7 +101,7 @@ def test_no_number_where_there_is_no_law() -> None:
     assert figures.in_words()[0].startswith("no exact law: station 1 (p1): its longest reply takes")
 
 
-def test_a_link_on_which_nobody_lives() -> None:
+def test_a_link_without_a_live_station() -> None:
     form = figures_of(link(2).with_dead(1, 2)).to_json()
     assert form["valid"] is True
     assert form["false_errors_per_year"] == 0

@@ -35,7 +35,7 @@ def clean_stx(character: Sampled) -> bool:
 
 @pytest.mark.slow
 def test_a_header_where_there_was_none() -> None:
-    # Any single hit in the first character spoils it; in 1 % another STX is read further on.
+    # Any single hit in the first character damages it; in 1 % another STX is read further on.
     spurious = tries = 0
     for frame in frames(400, 1):
         for bit in range(10):
@@ -65,7 +65,7 @@ def test_where_a_torn_reply_seems_to_end() -> None:
 
 
 @pytest.mark.slow
-def test_every_single_hit_spoils_a_frame() -> None:
+def test_every_single_hit_damages_a_frame() -> None:
     for frame in frames(10, 3):
         sent = [(value, True, True) for value in frame.chars]
         for bit in range(10 * len(frame.chars)):

@@ -1,4 +1,4 @@
-"""Programs that nobody here wrote, and what they say."""
+"""Programs of other projects, and what they print."""
 
 from __future__ import annotations
 

@@ -135,10 +135,10 @@ def link_frames(count: int, seed: int = 1, *, mode: int = 2, damage: float = 0.0
 class Exchange:
     """A request and what came back (None: nothing, of a broadcast)."""
 
-    def __init__(self, request: Request, station: int, answer: bytes | None) -> None:
+    def __init__(self, request: Request, station: int, response: bytes | None) -> None:
         self.request = request
         self.station = station
-        self.answer = answer
+        self.response = response
         self.frames: list[FrameRecord] = []
 
 
@@ -153,18 +153,18 @@ def exchanges(count: int, seed: int = 1, *, mode: Mode = Mode.RTU, bus: TraceBus
     for number in range(count):
         request = _request(chance, number)
         station = 0 if request.function in (5, 6, 15, 16) and chance.random() < 0.2 else slave
-        answer: bytes | None = None
+        response: bytes | None = None
         if station:
             refused = chance.random() < 0.15
-            answer = (
+            response = (
                 encode_exception(request.function, chance.randint(1, 4))
                 if refused
-                else _answer(chance, request)
+                else _response(chance, request)
             )
-        each = Exchange(request, station, answer)
+        each = Exchange(request, station, response)
         sent = [(master, "request", encode_request(request))]
-        if answer is not None:
-            sent.append((server, "response", answer))
+        if response is not None:
+            sent.append((server, "response", response))
         for sender, kind, pdu in sent:
             chars = encode_adu(mode, station, pdu).chars
             one = frame(bus, now, sender, chars, kind=kind, station=station, protocol=protocol)
@@ -190,7 +190,7 @@ def _request(chance: random.Random, number: int) -> Request:
     return write_registers(address, [chance.randrange(65536) for _ in range(chance.randint(1, 9))])
 
 
-def _answer(chance: random.Random, request: Request) -> bytes:
+def _response(chance: random.Random, request: Request) -> bytes:
     values = request.values
     if request.function <= 2:
         values = tuple(chance.randrange(2) for _ in range(request.quantity))

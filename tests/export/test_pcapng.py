@@ -124,7 +124,7 @@ def test_a_quiet_bus_is_an_interface_too(tmp_path: Path) -> None:
     assert [(kind, said[2]) for kind, said in interfaces(path)] == [(148, b"link"), (147, b"feeder")]
 
 
-def test_udp_says_who_asks_and_who_answers(tmp_path: Path) -> None:
+def test_udp_names_the_master_and_the_slave(tmp_path: Path) -> None:
     done = exchanges(40, bus=FEEDER)
     frames = [each for one in done for each in one.frames]
     path = exported(
@@ -171,7 +171,7 @@ def test_a_long_remark_is_cut_to_what_the_format_takes(tmp_path: Path) -> None:
         ("udp", "-o mbrtu.udp.port:5020 -o mbrtu.crc_verification:TRUE"),
     ],
 )
-def test_what_wireshark_must_be_told(tmp_path: Path, encapsulation: str, expected: str) -> None:
+def test_the_options_that_wireshark_needs(tmp_path: Path, encapsulation: str, expected: str) -> None:
     frames = [each for one in exchanges(2) for each in one.frames] + link_frames(2)
     found = survey(Selection(trace(*frames, buses=(LINK, OVEN))))
     (hint,) = how_to_open(found, encapsulation)

@@ -94,7 +94,7 @@ def ticks(us: float) -> int:
 
 
 def events_of(path: Path) -> list[dict[str, Any]]:
-    """The events, after the format was judged; metadata first, the others by time."""
+    """The events, after the format was checked; metadata first, the others by time."""
     data = json.loads(path.read_text("utf-8"))
     Draft202012Validator(SCHEMA).validate(data)
     events: list[dict[str, Any]] = data["traceEvents"]

@@ -31,9 +31,9 @@ def test_a_recording_of_the_export_has_its_characters(
     source = open_recording(path, channels=(bus.name,))
     read = [char for chunk in source.chunks(Way(own, False, (bus.name,))) for char in chunk.chars]
     sent = [
-        (value, each.start + own.characters(place))
+        (value, each.start + own.characters(index))
         for each in frames
-        for place, value in enumerate(each.chars)
+        for index, value in enumerate(each.chars)
     ]
     assert [char.value for char, _, _ in read] == [value for value, _ in sent]
     assert all(char.parity_ok and char.stop_ok for char, _, _ in read)

@@ -20,7 +20,7 @@ def heard(*frames: FrameRecord, buses: tuple[TraceBus, ...] = (LINK,)) -> list[R
     return list(receive(in_order(selection.frames(), found.lateness), found))
 
 
-def told(one: Received, bus: TraceBus = LINK) -> str:
+def described(one: Received, bus: TraceBus = LINK) -> str:
     return "; ".join(remarks(one, timing(bus.baud, bus.format)))
 
 
@@ -29,7 +29,7 @@ def test_undamaged_frames_are_read_as_they_were_sent() -> None:
     found = heard(*frames)
     assert [each.frame for each in found] == frames
     assert [each.chars for each in found] == [each.chars for each in frames]
-    assert not any(each.wrong or each.over or told(each) for each in found)
+    assert not any(each.wrong or each.over or described(each) for each in found)
 
 
 @given(
@@ -44,22 +44,22 @@ def test_a_turned_data_bit_turns_one_bit_of_one_character(
     bus = TraceBus("b", BusProtocol.SERIAL, 9600, fmt, ("a",), {})
     mask = (1 << form.data_bits) - 1
     sent = bytes(value & mask for value in data)
-    place, bit = choose.randrange(len(sent)), choose.randrange(form.data_bits)
-    one = frame(bus, 1000, "a", sent, damaged=[place * form.bits + 1 + bit])
+    index, bit = choose.randrange(len(sent)), choose.randrange(form.data_bits)
+    one = frame(bus, 1000, "a", sent, damaged=[index * form.bits + 1 + bit])
     (found,) = heard(one, buses=(bus,))
     expected = bytearray(sent)
-    expected[place] ^= 1 << bit
+    expected[index] ^= 1 << bit
     assert found.chars == bytes(expected)
-    assert found.wrong == (() if form.parity == "N" else ((place, "parity"),))
-    assert f"bit {place * form.bits + 1 + bit} inverted on the wire" in told(found, bus)
-    assert f"sent was {sent.hex(' ').upper()}" in told(found, bus)
+    assert found.wrong == (() if form.parity == "N" else ((index, "parity"),))
+    assert f"bit {index * form.bits + 1 + bit} inverted on the wire" in described(found, bus)
+    assert f"sent was {sent.hex(' ').upper()}" in described(found, bus)
 
 
-def test_a_turned_parity_bit_leaves_the_value_and_is_told() -> None:
+def test_a_turned_parity_bit_leaves_the_value_and_is_reported() -> None:
     one = frame(LINK, 0, "press1", b"\x0511A2", damaged=[2 * 10 + 8])
     (found,) = heard(one)
     assert (found.chars, found.wrong) == (b"\x0511A2", ((2, "parity"),))
-    assert told(found) == "bit 28 inverted on the wire; parity error in character 3"
+    assert described(found) == "bit 28 inverted on the wire; parity error in character 3"
 
 
 def test_a_turned_stop_bit_is_a_framing_error() -> None:
@@ -78,11 +78,11 @@ def test_where_two_send_at_once_a_0_wins(one: int, other: int) -> None:
     assert (first.over, second.over) == (("press3",), ("press2",))
     levels = [CharFormat.parse("7E1").encode(value) for value in (one, other)]
     wire = [a & b for a, b in zip(*levels, strict=True)]
-    # What both sent lies in one place; it belongs to the one told last.
+    # What both sent lies in one place; it belongs to the one recorded last.
     assert first.chars == b""
     assert second.chars == bytes((one & other,))
     assert bool(second.wrong) is (sum(wire[1:9]) % 2 == 1)
-    assert "collided with press2" in told(second)
+    assert "collided with press2" in described(second)
 
 
 def test_a_late_collision_is_cut_where_the_second_begins() -> None:
@@ -97,7 +97,7 @@ def test_a_frame_that_is_cut_off_ends_there() -> None:
     one = frame(LINK, 0, "press1", b"ABCDEFGH", cut_to=3 * 18_750)
     (found,) = heard(one)
     assert found.chars == b"ABC"
-    assert "cut off after 3 of 8 characters" in told(found)
+    assert "cut off after 3 of 8 characters" in described(found)
 
 
 def test_another_format_is_read_as_a_receiver_of_the_bus_reads_it() -> None:
@@ -106,20 +106,20 @@ def test_another_format_is_read_as_a_receiver_of_the_bus_reads_it() -> None:
     # 8E1 has its parity bit where 8N1 has its stop bit: 01 has odd parity (1), 03 even (0).
     assert found.chars[0] == 0x01
     assert (1, "framing") in found.wrong
-    assert "sent at 9600 8E1, the bus has 9600 8N1" in told(found, FEEDER)
+    assert "sent at 9600 8E1, the bus has 9600 8N1" in described(found, FEEDER)
 
 
 def test_a_clock_within_what_a_uart_takes_makes_no_difference() -> None:
     one = frame(LINK, 0, "press1", b"0123456789ABCDEF" * 4, ppm=20_000.0)
     (found,) = heard(one)
-    assert (found.chars, told(found)) == (one.chars, "")
+    assert (found.chars, described(found)) == (one.chars, "")
 
 
-def test_damage_in_one_receiver_is_told_but_not_read() -> None:
+def test_damage_in_one_receiver_is_reported_but_not_read() -> None:
     one = frame(LINK, 0, "press1", b"\x0511A2", damaged_at={"press3": (11,)})
     (found,) = heard(one)
     assert (found.chars, found.wrong) == (one.chars, ())
-    assert told(found) == "bit 11 inverted at press3 only"
+    assert described(found) == "bit 11 inverted at press3 only"
 
 
 def test_buses_are_read_apart_and_come_out_in_order() -> None:

@@ -49,13 +49,13 @@ def test_uart_flags_the_damaged_parity_bits_where_they_are(tmp_path: Path, to: s
     frames: list[FrameRecord] = []
     hit: list[int] = []
     for one in link_frames(60):
-        places = sorted(chance.sample(range(len(one.chars)), min(2, len(one.chars))))
-        damaged = tuple(10 * place + chance.randint(1, 8) for place in places)  # data bits and parity bits
+        indices = sorted(chance.sample(range(len(one.chars)), min(2, len(one.chars))))
+        damaged = tuple(10 * index + chance.randint(1, 8) for index in indices)  # data bits and parity bits
         frames.append(one._replace(damaged_bits=damaged))
         bit = timing(38400, "7E1")
         hit += [
-            microseconds(one.start + (bit.bits(10 * place + 8) + bit.bits(10 * place + 9)) // 2)
-            for place in places
+            microseconds(one.start + (bit.bits(10 * index + 8) + bit.bits(10 * index + 9)) // 2)
+            for index in indices
         ]
     path = exported(trace(*frames), tmp_path / f"a.{to}", to)
     offset = microseconds(frames[0].start) if to == "vcd" else 0
@@ -65,8 +65,8 @@ def test_uart_flags_the_damaged_parity_bits_where_they_are(tmp_path: Path, to: s
     assert all(first <= at <= last for (first, last, _), at in zip(found, hit, strict=True)), offset
     flipped = b"".join(
         bytes(
-            value ^ sum(1 << bit % 10 - 1 for bit in each.damaged_bits if bit // 10 == place and bit % 10 < 8)
-            for place, value in enumerate(each.chars)
+            value ^ sum(1 << bit % 10 - 1 for bit in each.damaged_bits if bit // 10 == index and bit % 10 < 8)
+            for index, value in enumerate(each.chars)
         )
         for each in frames
     )
@@ -103,16 +103,16 @@ def test_modbus_gives_the_frames_of_the_bus(tmp_path: Path, to: str) -> None:
     done = exchanges(120, seed=9)
     frames = [each for one in done for each in one.frames]
     path = exported(trace(*frames, buses=(OVEN,)), tmp_path / f"a.{to}", to)
-    # The lanes of the transmitters tell the decoder who asks (TX) and who answers (RX).
+    # The lanes of the transmitters give the decoder the master (TX) and the slave (RX).
     lanes = "rx=oven1:tx=press2.COM5"
     requests = decoded(path, lanes, OVEN_UART, "cs")
     responses = decoded(path, lanes, OVEN_UART, "sc")
     assert len(requests) == len(done)
-    assert len(responses) == sum(one.answer is not None for one in done)
+    assert len(responses) == sum(one.response is not None for one in done)
     for one, said in zip(done, requests, strict=True):
         _check_request(one, said)
-    answered = [one for one in done if one.answer is not None]
-    for one, said in zip(answered, responses, strict=True):
+    with_response = [one for one in done if one.response is not None]
+    for one, said in zip(with_response, responses, strict=True):
         _check_response(one, said)
 
 
@@ -133,20 +133,20 @@ def _check_request(one: Exchange, said: list[str]) -> None:
 
 
 def _check_response(one: Exchange, said: list[str]) -> None:
-    assert one.answer is not None
+    assert one.response is not None
     text = "\n".join(said)
     assert said[0] == f"Slave ID: {one.station}"
     assert said[-1] == "CRC correct"
-    if one.answer[0] & 0x80:
-        assert str(one.answer[1]) in text
+    if one.response[0] & 0x80:
+        assert str(one.response[1]) in text
         return
     assert f"Function {one.request.function}:" in text
     if one.request.function in (3, 4):
         words = re.findall(r"^0x([0-9A-F]{4}) / \d+$", text, re.MULTILINE)
-        assert bytes.fromhex("".join(words)) == one.answer[2:]
+        assert bytes.fromhex("".join(words)) == one.response[2:]
     if one.request.function in (1, 2):
         assert [int(bits, 2) for bits in re.findall(r"^([01]{8})$", text, re.MULTILINE)] == list(
-            one.answer[2:]
+            one.response[2:]
         )
 
 
@@ -156,10 +156,10 @@ def test_modbus_says_which_frames_are_damaged(tmp_path: Path, to: str) -> None:
     frames = []
     damaged = []
     for number, one in enumerate(done):
-        request, *answer = one.frames
+        request, *response = one.frames
         hit = number % 3 == 0
         # The lanes of transmitters are free of noise: the bus's own lane is what is decoded here.
-        frames += [request._replace(damaged_bits=(bits_of(request) - 5,)) if hit else request, *answer]
+        frames += [request._replace(damaged_bits=(bits_of(request) - 5,)) if hit else request, *response]
         damaged.append(hit)
     path = exported(trace(*frames, buses=(FEEDER,)), tmp_path / f"a.{to}", to)
     uart = "baudrate=9600:data_bits=8:parity=none"

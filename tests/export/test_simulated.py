@@ -68,11 +68,11 @@ def flipped(one: FrameRecord) -> bytes | None:
     form = CharFormat.parse(one.format)
     chars = bytearray(one.chars)
     for bit in one.damaged_bits:
-        place, within = divmod(bit, form.bits)
+        index, within = divmod(bit, form.bits)
         if within == 0 or within == form.bits - 1:
             return None
         if within <= form.data_bits:
-            chars[place] ^= 1 << within - 1
+            chars[index] ^= 1 << within - 1
     return bytes(chars)
 
 
@@ -86,7 +86,7 @@ def crc(chars: bytes) -> int:
 
 
 @pytest.mark.parametrize("encapsulation", ["serial", "udp"])
-def test_tshark_reads_the_oven_and_judges_every_crc(run: Trace, tmp_path: Path, encapsulation: str) -> None:
+def test_tshark_reads_the_oven_and_checks_every_crc(run: Trace, tmp_path: Path, encapsulation: str) -> None:
     path = exported(run, tmp_path / "a.pcapng", "pcapng", encapsulation=encapsulation, bus="oven")
     udp = encapsulation == "udp"
     fields = ["mbrtu.unit_id", "mbrtu.crc16.status", "modbus.func_code", "modbus.exception_code"]
@@ -119,7 +119,7 @@ def test_tshark_reads_the_oven_and_judges_every_crc(run: Trace, tmp_path: Path, 
     assert exceptions > 10
 
 
-def test_the_dissector_reads_the_link_and_judges_every_sum(run: Trace, tmp_path: Path) -> None:
+def test_the_dissector_reads_the_link_and_checks_every_sum(run: Trace, tmp_path: Path) -> None:
     path = exported(run, tmp_path / "a.pcapng", "pcapng", bus="link")
     fields = ["nn.kind", "nn.station", "nn.counter", "nn.data", "nn.sum.status", "frame.comment"]
     rows = tshark(path, fields, ["-X", f"lua_script:{script('nn.lua')}"])
@@ -128,10 +128,10 @@ def test_the_dissector_reads_the_link_and_judges_every_sum(run: Trace, tmp_path:
         jabber += one.kind == "jabber"
         if one.kind == "jabber":
             continue
-        spoilt = bool(one.damaged_bits or one.collided or one.cut)
-        damaged += spoilt
-        assert bool(row["frame.comment"]) is spoilt
-        if spoilt:
+        changed = bool(one.damaged_bits or one.collided or one.cut)
+        damaged += changed
+        assert bool(row["frame.comment"]) is changed
+        if changed:
             continue
         clean += 1
         assert row["nn.kind"] == [one.kind]

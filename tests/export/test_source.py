@@ -32,19 +32,19 @@ def test_a_well_ordered_trace_is_not_held_back() -> None:
     ordered = in_order(frames, 0)
     first = next(ordered)
     assert first.counter == 0
-    assert len(list(frames)) == 8  # one was given, one more had been looked at
+    assert len(list(frames)) == 8  # one was given, one more had been read
 
 
-def test_the_survey_finds_who_speaks_what() -> None:
+def test_the_survey_finds_the_protocol_of_each_node() -> None:
     frames = [
         frame(FEEDER, 100, "press1.COM3", b"\x01", damaged_at={"feeder1": (3,)}),
-        frame(LINK, 50, "stranger", b"\x05"),
+        frame(LINK, 50, "unknown", b"\x05"),
         frame(FEEDER, 20_000, "feeder1", b"\x01", protocol="free"),
     ]
     found = survey(Selection(trace(*frames, buses=(LINK, FEEDER))))
     assert (found.frames, found.lateness) == (3, 50)
     assert found.end == frames[2].end
-    assert found.buses["link"].nodes == ["press1", "press2", "press3", "stranger"]
+    assert found.buses["link"].nodes == ["press1", "press2", "press3", "unknown"]
     assert found.buses["feeder"].protocols == ["modbus-rtu", "free"]
     assert found.buses["feeder"].receivers == ["feeder1"]
     assert found.buses["feeder"].stations == {"feeder1": 17}

@@ -85,7 +85,7 @@ def test_modbus_rtu_frames_are_those_of_the_trace(
     assert len(rows) == len(frames)
     by_frame = {id(each): one for one in rtu for each in one.frames}
     broadcasts = writes = 0
-    for place, (one, row) in enumerate(zip(frames, rows, strict=True)):
+    for index, (one, row) in enumerate(zip(frames, rows, strict=True)):
         seconds = one.start / TICKS_PER_SECOND
         assert float(row["frame.time_epoch"][0]) == pytest.approx(seconds, abs=1e-9)
         assert row["frame.interface_name"] == ["oven"]
@@ -119,7 +119,7 @@ def test_modbus_rtu_frames_are_those_of_the_trace(
             # UDP lets Wireshark find the request, which knows how many bits were asked for.
             bits = tuple(int(bit in ("1", "True")) for bit in row["modbus.bitval"])
             assert bits == unpack_bits(pdu[2:], done.request.quantity)
-            assert number(row["modbus.request_frame"]) == place
+            assert number(row["modbus.request_frame"]) == index
     if udp:
         assert broadcasts > 3
         assert writes > 20
@@ -231,7 +231,7 @@ def test_nn_frames_that_were_damaged_say_so(tmp_path: Path) -> None:
     good = bad = parity_only = 0
     for one, row in zip(heard_of(source), rows, strict=True):
         chars, status = one.chars, number(row["nn.sum.status"])
-        marked = {place for place, _ in one.wrong}
+        marked = {index for index, _ in one.wrong}
         assert number(row["nn.wrong"]) == (len(marked) or None)
         assert (row["frame.packet_flags_symbol_error"] in (["1"], ["True"])) is bool(one.wrong)
         assert bool(row["frame.comment"]) is bool(one.frame.damaged_bits)
@@ -318,7 +318,7 @@ def test_modbus_ascii_frames_that_were_damaged_say_so(tmp_path: Path) -> None:
     seen = set()
     for one, row in zip(heard_of(source), rows, strict=True):
         status = number(row["mbascii.lrc.status"])
-        assert number(row["mbascii.wrong"]) == (len({place for place, _ in one.wrong}) or None)
+        assert number(row["mbascii.wrong"]) == (len({index for index, _ in one.wrong}) or None)
         if status == GOOD:
             assert one.chars == one.frame.chars
         else:

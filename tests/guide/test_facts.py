@@ -124,14 +124,14 @@ def test_the_example_of_a_program_loads_and_its_signal_arrives() -> None:
 
 
 def test_the_instructions_are_those_of_the_catalog() -> None:
-    """Contacts that compare are told by three examples."""
+    """Contacts that compare are documented by three examples."""
     rows = re.findall(
         r"^\| (contacts|coils|words|bits|order|ports) \| (.*) \|$", page("programs"), re.MULTILINE
     )
-    told = {name for _, row in rows for part in re.findall(r"`([^`]*)`", row) for name in part.split()}
+    documented = {name for _, row in rows for part in re.findall(r"`([^`]*)`", row) for name in part.split()}
     compared = {name for name, spec in SPECS.items() if spec.group == "comparison"}
-    assert told - compared == set(SPECS) - compared
-    assert told & compared
+    assert documented - compared == set(SPECS) - compared
+    assert documented & compared
 
 
 def test_every_input_of_the_table_can_be_read(tmp_path: Path) -> None:
@@ -145,15 +145,15 @@ def test_every_input_of_the_table_can_be_read(tmp_path: Path) -> None:
     assert len(load(tmp_path / "x.yaml").plcs[0].inputs) == len(shown)
 
 
-def test_the_special_bits_that_are_left_out_are_told() -> None:
+def test_the_special_bits_that_are_left_out_are_documented() -> None:
     row = next(line for line in page("programs").split("\n") if line.startswith("| left out"))
-    told: set[int] = set()
+    documented: set[int] = set()
     for first, last in re.findall(r"M(8\d{3})(?:–M(8\d{3}))?", row):
-        told |= set(range(int(first), int(last or first) + 1))
-    assert told == set(SPECIAL_BITS)
+        documented |= set(range(int(first), int(last or first) + 1))
+    assert documented == set(SPECIAL_BITS)
 
 
-def test_the_keys_of_a_latency_are_told() -> None:
+def test_the_keys_of_a_latency_are_documented() -> None:
     keys = {info.alias or name for name, info in LatencyIn.model_fields.items()}
     assert keys == {
         key for row in table(page("programs"), "`latency:`") for key in re.findall(r"`(\w+)", row[0])
@@ -171,12 +171,12 @@ def test_the_keys_of_a_latency_are_told() -> None:
     ],
 )
 def test_the_scenario_reference_is_complete(heading: str, known: set[str]) -> None:
-    told = [key for row in table(page("scenario"), heading) for key in quoted(row[0])]
-    assert sorted(told) == sorted(known)
+    documented = [key for row in table(page("scenario"), heading) for key in quoted(row[0])]
+    assert sorted(documented) == sorted(known)
 
 
 @pytest.mark.parametrize("form", FORMS.values(), ids=lambda form: form.stem)
 def test_every_column_of_a_table_is_described(form: Any) -> None:
     rows = page("results").split(f"`{form.stem}.csv`:\n\n")[1].split("\n\n")[0].split("\n")[2:]
-    told = [name for row in rows for name in quoted(row.split("|")[1])]
-    assert sorted(told) == sorted(form.columns.kinds)
+    documented = [name for row in rows for name in quoted(row.split("|")[1])]
+    assert sorted(documented) == sorted(form.columns.kinds)

@@ -21,7 +21,7 @@ def test_a_character_is_start_data_parity_and_stop_bits(fmt: CharFormat) -> None
         assert len(bits) == fmt.bits
         assert bits[0] == 0
         data = bits[1 : 1 + fmt.data_bits]
-        assert sum(bit << place for place, bit in enumerate(data)) == value
+        assert sum(bit << index for index, bit in enumerate(data)) == value
         assert bits[-fmt.stop_bits :] == (1,) * fmt.stop_bits
         checked = bits[1 : len(bits) - fmt.stop_bits]
         if fmt.parity == "N":

@@ -77,7 +77,7 @@ def test_an_impulse_hits_the_bits_whose_centres_it_covers(
     seed=st.integers(0, 1000),
     bit=st.sampled_from([BIT, ODD_BIT]),
 )
-def test_a_burst_has_one_state_at_each_instant_whoever_asks(
+def test_a_burst_has_one_state_at_each_instant_for_all_queries(
     frames: list[tuple[int, int]], seed: int, bit: Fraction
 ) -> None:
     starts = np.cumsum([gap for gap, _ in frames]).tolist()
@@ -177,15 +177,15 @@ def test_every_bit_has_its_own_probability_and_no_memory(rate: ErrorRate, bits: 
     # Whole frames: binomial with the exact probability.
     chance = hit_probability(rate.runs(0, bits, BIT))
     assert abs(hits.any(axis=1).sum() - frames * chance) < SIGMAS * sqrt(frames * chance * (1 - chance))
-    # Each place: binomial; the largest of so many deviations is allowed a little more.
+    # Each bit: binomial; the largest of so many deviations is allowed a little more.
     counts = hits.sum(axis=0)
     sd = np.sqrt(frames * chances * (1 - chances))
     assert (counts[chances == 0] == 0).all()
-    places = chances > 0
-    assert (np.abs(counts - frames * chances)[places] / sd[places]).max() < SIGMAS + 1
-    # All of them together: the sum of squares has as many degrees of freedom as there are places.
-    squares = (((counts - frames * chances)[places] / sd[places]) ** 2).sum()
-    free = int(places.sum())
+    possible = chances > 0
+    assert (np.abs(counts - frames * chances)[possible] / sd[possible]).max() < SIGMAS + 1
+    # All of them together: the sum of squares has as many degrees of freedom as there are possible bits.
+    squares = (((counts - frames * chances)[possible] / sd[possible]) ** 2).sum()
+    free = int(possible.sum())
     assert abs(squares - free) < SIGMAS * sqrt(2 * free)
     # Independence: the number of errors in a frame has the variance of independent bits.
     errors = hits.sum(axis=1)
@@ -203,7 +203,7 @@ def test_never_and_always(rate: float) -> None:
         assert noise.inverted(0, 30, BIT, "k") == (tuple(range(30)) if rate else ())
 
 
-def test_each_key_and_each_noise_has_its_own_luck() -> None:
+def test_each_key_and_each_noise_has_its_own_random_stream() -> None:
     def draws(noise: BitNoise, keys: str) -> dict[str, list[tuple[int, ...]]]:
         found: dict[str, list[tuple[int, ...]]] = {}
         for key in keys:

@@ -116,7 +116,7 @@ def test_formats_that_differ_in_the_parity_bit() -> None:
         assert read["8N1"] == (0, 18_750, 17_813, value | even << 7, True, True)
         # seven bits without parity: the parity bit is taken for the stop bit
         assert read["7N1"] == (0, 16_875, 15_938, value, True, bool(even))
-        # a second stop bit is not looked at, and makes the receiver ready no later
+        # a second stop bit is not sampled, and makes the receiver ready no later
         assert read["7E2"] == (0, 20_625, 17_813, value, True, True)
         # eight bits and parity: the stop bit is taken for the parity bit, idle for the stop bit
         byte = value | even << 7
@@ -230,14 +230,14 @@ def second_receiver(
             ready = floor(edge + bit / 2 + Fraction(1, 2))
             continue
         data = [at(edge, Fraction(3, 2) + number) for number in range(fmt.data_bits)]
-        place = Fraction(3, 2) + fmt.data_bits
+        position = Fraction(3, 2) + fmt.data_bits
         parity_ok = True
         if fmt.parity != "N":
-            parity_ok = (sum(data) + at(edge, place)) % 2 == (0 if fmt.parity == "E" else 1)
-            place += 1
+            parity_ok = (sum(data) + at(edge, position)) % 2 == (0 if fmt.parity == "E" else 1)
+            position += 1
         value = sum(level << number for number, level in enumerate(data))
-        found.append((edge, value, parity_ok, at(edge, place) == 1))
-        ready = floor(edge + bit * place + Fraction(1, 2))
+        found.append((edge, value, parity_ok, at(edge, position) == 1))
+        ready = floor(edge + bit * position + Fraction(1, 2))
     return found
 
 

@@ -72,7 +72,7 @@ def test_every_function_and_what_was_written_is_read_back(mode: Mode) -> None:
 
 
 @both_modes
-def test_exceptions_are_told(mode: Mode) -> None:
+def test_exceptions_are_reported(mode: Mode) -> None:
     with PymodbusServer(mode, REGISTERS, COILS) as server:
         (turn,) = poll_once(server.device, mode, [Request(3, 1000, 2)])
     assert turn.last.exception == 2

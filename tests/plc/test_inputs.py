@@ -31,7 +31,7 @@ def randoms(seed: int) -> Random:
     return Random(7, 11, iter(rng.random, None))
 
 
-# Made anew for each question: a random one forgets what lies before the latest.
+# Made anew for each query: a random one forgets what lies before the latest.
 makers = st.one_of(
     (pulses | squares | lists).map(lambda stimulus: lambda: stimulus),
     st.integers(0, 1000).map(lambda seed: lambda: randoms(seed)),

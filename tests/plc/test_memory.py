@@ -139,35 +139,35 @@ PLACES = st.builds(
 
 
 @given(PLACES, st.data())
-def test_an_image_is_what_its_layout_says_and_comes_back(place: BlockRange, draw: st.DataObject) -> None:
+def test_an_image_is_what_its_layout_says_and_comes_back(block: BlockRange, draw: st.DataObject) -> None:
     memory = Memory()
-    bits = draw.draw(st.lists(st.integers(0, 1), min_size=place.bits, max_size=place.bits))
-    words = draw.draw(st.lists(st.integers(0, 65535), min_size=place.words, max_size=place.words))
+    bits = draw.draw(st.lists(st.integers(0, 1), min_size=block.bits, max_size=block.bits))
+    words = draw.draw(st.lists(st.integers(0, 65535), min_size=block.words, max_size=block.words))
     for number, bit in enumerate(bits):
-        memory.set(Device("M", place.bit + number), bit)
+        memory.set(Device("M", block.bit + number), bit)
     for number, word in enumerate(words):
-        memory.set(Device("D", place.word + number), word)
-    image = memory.block_image(place)
+        memory.set(Device("D", block.word + number), word)
+    image = memory.block_image(block)
     # Eight points a byte, the lowest in bit 0; a word's high byte first.
-    expected = [sum(bit << at for at, bit in enumerate(bits[n : n + 8])) for n in range(0, place.bits, 8)]
+    expected = [sum(bit << at for at, bit in enumerate(bits[n : n + 8])) for n in range(0, block.bits, 8)]
     for word in words:
         expected += [word // 256, word % 256]
     assert list(image) == expected
     other = Memory()
-    other.store_block(place, image)
-    assert other.block_image(place) == image
-    assert [other.get(Device("M", place.bit + n)) for n in range(place.bits)] == bits
-    assert [other.get(Device("D", place.word + n)) for n in range(place.words)] == words
+    other.store_block(block, image)
+    assert other.block_image(block) == image
+    assert [other.get(Device("M", block.bit + n)) for n in range(block.bits)] == bits
+    assert [other.get(Device("D", block.word + n)) for n in range(block.words)] == words
 
 
 @given(PLACES)
-def test_storing_touches_nothing_beside_the_block(place: BlockRange) -> None:
+def test_storing_touches_nothing_beside_the_block(block: BlockRange) -> None:
     memory = Memory()
-    memory.store_block(place, b"\xff" * (place.bits // 8 + 2 * place.words))
+    memory.store_block(block, b"\xff" * (block.bits // 8 + 2 * block.words))
     points = [n for n in range(3072) if memory.get(Device("M", n))]
     words = [n for n in range(8256) if memory.get(Device("D", n))]
-    assert points == list(range(place.bit, place.bit + place.bits))
-    assert words == list(range(place.word, place.word + place.words))
+    assert points == list(range(block.bit, block.bit + block.bits))
+    assert words == list(range(block.word, block.word + block.words))
 
 
 @pytest.mark.parametrize(

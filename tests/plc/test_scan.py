@@ -38,7 +38,7 @@ MEAN, JITTER = 1000, 400
     ),
     ahead=st.integers(0, 3_000_000),
 )
-def test_questions_are_answered_as_from_the_whole_list(
+def test_queries_give_the_same_as_the_whole_list(
     began: int,
     phase: int | None,
     jitter: int,
@@ -52,26 +52,26 @@ def test_questions_are_answered_as_from_the_whole_list(
     cycle = ScanCycle(generator(seed))
     assert cycle.run(began, MEAN, jitter, phase) == ends[0]
     now = began
-    for step, question in steps:
+    for step, query in steps:
         now += step
-        place = bisect_right(ends, now)
-        if question == "latest":
-            assert cycle.latest_end(now) == (ends[place - 1] if place else None)
-        elif question == "count":
+        index = bisect_right(ends, now)
+        if query == "latest":
+            assert cycle.latest_end(now) == (ends[index - 1] if index else None)
+        elif query == "count":
             cycle.count_up_to(now)
-            scans = [after - end for end, after in pairwise(ends[:place])]
+            scans = [after - end for end, after in pairwise(ends[:index])]
             longest = max(scans, default=0)
             assert (cycle.count, cycle.total, cycle.longest) == (len(scans), sum(scans), longest)
         else:
-            wanted = now + ahead if question == "ahead" else now
+            wanted = now + ahead if query == "ahead" else now
             assert cycle.next_end(wanted, now) == next(end for end in ends if end >= wanted)
-            # A question about what lies ahead takes nothing away from the present.
-            assert cycle.latest_end(now) == (ends[place - 1] if place else None)
+            # A query about what lies ahead takes nothing away from the present.
+            assert cycle.latest_end(now) == (ends[index - 1] if index else None)
             before = bisect_right(ends, now - 1)
             assert cycle.latest_end(now - 1) == (ends[before - 1] if before else None)
 
 
-def test_memory_does_not_grow_with_time_nor_with_how_far_one_looks_ahead() -> None:
+def test_memory_does_not_grow_with_time_nor_with_how_far_ahead_it_is_read() -> None:
     for ahead in (0, 100, 2_000_000):
         cycle = ScanCycle(generator())
         cycle.run(0, MEAN, JITTER, None)
@@ -168,8 +168,8 @@ class Loads:
 
     def latest(self, tick: int) -> int | None:
         self.reach(tick)
-        place = bisect_right(self.ends, tick)
-        return self.ends[place - 1] if place else None
+        index = bisect_right(self.ends, tick)
+        return self.ends[index - 1] if index else None
 
     def load(self, end: int, extra: int) -> None:
         del self.ends[self.ends.index(end) + 1 :]
@@ -201,9 +201,9 @@ def test_a_load_makes_the_scans_that_begin_under_it_longer(
     changed: list[int] = []
     cycle.on_change = changed.append
     now = 105
-    for step, question, extra, ahead in steps:
+    for step, query, extra, ahead in steps:
         now += step
-        if question == "load":
+        if query == "load":
             now = cycle.next_end(now, now)
             model.reach(now)
             assert now in model.ends
@@ -211,11 +211,11 @@ def test_a_load_makes_the_scans_that_begin_under_it_longer(
             cycle.set_load(now, extra)
             assert changed[told:] == ([now] if extra != model.extra else [])
             model.load(now, extra)
-        elif question == "latest":
+        elif query == "latest":
             assert cycle.latest_end(now) == model.latest(now)
-        elif question == "before":
+        elif query == "before":
             assert cycle.latest_end(now - 1) == model.latest(now - 1)
-        elif question == "ahead":
+        elif query == "ahead":
             model.reach(now + ahead)
             assert cycle.next_end(now + ahead, now) == next(end for end in model.ends if end >= now + ahead)
         else:

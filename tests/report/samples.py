@@ -40,11 +40,11 @@ def eight_stations() -> str:
 @cache
 def eight_folder() -> Path:
     """The folder of a traced run of eight stations."""
-    place = Path(mkdtemp(prefix="bussim-eight-"))
-    scenario = place / "eight.yaml"
+    folder = Path(mkdtemp(prefix="bussim-eight-"))
+    scenario = folder / "eight.yaml"
     scenario.write_text(eight_stations(), encoding="utf-8")
-    bussim.run(scenario, out=place / "run", trace=True)
-    return place / "run"
+    bussim.run(scenario, out=folder / "run", trace=True)
+    return folder / "run"
 
 
 def opened(folder: Path) -> tuple[Trace, RunRecord]:

@@ -1,4 +1,4 @@
-"""The report in a real browser: it renders, its numbers are those of the run, everybody can use it."""
+"""The report in a real browser: it renders, its numbers are those of the run, every reader can use it."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [400, 1280])
 @pytest.mark.parametrize("page", ["one.html", "two.html", "ports.html", "latency.html"])
-def test_it_renders_without_an_error_and_asks_nobody(
+def test_it_renders_without_an_error_and_loads_nothing(
     pages: Path, window: Any, page: str, width: int, dark: bool
 ) -> None:
     window.get_log("browser"), window.get_log("performance")
@@ -143,7 +143,7 @@ def test_it_renders_without_an_error_and_asks_nobody(
     assert min(drawn) > 10
 
 
-def test_charts_zoom_and_tell_what_is_under_the_pointer(pages: Path, window: Any) -> None:
+def test_charts_zoom_and_show_what_is_under_the_pointer(pages: Path, window: Any) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
 
     show(window, pages / "one.html")
@@ -167,7 +167,7 @@ def test_charts_zoom_and_tell_what_is_under_the_pointer(pages: Path, window: Any
         assert any("ms" in text for text in told), figure.text
 
 
-def test_parts_of_a_latency_are_told_under_the_pointer(pages: Path, window: Any) -> None:
+def test_parts_of_a_latency_are_shown_under_the_pointer(pages: Path, window: Any) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
 
     show(window, pages / "latency.html")

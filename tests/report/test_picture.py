@@ -42,7 +42,7 @@ def test_a_kind_of_frame_has_its_colour() -> None:
         assert drawn[FRAMES[kind].upper()] == sum(frame.kind == kind for frame in frames)
 
 
-def test_failure_is_never_told_by_colour_alone() -> None:
+def test_failure_is_never_shown_by_colour_alone() -> None:
     assert BOX_STYLES[WAIT].hatch
     assert BOX_STYLES[WAIT].colour == IN_ERROR
     assert set(FRAMES.values()) <= set(PALETTE)

@@ -131,7 +131,7 @@ def test_faults_and_error_flags_have_lanes_of_their_own() -> None:
     assert len(boxes) == 2
 
 
-def test_modbus_attempts_tell_function_address_and_outcome() -> None:
+def test_modbus_attempts_have_function_address_and_outcome() -> None:
     asked = TransactionRecord(
         "link", "a", "read", 2, 1, 3, 22, 4, 100, 200, None, None, 5000, 5100,
         "no response in time", 9, 0, None, mismatched=False, chars=8,

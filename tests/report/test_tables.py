@@ -191,8 +191,8 @@ def test_charts_carry_the_counts_and_the_law(source: Source) -> None:
     assert all(0 < p < 1 for _, p in points)
     assert [p for _, p in points] == sorted((p for _, p in points), reverse=True)
     # After the bin of a scan time, those that took longer are left.
-    place, count = min(histogram.bins.items())
-    assert points[0] == [pytest.approx((place + 0.5) * 0.01), pytest.approx(1 - count / histogram.count)]
+    number, count = min(histogram.bins.items())
+    assert points[0] == [pytest.approx((number + 0.5) * 0.01), pytest.approx(1 - count / histogram.count)]
 
 
 def test_a_histogram_is_a_table_too(source: Source) -> None:
@@ -338,8 +338,8 @@ def test_latencies_of_two_runs_are_compared(words: Source) -> None:
 
 def test_a_page_stays_small_whatever_the_runs_were() -> None:
     wide = Histogram()
-    for place in range(1, 60_001):
-        wide.add(place * BIN_TICKS)
+    for number in range(1, 60_001):
+        wide.add(number * BIN_TICKS)
     distribution = ExactDistribution(
         {"valid": True}, x=list(range(50_000)), tail=[1 - n / 50_000 for n in range(50_000)]
     )
@@ -351,7 +351,7 @@ def test_a_page_stays_small_whatever_the_runs_were() -> None:
     assert chart["bin_ms"] == pytest.approx(0.27)
     for bar, count in series["bins"][1:-1]:
         centre, half = round(bar * 27), 13
-        assert count == sum(place in wide.bins for place in range(centre - half, centre + half + 1))
+        assert count == sum(number in wide.bins for number in range(centre - half, centre + half + 1))
     tail = tail_chart(wide, distribution, "t")
     for points in (chart["law"], tail["law"], tail["counted"]):
         assert MOST_POINTS // 2 < len(points) <= MOST_POINTS

@@ -44,7 +44,7 @@ def test_what_is_to_be_expected(link: dict[str, Any]) -> None:
         assert part in said
 
 
-def test_where_no_law_holds_the_reason_is_told(link: dict[str, Any]) -> None:
+def test_where_no_law_holds_the_reason_is_given(link: dict[str, Any]) -> None:
     (said,) = expected(link, ExactDistribution({"valid": False, "reasons": ["replies wait for END"]}))
     assert said.endswith("no exact law holds: replies wait for END.")
     assert expected(link, None) == []

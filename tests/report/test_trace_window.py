@@ -60,7 +60,7 @@ def test_the_sentence_names_station_attempt_code_and_time() -> None:
     assert "polls with a reply" in sentence
 
 
-def test_attempts_that_failed_alike_are_told_once(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_attempts_that_failed_alike_are_named_once(tmp_path) -> None:  # type: ignore[no-untyped-def]
     run = bussim.run("press_line", out=tmp_path / "run", trace=True)
     trace, record = opened(tmp_path / "run")
     window = worst_window(trace, record, "link")
@@ -74,7 +74,7 @@ def test_attempts_that_failed_alike_are_told_once(tmp_path) -> None:  # type: ig
     assert sentence.endswith(" ms of it went to failed attempts and the parameter frame.")
 
 
-def test_parts_that_differ_are_told_apart() -> None:
+def test_parts_that_differ_are_distinguished() -> None:
     parts = [
         Part(0, 72_000, "data frame of a"),
         Part(72_000, 144_000, "at station 1: reply", 1),

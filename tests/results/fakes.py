@@ -28,7 +28,7 @@ from bussim.trace.records import (
 )
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
-SEATS = ("press1", "press2", "press3")
+NODES = ("press1", "press2", "press3")
 REGISTERS = {"D8201": 50, "D8202": 349, "M8191": 1}
 
 
@@ -62,32 +62,32 @@ class Fake:
                 sink.failed(bus, now + (repeat + 1) * 50 * TICKS_PER_MS, 1, 1)
             if is_dead and not flagged:
                 sink.take(
-                    NoteRecord(now + length, "station_error", SEATS[0], "station 1 lost", {"station": 1})
+                    NoteRecord(now + length, "station_error", NODES[0], "station 1 lost", {"station": 1})
                 )
             elif flagged and not is_dead:
                 sink.take(
-                    NoteRecord(now + length, "recovered", SEATS[0], "station 1 is back", {"station": 1})
+                    NoteRecord(now + length, "recovered", NODES[0], "station 1 is back", {"station": 1})
                 )
             flagged = is_dead
             failures, errors, polls = failures + repeats, errors + is_dead, polls + 2
             if number == 2:
-                sink.take(NoteRecord(now, "healthy", bus, "all stations answer", {}))
+                sink.take(NoteRecord(now, "healthy", bus, "all stations reply", {}))
             if sink.traced:
                 self._trace(sink, now)
-            for seat in range(3):
+            for position in range(3):
                 if is_dead:
-                    if seat != 1:
-                        sink.refreshed(bus, seat, now + seat + 1, [2 - seat])
+                    if position != 1:
+                        sink.refreshed(bus, position, now + position + 1, [2 - position])
                 else:
-                    sink.refreshed(bus, seat, now + seat + 1, None)
+                    sink.refreshed(bus, position, now + position + 1, None)
             cause = f"station 1 (press2): {repeats} attempts, all 01" if repeats else ""
             sink.take(ScanRecord(bus, number, now, length, 2 + repeats, repeats, int(is_dead), cause))
             now, number = now + length, number + 1
         link = LinkTotals(
             bus=bus,
-            plc_names=SEATS,
-            station_names=dict(enumerate(SEATS)),
-            master=SEATS[0],
+            plc_names=NODES,
+            station_names=dict(enumerate(NODES)),
+            master=NODES[0],
             slaves=2,
             mode=2,
             retries=5,
@@ -102,7 +102,7 @@ class Fake:
             undetected=0,
             healthy_at=TICKS_PER_SECOND // 10,
         )
-        plcs = tuple(PlcTotals(name, dict(REGISTERS), 7000, 8.8 * TICKS_PER_MS, 712_800) for name in SEATS)
+        plcs = tuple(PlcTotals(name, dict(REGISTERS), 7000, 8.8 * TICKS_PER_MS, 712_800) for name in NODES)
         return RunTotals(self.duration, (link,), plcs, ("a warning",))
 
     def _trace(self, sink: Sink, now: int) -> None:
@@ -116,7 +116,7 @@ class Fake:
     def run(
         self, *, traced: bool = False, rows: Rows | None = None, name: str = "three presses"
     ) -> RunRecord:
-        collector = Collector(traced=traced, rows=rows, bus_of=dict.fromkeys(SEATS, self.bus))
+        collector = Collector(traced=traced, rows=rows, bus_of=dict.fromkeys(NODES, self.bus))
         return record_of(self.feed(collector), collector, name=name, seed=self.seed)
 
 
@@ -134,7 +134,7 @@ class Feeder:
     """A Modbus bus: a PLC's port polls a stepper twice a round; a scanner talks to another port.
 
     Of the polls ``position`` (a read) and ``speed`` (a write) every ``bad``-th attempt fails, in
-    turn with a timeout, a CRC error, an exception, a framing error and an answer to another request;
+    turn with a timeout, a CRC error, an exception, a framing error and a response to another request;
     a failed attempt is repeated once.
     """
 
@@ -183,11 +183,11 @@ class Feeder:
         self, chance: random.Random, poll: str, function: int, attempt: int, now: int, number: int
     ) -> TransactionRecord:
         asked = now + 600_000
-        answered = asked + 35 * TICKS_PER_MS + chance.randrange(TICKS_PER_MS)
-        served = answered - 500_000
+        responded = asked + 35 * TICKS_PER_MS + chance.randrange(TICKS_PER_MS)
+        served = responded - 500_000
         record = TransactionRecord(
-            self.bus, self.node, poll, attempt, 1, function, 0x16, 2, now, asked, answered - 450_000, answered,
-            answered, self._end(answered), "ok", None, 0, served, False, 17,
+            self.bus, self.node, poll, attempt, 1, function, 0x16, 2, now, asked, responded - 450_000, responded,
+            responded, self._end(responded), "ok", None, 0, served, False, 17,
         )  # fmt: skip
         if number % self.bad:
             return record

@@ -66,7 +66,7 @@ def test_ports_in_memory_and_in_a_folder(tmp_path: Path) -> None:
         assert len(mine) == port["transactions"] > 50
         assert (mine["outcome"] == "ok").sum() == port["ok"]
         assert mine["response_ms"].max() == port["response_ms"]["max"]
-        # What the rows say of times is in order: asked, answered, decided, taken.
+        # What the rows say of times is in order: asked, response ended, decided, taken.
         for earlier, later in (("sent_s", "asked_s"), ("asked_s", "answered_s"), ("end_s", "taken_s")):
             assert (mine[earlier] <= mine[later]).all()
     rounds = table[table["poll"] == "position"].groupby("master")["taken_s"].diff().dropna()
@@ -94,7 +94,7 @@ def test_the_summary_agrees_with_the_rows() -> None:
     assert (ends.iloc[:-1].to_numpy() - scans["start_s"].iloc[1:].to_numpy()).max() < 1e-7
 
 
-def test_progress_is_told() -> None:
+def test_progress_is_reported() -> None:
     seen: list[tuple[int, int]] = []
     bussim.run(bussim.load("press_line", SHORT), rows=False, progress=lambda *step: seen.append(step))
     assert len(seen) > 100

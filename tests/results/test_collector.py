@@ -8,13 +8,13 @@ import pytest
 from bussim.results.collector import MOST_NOTES, Collector
 from bussim.trace.records import LinkTotals, NoteRecord, RunTotals, ScanRecord
 from bussim.units import TICKS_PER_SECOND
-from tests.results.fakes import SEATS, Fake, record_of
+from tests.results.fakes import NODES, Fake, record_of
 
 LINK = LinkTotals(
     bus="link",
-    plc_names=SEATS,
-    station_names=dict(enumerate(SEATS)),
-    master=SEATS[0],
+    plc_names=NODES,
+    station_names=dict(enumerate(NODES)),
+    master=NODES[0],
     slaves=2,
     mode=2,
     retries=3,
@@ -36,7 +36,7 @@ def scan(start: int, duration: int, cause: str = "", *, in_error: int = 0, bus: 
     return ScanRecord(bus, 0, start, duration, 2, 0, in_error, cause)
 
 
-def test_of_equal_longest_scans_the_first_is_told() -> None:
+def test_of_equal_longest_scans_the_first_is_named() -> None:
     collector = Collector()
     for start, duration, cause in ((0, 500, "a"), (500, 900, "b"), (1400, 900, "c"), (2300, 100, "d")):
         collector.take(scan(start, duration, cause))
@@ -91,7 +91,7 @@ def test_buses_are_kept_apart() -> None:
 
 
 def test_flags_are_those_that_the_master_reports() -> None:
-    collector = Collector(bus_of=dict.fromkeys(SEATS, "link"))
+    collector = Collector(bus_of=dict.fromkeys(NODES, "link"))
     collector.take(NoteRecord(100, "station_error", "press1", "", {"station": 1}))
     collector.take(NoteRecord(120, "station_error", "press3", "", {"station": 2}))
     collector.take(NoteRecord(400, "recovered", "press1", "", {"station": 1}))
@@ -100,7 +100,7 @@ def test_flags_are_those_that_the_master_reports() -> None:
 
 
 def test_flags_that_went_with_the_master_end_with_the_next_scan_without_one() -> None:
-    collector = Collector(bus_of=dict.fromkeys(SEATS, "link"))
+    collector = Collector(bus_of=dict.fromkeys(NODES, "link"))
     collector.take(NoteRecord(100, "station_error", "press1", "", {"station": 1}))
     collector.take(scan(0, 100, in_error=1))
     collector.take(scan(1000, 100))
@@ -126,7 +126,7 @@ def test_refresh_gaps_of_all_pairs() -> None:
     fake = Fake(duration=20 * TICKS_PER_SECOND, loss=0.0)
     record = record_of(fake.feed(collector), collector)
     pairs = record.links["link"].refresh
-    assert set(pairs) == {(a, b) for a in SEATS for b in SEATS if a != b}
+    assert set(pairs) == {(a, b) for a in NODES for b in NODES if a != b}
     # press2 is off from 10 s to 15 s: it neither refreshes nor is refreshed.
     for source, receiver in pairs:
         longest = pairs[source, receiver].gaps.maximum

@@ -18,7 +18,7 @@ def result_of(fake: Fake, *, rows: bool = True, name: str = "three presses") -> 
     return Result(fake.run(rows=memory, name=name), memory)
 
 
-def test_a_result_tells_itself_in_one_line() -> None:
+def test_a_result_describes_itself_in_one_line() -> None:
     result = result_of(quiet(jitter=0))
     assert repr(result) == (
         "<Result of 'three presses', seed 7, 60 s: link: 1,200 scans, mean 50.000 ms, max 50.000 ms>"

@@ -1,4 +1,4 @@
-"""A scenario with ports and devices and without mistakes, to be spoilt in one place."""
+"""A scenario with ports and devices and without mistakes, to be changed in one place."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FREE_POLL = "{port: COM5, to: D300, count: 20}"
 DRIVE = "{name: drive, model: stepper, bus: line, station: 1}"
 
 
-def spoilt(*changes: tuple[str, str]) -> str:
+def changed(*changes: tuple[str, str]) -> str:
     """The sample with some of its text replaced, each once."""
     text = PORTS
     for old, new in changes:

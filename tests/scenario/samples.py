@@ -1,4 +1,4 @@
-"""A scenario without mistakes, to be spoilt in one place, and what the loader says then."""
+"""A scenario without mistakes, to be changed in one place, and what the loader says then."""
 
 from __future__ import annotations
 

@@ -75,9 +75,9 @@ def test_the_corruption_is_one_that_parity_and_sum_miss() -> None:
     sent = encode_data(1, 9, bytes([0, 3, 0, 0, 0, 0, 0, 0])).chars
     heard = bytearray(sent)
     for bit in fault.kind.bits:
-        character, place = divmod(bit, 10)
-        assert 1 <= place <= 7  # a data bit
-        heard[character] ^= 1 << (place - 1)
+        character, index = divmod(bit, 10)
+        assert 1 <= index <= 7  # a data bit
+        heard[character] ^= 1 << (index - 1)
     assert all(
         before.bit_count() % 2 == after.bit_count() % 2 for before, after in zip(sent, heard, strict=True)
     )

@@ -32,14 +32,14 @@ from bussim.plc.ports.spec import PollSpec
 from bussim.scenario import model
 from bussim.scenario.loader import load, loads
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-from tests.scenario.port_samples import DRIVE, more, spoilt
+from tests.scenario.port_samples import DRIVE, changed, more
 
 MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 LINE = LineTiming(9600, CharFormat(8, "N", 1))
 
 
 def device(text: str, *changes: tuple[str, str]) -> BusDevice:
-    return loads(spoilt((DRIVE, text), *changes)).devices[0]
+    return loads(changed((DRIVE, text), *changes)).devices[0]
 
 
 def test_what_a_device_has_if_nothing_is_said() -> None:
@@ -138,15 +138,15 @@ def _noise(found: model.Scenario) -> list[int]:
 
 
 def test_the_noise_of_a_map_follows_the_seed_wherever_that_comes_from() -> None:
-    found = loads(spoilt((DRIVE, MAP)))
-    other = loads(spoilt((DRIVE, MAP)), overrides=["seed=5"])
+    found = loads(changed((DRIVE, MAP)))
+    other = loads(changed((DRIVE, MAP)), overrides=["seed=5"])
     assert _noise(found) != _noise(other)
     assert dataclasses.replace(found, seed=5) == other
     assert _noise(dataclasses.replace(found, seed=5)) == _noise(other)
 
 
-def test_the_noise_of_a_map_does_not_depend_on_the_devices_place() -> None:
-    moved = loads(spoilt((DRIVE, "{name: other, model: lx, bus: line, station: 9}\n  - " + MAP)))
+def test_the_noise_of_a_map_does_not_depend_on_the_devices_position() -> None:
+    moved = loads(changed((DRIVE, "{name: other, model: lx, bus: line, station: 9}\n  - " + MAP)))
     settings = moved.devices[1].settings
     assert isinstance(settings, MapSettings)
     assert settings == device(MAP).settings
@@ -253,7 +253,7 @@ def _calling(folder: Path, name: str, code: str = "") -> Path:
         "def level(tick):\n    return tick // 72_000_000\n\nnothing = 5\n" + code, encoding="utf-8"
     )
     file = folder / "x.yaml"
-    file.write_text(spoilt((DRIVE, CALL.replace("NAME", name))), encoding="utf-8")
+    file.write_text(changed((DRIVE, CALL.replace("NAME", name))), encoding="utf-8")
     return file
 
 

@@ -11,13 +11,13 @@ from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.scenario.loader import loads
 from bussim.scenario.model import Plc
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-from tests.scenario.port_samples import FREE_POLL, FREE_PORT, MASTER, POLL, PORTS, SLAVE, spoilt
+from tests.scenario.port_samples import FREE_POLL, FREE_PORT, MASTER, POLL, PORTS, SLAVE, changed
 
 MS, S = TICKS_PER_MS, TICKS_PER_SECOND
 
 
 def _plc(number: int, *changes: tuple[str, str]) -> Plc:
-    return loads(spoilt(*changes)).plcs[number]
+    return loads(changed(*changes)).plcs[number]
 
 
 def _settings(plc: Plc, port: str) -> PortSettings:
@@ -78,7 +78,7 @@ def test_com2_has_its_station_from_power_on() -> None:
     plc = _plc(1, (SLAVE, port), ("scan: 5 ms", "scan: 5 ms\n    profile: {base: pw10, com2_station: 33}"))
     assert plc.registers["D8121"] == _settings(plc, "COM2").station == 33
     raw = "COM2: {bus: line, cpavl: {words: D100, bits: M100}}"
-    text = spoilt((SLAVE, raw), ("scan: 5 ms", "scan: 5 ms\n    registers: {D100: 0x81, D106: 2}"))
+    text = changed((SLAVE, raw), ("scan: 5 ms", "scan: 5 ms\n    registers: {D100: 0x81, D106: 2}"))
     found = loads(text)
     assert "D8121" not in found.plcs[1].registers  # the profile's, which the check knows
     assert any("press2.COM2 and drive on line are both station 1" in text for text in found.warnings)

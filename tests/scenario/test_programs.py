@@ -161,7 +161,7 @@ def test_a_program_in_the_scenario_and_one_that_is_named_in_full(tmp_path: Path)
 # -- mistakes ------------------------------------------------------------------------------------------
 
 
-def test_a_mistake_in_a_program_has_its_place_there(tmp_path: Path) -> None:
+def test_a_mistake_in_a_program_has_its_position_there(tmp_path: Path) -> None:
     found = problems(tmp_path, **{"one.il": "LD X0\n  MVO K1 D0\nOUT X3\nEND\n"})
     assert found[0].startswith("one.il:2:3: 'MVO' is no instruction; did you mean MOV?")
     assert found[1].startswith("one.il:3:5: OUT X3: X is an input")
@@ -263,7 +263,7 @@ def test_nn_and_registers_that_a_program_overrules(tmp_path: Path) -> None:
 FOREIGN = "in the shared block of station 0 (one): the link overwrites it with every frame from there, and no other station sees it"
 
 
-def test_writes_into_another_stations_block_are_told_line_by_line(tmp_path: Path) -> None:
+def test_writes_into_another_stations_block_are_reported_line_by_line(tmp_path: Path) -> None:
     """Each with the part of it that lies there: station 0 has M1000–M1063 and D0–D7 in mode 2."""
     program = SLAVE.replace(
         "END", "MOV K5 D0\nOUT M1000\nMOV K1 D33\nBMOV D100 D28 K10\nMOV K0 K4M1060\nDMOV D1 D7\nEND"
@@ -348,7 +348,7 @@ def test_small_letters_name_devices_everywhere_and_results_have_capitals(tmp_pat
     assert loads(dumped) == found
 
 
-def test_an_input_that_is_given_twice_is_told_as_it_was_written(tmp_path: Path) -> None:
+def test_an_input_that_is_given_twice_is_reported_as_it_was_written(tmp_path: Path) -> None:
     text = TEXT.replace("{X0: {square: 500 ms}}", "{X000: {square: 500 ms}, x0: {square: 1 s}}")
     (found,) = shown(problems(tmp_path, text), tmp_path)
     assert found == "x.yaml:13:38: inputs.x0 is the same device as X000"
@@ -416,8 +416,8 @@ def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: P
     )
     swapped = SLAVE.replace("END", "XCHP D40 D41\nEND")
     assert shown(warnings(tmp_path, text, **{"two.il": swapped}), tmp_path) == [
-        f"x.yaml:{place}: two: M{bit}, which {what}, is not simulated: it changes nothing here"
-        for place, bit, what in (
+        f"x.yaml:{where}: two: M{bit}, which {what}, is not simulated: it changes nothing here"
+        for where, bit, what in (
             ("11:17", 8034, "switches all outputs off"),
             ("11:37", 8160, "makes XCH swap bytes"),
         )

@@ -38,7 +38,7 @@ def settings(text: str) -> StepperSettings:
     return found
 
 
-def spoilt(old: str, new: str) -> str:
+def changed(old: str, new: str) -> str:
     assert old in TEXT
     return TEXT.replace(old, new)
 
@@ -53,7 +53,7 @@ def spoilt(old: str, new: str) -> str:
     ],
 )
 def test_the_axis_goes_the_way_of_all_steps(registers: str, position: int) -> None:
-    scenario = loads(spoilt("    steps:\n", f"    {registers}\n    steps:\n"))
+    scenario = loads(changed("    steps:\n", f"    {registers}\n    steps:\n"))
     totals = api.run(scenario).totals
     assert totals is not None
     drive = next(device for device in totals.devices if device.name == "drive")
@@ -70,7 +70,7 @@ def test_there_are_as_many_steps_as_are_written() -> None:
         "step_start_frequency": 500,
         "step_delay": 100,
     }
-    assert settings(spoilt("    steps:\n", "    registers: {total_steps: 9}\n    steps:\n")).registers == {
+    assert settings(changed("    steps:\n", "    registers: {total_steps: 9}\n    steps:\n")).registers == {
         "total_steps": 9
     }
 
@@ -118,5 +118,5 @@ def test_a_step_can_be_set_from_outside() -> None:
 )
 def test_mistakes(old: str, new: str, message: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        loads(spoilt(old, new), "x.yaml")
+        loads(changed(old, new), "x.yaml")
     assert message in str(caught.value)

@@ -17,7 +17,7 @@ from bussim.units import TICKS_PER_SECOND
 
 #: Seconds: nothing here takes so long unless something is broken.
 PATIENCE = 30.0
-#: Lumps may be far apart on a machine that has something else to do.
+#: Chunks may be far apart on a machine that has something else to do.
 LENIENT = PortOptions(tolerance=TICKS_PER_SECOND // 5)
 
 HEAD = "schema: 1\nname: test\nduration: 60 s\nseed: 4\n"

@@ -1,4 +1,4 @@
-"""Whatever comes on a wire: memory stays bounded, and the next good request is answered."""
+"""Whatever comes on a wire: memory stays bounded, and the next good request gets its response."""
 
 from __future__ import annotations
 
@@ -55,19 +55,19 @@ def pour(serving: Serving, handle: int, data: bytes) -> None:
 
 def ask(handle: int, mode: Mode) -> bytes:
     os.write(handle, encode_adu(mode, 1, bytes((3, 0, 0, 0, 1))).chars)
-    answer, until = b"", time.monotonic() + PATIENCE
+    response, until = b"", time.monotonic() + PATIENCE
     wanted = encode_adu(mode, 1, bytes((3, 2, 0, 0))).chars
-    while len(answer) < len(wanted) and time.monotonic() < until:
+    while len(response) < len(wanted) and time.monotonic() < until:
         if select.select((handle,), (), (), 1.0)[0]:
-            answer += os.read(handle, 512)
-    return answer
+            response += os.read(handle, 512)
+    return response
 
 
-def answered(handle: int, mode: Mode) -> bool:
-    """The line is quiet for longer than any tolerance, then the request is answered."""
+def responds(handle: int, mode: Mode) -> bool:
+    """The line is quiet for longer than any tolerance, then the request gets its response."""
     time.sleep(0.5)
     while select.select((handle,), (), (), 0)[0]:
-        os.read(handle, 4096)  # answers to what random bytes happened to say
+        os.read(handle, 4096)  # responses to what random bytes happened to say
     return ask(handle, mode) == encode_adu(mode, 1, bytes((3, 2, 0, 0))).chars
 
 
@@ -85,7 +85,7 @@ def test_random_bytes_without_end(mode: Mode, traced: bool) -> None:
             _, peak = tracemalloc.get_traced_memory()
         finally:
             tracemalloc.stop()
-        assert answered(handle, mode)
+        assert responds(handle, mode)
     assert peak < 4_000_000
 
 
@@ -95,7 +95,7 @@ def test_half_frames_long_frames_and_a_good_one(mode: Mode) -> None:
     with Serving(SLAVES, NODES[mode]) as serving, opened(serving.device) as handle:
         for bad in (request[:1], request[:5], request[:-1], request[:1] * 300, b"\x00" * 257, request[2:]):
             pour(serving, handle, bad)
-            assert answered(handle, mode)
+            assert responds(handle, mode)
     (device,) = [one for one in serving.totals().devices if one.name == NODES[mode]]
     assert device.answered == 6
     if mode is Mode.RTU:
@@ -109,7 +109,7 @@ def test_a_master_that_closes_in_the_middle() -> None:
             with opened(serving.device) as handle:
                 pour(serving, handle, request[:cut])
             with opened(serving.device) as handle:
-                assert answered(handle, Mode.RTU)
+                assert responds(handle, Mode.RTU)
     assert serving.session.wires[0].counts.losses == 0
 
 
@@ -127,11 +127,11 @@ def test_a_request_in_pieces_is_one_request_as_long_as_its_pieces_are_late_by_th
     assert (device.answered, device.rejected) == (1, {})
 
 
-def test_random_bytes_on_a_link_and_its_slave_answers_the_next_poll() -> None:
+def test_random_bytes_on_a_link_and_its_slave_replies_to_the_next_poll() -> None:
     """The engines of the link are served, too: what they hear is 7 bits of anything."""
     rng = random.Random(2)
     with Serving(LINK, "feeder") as serving, opened(serving.device) as handle:
-        # Settings, then a poll: what a slave needs before it answers.
+        # Settings, then a poll: what a slave needs before it replies.
         opening = encode_parameters(1, LinkSettings(1, 1, 3, 225)).chars
         for _ in range(3):
             pour(serving, handle, rng.randbytes(50_000))

@@ -29,12 +29,12 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseud
 def folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty current folder with the scenario in it, and control sockets of its own."""
     with tempfile.TemporaryDirectory(prefix="bs") as name:
-        place = Path(name)
-        (place / "slaves.yaml").write_text(SLAVES, encoding="utf-8")
-        (place / "run").mkdir()
-        monkeypatch.setenv("XDG_RUNTIME_DIR", str(place / "run"))
-        monkeypatch.chdir(place)
-        yield place
+        folder = Path(name)
+        (folder / "slaves.yaml").write_text(SLAVES, encoding="utf-8")
+        (folder / "run").mkdir()
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder / "run"))
+        monkeypatch.chdir(folder)
+        yield folder
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen[str]:

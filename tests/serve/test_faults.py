@@ -36,7 +36,7 @@ def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def read(client: Any, station: int = 1) -> bool:
-    """Whether a station answers."""
+    """Whether a station responds."""
     from tests.live.peers import peer
 
     try:
@@ -182,8 +182,8 @@ def test_rubbish_on_the_control_socket_does_not_end_it(serving: Serving) -> None
     server = ControlServer("test", SessionRequests(serving.session))
     try:
         (note,) = control_folder().glob("*.json")
-        place = note.with_suffix(".sock")
-        assert [stat.S_IMODE(path.stat().st_mode) for path in (note, place)] == [0o600, 0o600]
+        path = note.with_suffix(".sock")
+        assert [stat.S_IMODE(each.stat().st_mode) for each in (note, path)] == [0o600, 0o600]
         token = json.loads(note.read_text())["token"]
         rubbish = [
             b"\xff\xfe\n",
@@ -196,12 +196,12 @@ def test_rubbish_on_the_control_socket_does_not_end_it(serving: Serving) -> None
         for line in rubbish:
             with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as peer:
                 peer.settimeout(PATIENCE)
-                peer.connect(str(place))
+                peer.connect(str(path))
                 with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                     peer.sendall(line)
                     assert json.loads(peer.makefile().readline())["ok"] is False
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as peer:
-            peer.connect(str(place))  # and goes without a word
+            peer.connect(str(path))  # and goes without a word
         (found,) = running()
         assert found.ask(do="list")["scenario"] == "test"
     finally:

@@ -99,13 +99,13 @@ def test_sniff_measures_the_link_in_a_session_s_trace(
         ) as master:
             engine = master.session.simulation.plcs["press"]
             master.wait_for(lambda: engine.master is not None and engine.master.polls > 60)
-        place = folder.finish(master.session.record(), "")
-    sniff.main([str(place), "--json"], standalone_mode=False)
+        results = folder.finish(master.session.record(), "")
+    sniff.main([str(results), "--json"], standalone_mode=False)
     heard = json.loads(capsys.readouterr().out)
     assert heard["exact_times"] is False
     assert heard["protocol"] == "nn"
     # The same link scans as the master itself measured: both from its data frames' first edges.
-    own = load_run(place).summary["links"]["link"]
+    own = load_run(results).summary["links"]["link"]
     assert own["scans"] >= 20
     assert heard["link"]["scans"] == pytest.approx(own["scans"], abs=1)
     assert heard["link"]["scan_time_ms"]["max"] == pytest.approx(own["scan_time_ms"]["max"])
@@ -113,7 +113,7 @@ def test_sniff_measures_the_link_in_a_session_s_trace(
 
 
 def test_an_external_station_has_a_position_of_its_own() -> None:
-    """A block of a station that no scenario knows is stored, and told of as somebody's."""
+    """A block of a station that no scenario knows is stored, and recorded as an external node's."""
     from tests.serve.test_bad_input import opened, pour
 
     block = bytes(4) + (777).to_bytes(2, "big") + bytes(6)

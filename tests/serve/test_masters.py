@@ -1,4 +1,4 @@
-"""Masters that nobody here wrote against served devices and PLC ports, over pseudo-terminals."""
+"""Masters from other projects against served devices and PLC ports, over pseudo-terminals."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def test_500_transactions_with_two_stations_of_one_wire_without_an_error(mode: M
                 mirror[key] = value
                 assert not master.write_register(key[1], value, device_id=key[0]).isError()
                 station, address = asked = rng.choice(list(mirror))
-                answer = master.read_holding_registers(address, count=1, device_id=station)
-                assert answer.registers == [mirror[asked]]
+                response = master.read_holding_registers(address, count=1, device_id=station)
+                assert response.registers == [mirror[asked]]
         finally:
             master.close()
     totals = serving.totals()
@@ -105,7 +105,7 @@ def test_the_rest_of_the_scenario_goes_on_while_a_plc_is_served() -> None:
     assert not any("stopped" in text for text in serving.told)
 
 
-def test_a_broadcast_is_carried_out_by_all_and_answered_by_none(client: Any, mode: Mode) -> None:
+def test_a_broadcast_is_carried_out_by_all_and_gets_no_response(client: Any, mode: Mode) -> None:
     client.write_register(7, 99, device_id=0, no_response_expected=True)
     time.sleep(0.3)  # the master's pause after a broadcast
     for station in (1, 2 if mode is Mode.RTU else 5):

@@ -34,8 +34,8 @@ devices:
 
 
 def test_the_link_is_opened_as_the_protocol_wants_it() -> None:
-    (place,) = targets(load("two_stations"), ["press"], [])
-    assert (place.timing.baud, str(place.timing.format)) == (38400, "7E1")
+    (target,) = targets(load("two_stations"), ["press"], [])
+    assert (target.timing.baud, str(target.timing.format)) == (38400, "7E1")
 
 
 def test_nodes_of_one_bus_share_a_wire_and_others_do_not() -> None:
@@ -85,7 +85,7 @@ def test_a_port_that_is_silent_says_why_it_cannot_be_served() -> None:
         UsageError, match=r"plc.COM2 cannot be served: the protocol of COM2 \(hmi\) is not simulated"
     ):
         targets(scenario, ["plc.COM2"], [])
-    with pytest.raises(UsageError) as nobody:
+    with pytest.raises(UsageError) as refused:
         targets(scenario, [], [])
-    assert "plc.COM2" not in str(nobody.value)
-    assert "v80" in str(nobody.value)
+    assert "plc.COM2" not in str(refused.value)
+    assert "v80" in str(refused.value)

@@ -1,4 +1,4 @@
-"""What goes over a wire besides requests and answers: free protocol, pacing, echo, a line that is lost."""
+"""What goes over a wire besides requests and responses: free protocol, pacing, echo, a line that is lost."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ devices:
   - {{name: reader, model: free, bus: belt, says: [{{text: "4006381\\r", at: 10 ms, every: 50 ms}}]}}
 """
 REQUEST = encode_adu(Mode.RTU, 2, bytes((3, 0, 0, 0, 10))).chars
-ANSWER = encode_adu(Mode.RTU, 2, bytes((3, 20)) + bytes((0, 7)) * 10).chars
+RESPONSE = encode_adu(Mode.RTU, 2, bytes((3, 20)) + bytes((0, 7)) * 10).chars
 
 
 def receive(handle: int, count: int) -> bytes:
@@ -68,14 +68,14 @@ def test_paced_bytes_come_one_by_one_at_the_line_s_rate() -> None:
     with Serving(text, "oven", options=options) as serving, opened(serving.device) as handle:
         begun = time.monotonic()
         os.write(handle, REQUEST)
-        assert receive(handle, len(ANSWER)) == ANSWER
+        assert receive(handle, len(RESPONSE)) == RESPONSE
         # A lower bound, which a busy machine only makes easier: the request came after it, too.
-        assert time.monotonic() - begun >= len(ANSWER) * 10 / 4800
-    assert serving.session.wires[0].counts.sent == len(ANSWER)
+        assert time.monotonic() - begun >= len(RESPONSE) * 10 / 4800
+    assert serving.session.wires[0].counts.sent == len(RESPONSE)
 
 
-def test_the_echo_of_an_adapter_is_not_answered() -> None:
-    """On a loop everything that is sent is heard again: a master would take it for an answer."""
+def test_the_echo_of_an_adapter_gets_no_response() -> None:
+    """On a loop everything that is sent is heard again: a master would take it for a response."""
     text = f"""{HEAD}
 buses: [{{name: line, baud: 115200, format: 8N1}}]
 plcs: [{{name: plc, scan: 5 ms}}]
@@ -114,10 +114,10 @@ def test_a_connection_that_is_lost_comes_back_and_the_rest_goes_on() -> None:
             connection.settimeout(PATIENCE)
             serving.wait_for(lambda number=number: counts.returns >= number)
             connection.sendall(REQUEST)
-            answer = b""
-            while len(answer) < len(ANSWER):
-                answer += connection.recv(100)
-            assert answer == ANSWER
+            response = b""
+            while len(response) < len(RESPONSE):
+                response += connection.recv(100)
+            assert response == RESPONSE
             connection.sendall(REQUEST[:5])  # it hangs up in the middle of a request
             connection.close()
             serving.wait_for(lambda number=number: counts.losses > number)

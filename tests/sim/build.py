@@ -50,7 +50,7 @@ def data(mode: int) -> int:
 
 
 def slot(mode: int, turnaround: int = TURNAROUND) -> int:
-    """Ticks of a slave that answers at once."""
+    """Ticks of a slave that replies at once."""
     return GAP + POLL + turnaround + data(mode)
 
 

@@ -64,8 +64,7 @@ def _kind(rng: Random, name: str) -> model.FaultKind:
             model.Stop(name),
             model.Stop(name),
             model.DropReply(name, count),
-            # The timeout is 50 or 60 ms: many of these answer the wrong attempt, or somebody else's.
-            # The timeout is 50 or 60 ms: many of these answer the wrong attempt, or somebody else's.
+            # The timeout is 50 or 60 ms: many of these come in the wrong attempt, or in that of another station.
             model.Slow(name, rng.randint(1, 90) * MS),
             model.Slow(name, rng.randint(48, 66) * MS),
             model.Slow(name, rng.randint(48, 66) * MS),

@@ -208,7 +208,7 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
     simulation, record = started(scenario)
     spacing = scenario.plcs[0].profile.word_spacing
     rng = Random(seed)
-    looked = 0
+    compared = 0
     while simulation.now < scenario.duration:
         simulation.run(simulation.now + rng.randint(1, 80 * MS))
         now = simulation.now
@@ -224,8 +224,8 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
             at = 3 + 2 * {0: 0, 1: 4, 2: 8}[scenario.plcs[0].registers["D8178"]]
             chars = frame.chars[frame.chars.rindex(2) :]  # before it a fault may have put an STX
             value = int(chars[at : at + 4], 16)
-            everybody = set(range(len(scenario.plcs))) - {source}
-            for position in everybody if heard is None else heard:
+            all_others = set(range(len(scenario.plcs))) - {source}
+            for position in all_others if heard is None else heard:
                 words.setdefault((position, source), []).append((tick, value))
         for position, spec in enumerate(scenario.plcs):
             plc = simulation.plcs[spec.name]
@@ -241,11 +241,11 @@ def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
                 received = [each for each in words.get((position, source), []) if each[0] >= run]
                 if source == position:
                     continue
-                place = bisect_right(received, (end, 1 << 20)) - 1
-                if place >= 0:
-                    looked += 1
-                    assert plc.read(f"D{spacing * source}") == received[place][1]
-    assert looked > 0 or len(record.refreshes) < 10
+                index = bisect_right(received, (end, 1 << 20)) - 1
+                if index >= 0:
+                    compared += 1
+                    assert plc.read(f"D{spacing * source}") == received[index][1]
+    assert compared > 0 or len(record.refreshes) < 10
 
 
 # -- replies at END --------------------------------------------------------------------------------
@@ -256,10 +256,10 @@ def test_a_reply_at_end_begins_at_the_first_end_after_its_turnaround(phase: int)
     profile = steady(reply=Reply.END)
     others = {1: {"phase": phase, "sources": {"D32": CLOCK}}}
     done = run(link(2, 0, seconds=1, profile=profile, others=others))
-    answered = [attempt for attempt in done.record.attempts if attempt.code == 0]
-    assert len(answered) > 30
+    replied = [attempt for attempt in done.record.attempts if attempt.code == 0]
+    assert len(replied) > 30
     polls = {frame.start: frame for frame in done.of("p0", "poll")}
-    for attempt, reply in zip(answered, done.of("p1"), strict=False):
+    for attempt, reply in zip(replied, done.of("p1"), strict=False):
         ready = polls[attempt.start].end + TURNAROUND
         end = phase + -(-(ready - phase) // SCAN) * SCAN
         assert reply.start == end

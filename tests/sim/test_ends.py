@@ -1,4 +1,4 @@
-"""Every END of every PLC reaches a traced run's sink, also those that nobody looked at."""
+"""Every END of every PLC reaches a traced run's sink, also those that nothing needed."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_those_of_a_latency_come_as_they_happen() -> None:
 
 
 @pytest.mark.parametrize("jitter", [0, 700])
-def test_none_is_lost_however_rarely_one_asks(jitter: int) -> None:
+def test_none_is_lost_however_rarely_they_are_read(jitter: int) -> None:
     def cycle() -> ScanCycle:
         made = ScanCycle(Streams(1).generator("scan", "x"))
         made.keep_ends()

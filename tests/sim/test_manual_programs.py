@@ -97,7 +97,7 @@ def test_the_slaves_inputs_appear_on_the_master() -> None:
     assert follows(seen["slave.X0"], seen["master.Y11"], 500 * MS, 13 * S) >= 30
     assert [value for _, value in seen["master.Y12"].between(500 * MS, 13 * S)] == [1, 0]  # X1, at 10 s
     assert follows(seen["slave.X1"], seen["master.Y12"], 500 * MS, 13 * S) == 2
-    for output in ("master.Y13", "master.Y14"):  # X2 and X3, which nobody drives
+    for output in ("master.Y13", "master.Y14"):  # X2 and X3, which nothing drives
         assert seen[output].values == []
 
 

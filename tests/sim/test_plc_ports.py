@@ -134,8 +134,8 @@ def test_an_hmi_reads_the_plc_of_com2() -> None:
     done = run(serial_bus([hmi("panel", *polls)], [press], seconds=5))
     exceptions = {r.poll: r.exception for r in done.record.transactions}
     assert exceptions == {"word": 0, "bit": 0, "x": 0, "write": 2}
-    answers = {f.chars[1]: f.chars for f in done.record.frames if f.sender == "press.COM2"}
-    assert answers[3][3:5] == (1234).to_bytes(2, "big")
+    responses = {f.chars[1]: f.chars for f in done.record.frames if f.sender == "press.COM2"}
+    assert responses[3][3:5] == (1234).to_bytes(2, "big")
     counted = done.totals.ports[0]
     assert (counted.node, counted.station, counted.protocol) == ("press.COM2", 5, SLAVE)
     assert counted.requests == counted.answered
@@ -144,8 +144,8 @@ def test_an_hmi_reads_the_plc_of_com2() -> None:
 
 def test_one_plc_asks_another() -> None:
     asks = plc("asks", port("COM3", MASTER), polls=[read(station=2, address=30, count=1)])
-    answers = plc("answers", port("COM4", SLAVE, station=2), registers={"D30": 99}, scan=5 * MS)
-    done = run(serial_bus([], [asks, answers], seconds=3))
+    responses = plc("slave", port("COM4", SLAVE, station=2), registers={"D30": 99}, scan=5 * MS)
+    done = run(serial_bus([], [asks, responses], seconds=3))
     assert set(outcomes(done)) == {"ok"}
     assert done.simulation.plcs["asks"].memory.word("D", 400) == 99
 

@@ -53,11 +53,11 @@ def test_transaction_time(field: str, extra: float) -> None:
 
 @pytest.mark.parametrize(("field", "pause"), [("", 100), ("broadcast_turnaround: 137 ms", 137)])
 def test_broadcast_turnaround(field: str, pause: int) -> None:
-    everybody = (
+    polls = (
         "station: 1, function: 3, address: 0, count: 2, to: D400",
         "station: 0, function: 6, address: 0, values: [1]",
     )
-    sent = [r for r in done(field, (ASK, everybody[1])).record.transactions if r.master == "p1.COM3"]
+    sent = [r for r in done(field, (ASK, polls[1])).record.transactions if r.master == "p1.COM3"]
     assert {r.end - r.asked for r in sent if r.asked is not None} == {pause * MS}
 
 
@@ -110,7 +110,7 @@ def test_the_silence_inside_a_frame(protocol: str, field: str, outcome: str, cha
 
 @pytest.mark.parametrize(("field", "outcome"), [("", "no response in time"), ("begun_holds: true", "ok")])
 def test_begun_holds(field: str, outcome: str) -> None:
-    # 45 characters take 46.9 ms: the answer begins before the timeout of 30 ms and ends behind it. The
+    # 45 characters take 46.9 ms: the response begins before the timeout of 30 ms and ends behind it. The
     # interval keeps the next request out of its way.
     late = done(
         field, ("count: 2, to", "count: 20, to"), ("timeout: 30 ms}", "timeout: 30 ms, interval: 50 ms}")
@@ -133,10 +133,10 @@ def test_slave_backlog(backlog: int, *, ignored: bool) -> None:
     assert ("busy with another request" in port.rejected) is ignored
 
 
-@pytest.mark.parametrize(("number", "answered"), [(1, True), (2, False)])
-def test_com2_station(number: int, *, answered: bool) -> None:
+@pytest.mark.parametrize(("number", "responds"), [(1, True), (2, False)])
+def test_com2_station(number: int, *, responds: bool) -> None:
     found = done(f"com2_station: {number}")
-    assert (outcomes(found, "screen") == {"ok"}) is answered
+    assert (outcomes(found, "screen") == {"ok"}) is responds
     assert next(port for port in found.totals.ports if port.node == "p1.COM2").station == number
 
 

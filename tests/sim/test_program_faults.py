@@ -33,7 +33,7 @@ def met(program: str, phase: str = "8 ms", faults: str = "") -> tuple[RunTotals,
 
 
 def told(totals: RunTotals) -> list[str]:
-    """What is warned of beside the bus on which nobody sits."""
+    """What is warned of beside the bus without nodes."""
     return [text for text in totals.warnings if text.startswith("press3's program")]
 
 
@@ -77,7 +77,7 @@ def test_it_is_counted_again_after_a_new_run() -> None:
     assert warning.endswith("; 2 times in all")
 
 
-def test_the_first_operation_error_of_each_code_is_reported_with_its_place() -> None:
+def test_the_first_operation_error_of_each_code_is_reported_with_its_position() -> None:
     program = "LD M8000 / DIV D0 D1 D2 / CALL P1 / FEND / P1 / LD M8000 / CALL P1 / SRET / END"
     totals, notes = met(program)
     division, calls = told(totals)

@@ -1,4 +1,4 @@
-"""A bus beside the link: masters, slaves, silences, collisions, and the truth about answers."""
+"""A bus beside the link: masters, slaves, silences, collisions, and the truth about responses."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ CHAR = PLAIN.characters(1)
 #: 3.5 characters at 9600 8N1, and the 4.5 of a V80.
 SILENCE = round(PLAIN.character * Fraction(7, 2))
 LONG_SILENCE = round(PLAIN.character * Fraction(9, 2))
-#: A read of registers, and the answer with one of them.
-REQUEST, ANSWER = 8 * CHAR, 7 * CHAR
+#: A read of registers, and the response with one of them.
+REQUEST, RESPONSE = 8 * CHAR, 7 * CHAR
 INTERVAL = 5 * MS
 
 
@@ -47,9 +47,9 @@ def test_a_plain_transaction_tick_for_tick() -> None:
     done = run(serial_bus([hmi("panel", poll()), device("drive")], seconds=1))
     first, second = done.record.transactions[:2]
     assert (first.sent, first.asked) == (0, REQUEST)
-    # The slave knows of the request's end after the silence, and answers without a delay of its own.
+    # The slave knows of the request's end after the silence, and responds without a delay of its own.
     assert first.answer_start == REQUEST + LONG_SILENCE
-    assert first.answer_end == REQUEST + LONG_SILENCE + ANSWER
+    assert first.answer_end == REQUEST + LONG_SILENCE + RESPONSE
     assert first.end == first.taken == first.answer_end + SILENCE
     assert second.sent == first.end + INTERVAL
     assert first.served == REQUEST + LONG_SILENCE
@@ -57,7 +57,7 @@ def test_a_plain_transaction_tick_for_tick() -> None:
 
 
 @pytest.mark.parametrize("kind", ["v80", "stepper", "map"])
-def test_a_device_answers_after_its_own_silence_and_delay(kind: str) -> None:
+def test_a_device_responds_after_its_own_silence_and_delay(kind: str) -> None:
     given: dict[str, object] = {}
     if kind == "map":
         given["settings"] = MapSettings((Entry(Space.HOLDING, 0, count=9),), FUNCTIONS)
@@ -67,7 +67,7 @@ def test_a_device_answers_after_its_own_silence_and_delay(kind: str) -> None:
     assert {r.answer_start - r.asked for r in done.record.transactions if r.answer_start} == {wait}  # type: ignore[operator]
 
 
-def test_the_stepper_never_answers_before_35_ms() -> None:
+def test_the_stepper_never_responds_before_35_ms() -> None:
     many = [poll(f"p{n}", 1, 3, n, 1) for n in range(8)]
     done = run(serial_bus([hmi("panel", *many), device("feeder", "stepper", jitter=3 * MS)], seconds=20))
     waits = [r.answer_start - r.asked for r in done.record.transactions if r.answer_start and r.asked]
@@ -75,12 +75,12 @@ def test_the_stepper_never_answers_before_35_ms() -> None:
     assert 35 * MS <= min(waits) < max(waits) <= 38 * MS
 
 
-def test_a_plc_as_slave_answers_at_its_end() -> None:
+def test_a_plc_as_slave_responds_at_its_end() -> None:
     settings = LxSettings(model.Scan(7 * MS), {"D0": 42})
     done = run(serial_bus([hmi("panel", poll()), device("plc", "lx", settings=settings)], seconds=3))
     waits = [r.answer_start - r.asked for r in done.record.transactions if r.answer_start and r.asked]
     assert all(SILENCE <= wait < SILENCE + 7 * MS for wait in waits)
-    # ENDs are 7 ms apart, whoever asks when.
+    # ENDs are 7 ms apart, whatever asks when.
     starts = [r.answer_start for r in done.record.transactions if r.answer_start]
     assert len({start % (7 * MS) for start in starts}) == 1
 
@@ -88,20 +88,20 @@ def test_a_plc_as_slave_answers_at_its_end() -> None:
 def test_bus_load_is_the_time_that_frames_take() -> None:
     done = run(serial_bus([hmi("panel", poll()), device("drive")], seconds=2))
     frames = done.record.frames
-    assert done.totals.buses[0].busy == pytest.approx(sum(f.end - f.start for f in frames), abs=ANSWER)
+    assert done.totals.buses[0].busy == pytest.approx(sum(f.end - f.start for f in frames), abs=RESPONSE)
     assert done.totals.buses[0].nodes == ("panel", "drive")
 
 
 def test_frames_say_what_they_are() -> None:
     done = run(serial_bus([hmi("panel", poll(count=2)), device("drive")], seconds=1))
-    request, answer = done.record.frames[:2]
+    request, response = done.record.frames[:2]
     assert (request.kind, request.sender, request.chars.hex(" ")) == (
         "request",
         "panel",
         "01 03 00 00 00 02 c4 0b",
     )
-    assert (answer.kind, answer.sender, answer.protocol) == ("response", "drive", "modbus-rtu")
-    assert (answer.baud, answer.format, answer.ppm, answer.station) == (9600, "8N1", 0.0, 1)
+    assert (response.kind, response.sender, response.protocol) == ("response", "drive", "modbus-rtu")
+    assert (response.baud, response.format, response.ppm, response.station) == (9600, "8N1", 0.0, 1)
 
 
 def test_ascii() -> None:
@@ -114,17 +114,17 @@ def test_ascii() -> None:
     ]
     done = run(serial_bus(devices, timing=line, seconds=1))
     assert set(outcomes(done)) == {"ok"}
-    request, answer = done.record.frames[:2]
+    request, response = done.record.frames[:2]
     assert request.chars == b":0603006B000389\r\n"
-    assert answer.chars == b":060306006300630063C8\r\n"
-    assert answer.protocol == "modbus-ascii"
+    assert response.chars == b":060306006300630063C8\r\n"
+    assert response.protocol == "modbus-ascii"
 
 
-# -- answers to the wrong request -------------------------------------------------------------------
+# -- responses to the wrong request -----------------------------------------------------------------
 
 
-def test_a_late_answer_to_an_earlier_request_is_found_out() -> None:
-    # The slave needs 60 ms, the master waits 40: every second poll takes the answer to the first one.
+def test_a_late_response_to_an_earlier_request_is_found_out() -> None:
+    # The slave needs 60 ms, the master waits 40: every second poll takes the response to the first one.
     polls = poll("a", address=0), poll("b", address=5)
     done = run(serial_bus([hmi("panel", *polls, timeout=40 * MS), device("slow", delay=60 * MS)]))
     by_poll = {name: [r for r in done.record.transactions if r.poll == name] for name in "ab"}
@@ -134,7 +134,7 @@ def test_a_late_answer_to_an_earlier_request_is_found_out() -> None:
     assert len(noted) == len(by_poll["b"])
 
 
-def test_a_right_answer_is_never_called_mismatched() -> None:
+def test_a_right_response_is_never_called_mismatched() -> None:
     polls = [poll(f"p{n}", address=n) for n in range(5)]
     done = run(serial_bus([hmi("panel", *polls), device("drive", jitter=20 * MS)], seconds=20))
     assert not any(r.mismatched for r in done.record.transactions)
@@ -167,7 +167,7 @@ def test_noise_fails_as_many_transactions_as_theory_says() -> None:
     )
     found = outcomes(done)
     total = sum(found.values())
-    # Stop bits count: a character framed wrongly spoils the frame. Undetected damage is far rarer.
+    # Stop bits count: a character framed wrongly damages the frame. Undetected damage is far rarer.
     good = (1 - ber) ** (10 * (8 + 5 + 2 * 20))
     # A damaged last stop bit may go unseen by a frame's reader: the bounds take both readings.
     low = (1 - ber) ** (10 * (8 + 5 + 2 * 20) + 2)
@@ -205,7 +205,7 @@ def test_a_fault_keeps_a_slave_silent_while_it_lasts(kind: model.FaultKind) -> N
     good = [r.end / SECOND for r in done.record.transactions if r.outcome == "ok"]
     during = [at for at in good if 2.1 < at < 3.9]
     if isinstance(kind, model.Slow):
-        # Late answers answer the wrong request: all the same to this master.
+        # Late responses are taken for the wrong request: all the same to this master.
         assert all(
             r.mismatched for r in done.record.transactions if 2.1 < r.end / SECOND < 3.9 and r.outcome == "ok"
         )
@@ -229,7 +229,7 @@ def test_a_clock_error_within_the_standard_does_no_harm() -> None:
 # -- broadcast, refusals ----------------------------------------------------------------------------
 
 
-def test_broadcasts_are_executed_by_all_and_answered_by_none() -> None:
+def test_broadcasts_are_executed_by_all_and_get_no_response() -> None:
     write = poll("w", 0, 6, 7, 1, values=(1234,), every=SECOND)
     read = poll("r", 2, 3, 7)
     done = run(serial_bus([hmi("panel", write, read), device("one", station=1), device("two", station=2)]))
@@ -239,8 +239,8 @@ def test_broadcasts_are_executed_by_all_and_answered_by_none() -> None:
     assert by["one"].broadcasts == by["two"].broadcasts == len(sent)
     assert by["one"].answered == 0
     assert sent[0].end - sent[0].asked == 100 * MS  # type: ignore[operator]
-    answers = [f for f in done.record.frames if f.sender == "two"]
-    assert answers[0].chars[3:5] == (1234).to_bytes(2, "big")
+    responses = [f for f in done.record.frames if f.sender == "two"]
+    assert responses[0].chars[3:5] == (1234).to_bytes(2, "big")
 
 
 def test_a_device_refuses_what_it_lacks() -> None:
@@ -258,9 +258,9 @@ def test_a_register_map_of_the_scenario_moves_with_time() -> None:
     entries = (Entry(Space.HOLDING, 0, Sweep(0, 1000, 10 * SECOND)),)
     settings = MapSettings(entries, FUNCTIONS)
     done = run(serial_bus([hmi("panel", poll()), device("ramp", "map", settings=settings)], seconds=8))
-    answers = [f for f in done.record.frames if f.kind == "response"]
+    responses = [f for f in done.record.frames if f.kind == "response"]
     served = [r.served for r in done.record.transactions]
-    for frame, tick in zip(answers, served, strict=False):
+    for frame, tick in zip(responses, served, strict=False):
         assert int.from_bytes(frame.chars[3:5], "big") == 1000 * (tick or 0) // (10 * SECOND)
 
 
@@ -307,14 +307,14 @@ def test_without_saving_the_old_address_comes_back() -> None:
 # -- scripted ----------------------------------------------------------------------------------------
 
 
-def test_a_talker_speaks_by_the_clock_and_answers() -> None:
+def test_a_scripted_device_sends_by_the_clock_and_replies() -> None:
     asks = scripted("scale", Message(b"?W\r", at=SECOND, every=SECOND, times=3))
-    answers = scripted("head", Message(b"12.5\r", reply_to=b"?W\r", delay=2 * MS))
-    done = run(serial_bus([asks, answers], seconds=6))
+    responses = scripted("head", Message(b"12.5\r", reply_to=b"?W\r", delay=2 * MS))
+    done = run(serial_bus([asks, responses], seconds=6))
     said = [(r.node, r.direction, r.data, r.start) for r in done.record.said]
     assert [entry[:3] for entry in said] == 3 * [("scale", "sent", b"?W\r"), ("head", "sent", b"12.5\r")]
-    for (_, _, question, asked), (_, _, _, answered) in zip(said[::2], said[1::2], strict=True):
-        assert answered == asked + len(question) * CHAR + 2 * MS  # type: ignore[operator]
+    for (_, _, request, asked), (_, _, _, replied) in zip(said[::2], said[1::2], strict=True):
+        assert replied == asked + len(request) * CHAR + 2 * MS  # type: ignore[operator]
     assert [entry[3] for entry in said[::2]] == [SECOND, 2 * SECOND, 3 * SECOND]
 
 

@@ -31,7 +31,7 @@ devices:
   - {name: box, model: map, bus: line, station: 1, registers: [{address: 0, count: 4, value: 7}]}
 """
 CHAR = 10 * SECOND // 9600
-#: When the faults act: from 2 s to 4 s. What was asked before and is answered inside is left out.
+#: When the faults act: from 2 s to 4 s. What was asked before and has its response inside is left out.
 AT = "at: 2 s, for: 2 s"
 FROM, UNTIL = round(2.05 * SECOND), round(3.85 * SECOND)
 
@@ -133,7 +133,7 @@ def test_slow_replies(station: str, poll: str) -> None:
         inside = FROM < (record.sent or 0) < UNTIL
         if inside or not 1.8 * SECOND < (record.sent or 0) < 4.2 * SECOND:
             waits.setdefault((record.poll, inside), []).append(record.answer_start - record.asked)
-    # The map answers after its silence of 3.5 characters, the PLC at its END: a scan of 5.2 ms at most.
+    # The map responds after its silence of 3.5 characters, the PLC at its END: a scan of 5.2 ms at most.
     silence, scan = round(3.5 * CHAR), round(5.2 * MS)
     for name in ("map", "plc"):
         most = silence if name == "map" else silence + scan
@@ -201,7 +201,7 @@ def test_noise_acts_on_it_and_only_in_its_window(noise: str) -> None:
 
 
 @pytest.mark.slow
-def test_noise_at_one_node_hits_as_many_answers_as_theory_says() -> None:
+def test_noise_at_one_node_hits_as_many_responses_as_theory_says() -> None:
     # In the receiver of the master: 13 characters of 10 bits, of which the last stop bit may go unseen.
     text = TEXT.replace("MASTER", "COM3").replace("6 s", "120 s").replace("every: 100 ms", "every: 50 ms")
     ber = 2e-3

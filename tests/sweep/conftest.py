@@ -11,8 +11,8 @@ from tests.sweep.samples import REPEAT, VARY, contents, noisy
 @pytest.fixture(scope="session")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, bytes]]:
     """A scenario, and the files of the whole sweep over it by a single process."""
-    place = tmp_path_factory.mktemp("undisturbed")
-    scenario = noisy(place)
-    result = run_sweep(scenario, VARY, out=place / "out", repeat=REPEAT, workers=1)
+    folder = tmp_path_factory.mktemp("undisturbed")
+    scenario = noisy(folder)
+    result = run_sweep(scenario, VARY, out=folder / "out", repeat=REPEAT, workers=1)
     assert result.already_there == 0
     return scenario, contents(result.folder)

@@ -56,7 +56,7 @@ def test_workers_run_the_function(
     with Path("swept/runs.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 4
-    # Ten polls in a second, one each 100 ms; each is answered with an exception where the function fails.
+    # Ten polls in a second, one each 100 ms; the response to each is an exception where the function fails.
     assert [int(row["panel.ok"]) for row in rows] == [10 - fails] * 4
 
 

@@ -70,7 +70,7 @@ def test_a_worker_and_the_sweep_killed_in_the_middle_change_nothing(
 
 
 @pytest.mark.slow
-def test_workers_that_die_again_and_again_are_told(
+def test_workers_that_die_again_and_again_are_reported(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def killed(*_: object) -> Iterator[Any]:
@@ -85,7 +85,7 @@ def test_workers_that_die_again_and_again_are_told(
 
 
 @pytest.mark.slow
-def test_what_goes_wrong_on_the_cluster_is_told(
+def test_what_goes_wrong_on_the_cluster_is_reported(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(executors, "run_job", _missing)

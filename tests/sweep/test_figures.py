@@ -110,7 +110,7 @@ def test_latencies_give_their_times_and_shares() -> None:
     assert latencies_in(found) == names
 
 
-def test_shares_are_of_the_changes_whose_fate_is_known() -> None:
+def test_shares_are_of_the_changes_whose_outcome_is_known() -> None:
     bit = {"edge": "both", "changes": 50, "delivered": 30, "lost": 8, "unseen": 2, "open": 10}
     word = {"edge": None, "changes": 9, "delivered": 700, "lost": 0, "unseen": 0, "open": 0}
     nothing = {**bit, "changes": 10, "delivered": 0, "lost": 0, "unseen": 0}

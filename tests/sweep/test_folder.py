@@ -72,13 +72,13 @@ def ran() -> int:
 
 @pytest.fixture
 def sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., SweepResult]:
-    """A small sweep into tmp_path/place/out that costs nothing."""
+    """A small sweep into tmp_path/sweeps/out that costs nothing."""
     scenario = noisy(tmp_path)
     monkeypatch.setattr(run, "open_executor", lambda *_: _recorded())
     monkeypatch.setattr(plots, "draw", lambda *given: (given[-1] / "sweep_link.png").write_bytes(b"x"))
 
     def call(vary: str = f"{RETRIES}=0,1", *, out: str = "out", **options: object) -> SweepResult:
-        return run_sweep(scenario, [vary], out=tmp_path / "place" / out, **options)  # type: ignore[arg-type] # any option
+        return run_sweep(scenario, [vary], out=tmp_path / "sweeps" / out, **options)  # type: ignore[arg-type] # any option
 
     return call
 
@@ -90,9 +90,9 @@ def tree(folder: Path) -> dict[str, dict[str, bytes]]:
 def test_killed_at_any_step_it_goes_on_where_it_was(
     sweep: Callable[..., SweepResult], tmp_path: Path
 ) -> None:
-    place = tmp_path / "place"
+    folder = tmp_path / "sweeps"
     sweep(out="undisturbed", repeat=2)
-    wanted = contents(place / "undisturbed")
+    wanted = contents(folder / "undisturbed")
     assert set(wanted) == FILES
     for steps in range(200):
         name, before = f"after{steps}", ran()
@@ -102,14 +102,14 @@ def test_killed_at_any_step_it_goes_on_where_it_was(
                 sweep(out=name, repeat=2)
         except _Killed:
             killed = True
-            # Whatever stands at the target's place is whole or says that it is not.
-            target = place / name
+            # Whatever stands at the target is whole or says that it is not.
+            target = folder / name
             assert not target.exists() or (target / MARKER).exists() or contents(target) == wanted
         result = sweep(out=name, repeat=2)
-        assert result.folder == place / name
-        assert contents(place / name) == wanted, steps
+        assert result.folder == folder / name
+        assert contents(folder / name) == wanted, steps
         assert ran() - before == 4, steps  # nothing twice
-        assert not [path.name for path in place.iterdir() if path.name.startswith(f"{name}.")]
+        assert not [path.name for path in folder.iterdir() if path.name.startswith(f"{name}.")]
         if not killed:
             break
     assert steps > 12
@@ -118,9 +118,9 @@ def test_killed_at_any_step_it_goes_on_where_it_was(
 def test_replacing_another_sweep_may_be_killed_at_any_step(
     sweep: Callable[..., SweepResult], tmp_path: Path
 ) -> None:
-    place = tmp_path / "place"
+    folder = tmp_path / "sweeps"
     sweep(out="undisturbed")
-    wanted = contents(place / "undisturbed")
+    wanted = contents(folder / "undisturbed")
     for steps in range(200):
         name = f"after{steps}"
         sweep(f"{RETRIES}=5,6,7", out=name)
@@ -131,8 +131,8 @@ def test_replacing_another_sweep_may_be_killed_at_any_step(
         except _Killed:
             killed = True
         sweep(out=name, force=True)
-        assert contents(place / name) == wanted, steps
-        assert not [path.name for path in place.iterdir() if path.name.startswith(f"{name}.")]
+        assert contents(folder / name) == wanted, steps
+        assert not [path.name for path in folder.iterdir() if path.name.startswith(f"{name}.")]
         if not killed:
             break
     assert steps > 20
@@ -140,19 +140,19 @@ def test_replacing_another_sweep_may_be_killed_at_any_step(
 
 def test_what_is_whole_is_not_run_again(sweep: Callable[..., SweepResult], tmp_path: Path) -> None:
     assert sweep().already_there == 0
-    before = contents(tmp_path / "place" / "out")
+    before = contents(tmp_path / "sweeps" / "out")
     assert sweep().already_there == 2
     assert sweep(workers=7).already_there == 2  # who runs it makes no difference
-    assert contents(tmp_path / "place" / "out") == before
+    assert contents(tmp_path / "sweeps" / "out") == before
     assert sweep(force=True).already_there == 0
-    assert contents(tmp_path / "place" / "out") == before
+    assert contents(tmp_path / "sweeps" / "out") == before
 
 
 def test_another_sweep_is_refused_with_what_differs(
     sweep: Callable[..., SweepResult], tmp_path: Path
 ) -> None:
     sweep()
-    before = tree(tmp_path / "place")
+    before = tree(tmp_path / "sweeps")
     for vary, options, message in (
         (f"{RETRIES}=0,2", {}, f"{RETRIES} is varied over 0,2 here, 0,1 there"),
         (f"{RETRIES}=0,1", {"repeat": 2}, "--repeat is 2 here, 1 there"),
@@ -163,14 +163,14 @@ def test_another_sweep_is_refused_with_what_differs(
         with pytest.raises(UsageError) as caught:
             sweep(vary, **options)
         assert f"out is the folder of another sweep: {message}; choose another name" in str(caught.value)
-    assert tree(tmp_path / "place") == before
+    assert tree(tmp_path / "sweeps") == before
 
 
 def test_another_version_of_bussim_is_another_sweep(
     sweep: Callable[..., SweepResult], tmp_path: Path
 ) -> None:
     sweep()
-    manifest = tmp_path / "place" / "out" / "sweep.json"
+    manifest = tmp_path / "sweeps" / "out" / "sweep.json"
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"bussim": "0.0.1"}))
     with pytest.raises(UsageError, match=r'the version of bussim is "[\d.]+" here, "0.0.1" there'):
         sweep()
@@ -179,26 +179,26 @@ def test_another_version_of_bussim_is_another_sweep(
 
 
 def test_an_unfinished_other_sweep_is_refused_too(sweep: Callable[..., SweepResult], tmp_path: Path) -> None:
-    place = tmp_path / "place"
+    folder = tmp_path / "sweeps"
     with pytest.raises(_Killed), _STEPS.kill(7):
         sweep(f"{RETRIES}=0:9:1")
-    assert (place / "out.incomplete" / JOURNAL).is_file()
+    assert (folder / "out.incomplete" / JOURNAL).is_file()
     with pytest.raises(
         UsageError, match=r"another sweep \(unfinished, in .*out.incomplete\): .* is varied over"
     ):
         sweep()
     assert sweep(force=True).already_there == 0
-    assert [path.name for path in place.iterdir()] == ["out"]
+    assert [path.name for path in folder.iterdir()] == ["out"]
 
 
 def test_what_is_no_sweep_is_never_replaced(sweep: Callable[..., SweepResult], tmp_path: Path) -> None:
-    place = tmp_path / "place"
-    (place / "out").mkdir(parents=True)
-    (place / "out" / "thesis.txt").write_text("precious")
-    (place / "file").write_text("precious")
-    (place / "more.incomplete").mkdir()
-    (place / "more.incomplete" / "thesis.txt").write_text("precious")
-    before = {path: path.read_bytes() for path in place.rglob("*.txt")}
+    folder = tmp_path / "sweeps"
+    (folder / "out").mkdir(parents=True)
+    (folder / "out" / "thesis.txt").write_text("precious")
+    (folder / "file").write_text("precious")
+    (folder / "more.incomplete").mkdir()
+    (folder / "more.incomplete" / "thesis.txt").write_text("precious")
+    before = {path: path.read_bytes() for path in folder.rglob("*.txt")}
     for force in (False, True):
         for name, message in (
             ("out", "is not the folder of a sweep"),
@@ -209,30 +209,30 @@ def test_what_is_no_sweep_is_never_replaced(sweep: Callable[..., SweepResult], t
         ):
             with pytest.raises(UsageError, match=message):
                 sweep(out=name, force=force)
-    assert {path: path.read_bytes() for path in place.rglob("*.txt")} == before
-    (place / "empty").mkdir()
-    assert sweep(out="empty").folder == place / "empty"
+    assert {path: path.read_bytes() for path in folder.rglob("*.txt")} == before
+    (folder / "empty").mkdir()
+    assert sweep(out="empty").folder == folder / "empty"
 
 
 def test_with_numbers_the_same_sweep_is_found_again(
     sweep: Callable[..., SweepResult], tmp_path: Path
 ) -> None:
-    place = tmp_path / "place"
+    folder = tmp_path / "sweeps"
     assert sweep(numbered=True).folder.name == "out"
     assert sweep(f"{RETRIES}=5,6", numbered=True).folder.name == "out-2"
     with pytest.raises(_Killed), _STEPS.kill(8):
         sweep(f"{RETRIES}=7,8", numbered=True)
-    assert (place / "out-3.incomplete").is_dir()
+    assert (folder / "out-3.incomplete").is_dir()
     assert sweep(f"{RETRIES}=8,9", numbered=True).folder.name == "out-4"
     assert sweep(f"{RETRIES}=7,8", numbered=True).folder.name == "out-3"
     for vary, name in ((f"{RETRIES}=0,1", "out"), (f"{RETRIES}=5,6", "out-2"), (f"{RETRIES}=8,9", "out-4")):
         again = sweep(vary, numbered=True)
         assert (again.folder.name, again.already_there) == (name, 2)
-    assert sorted(path.name for path in place.iterdir()) == ["out", "out-2", "out-3", "out-4"]
+    assert sorted(path.name for path in folder.iterdir()) == ["out", "out-2", "out-3", "out-4"]
 
 
 def test_a_folder_in_use_is_left_alone(sweep: Callable[..., SweepResult], tmp_path: Path) -> None:
-    target = tmp_path / "place" / "out"
+    target = tmp_path / "sweeps" / "out"
     manifest = sweep(out="other").plan.manifest()
     code = (
         "import json, sys\nfrom pathlib import Path\nfrom bussim.sweep.folder import SweepFolder\n"
@@ -271,5 +271,5 @@ def test_a_full_disk_keeps_what_was_run(
         patch.setattr(plots, "draw", full)
         with pytest.raises(RunError, match=r"out: writing failed: No space left on device"):
             sweep()
-    assert [path.name for path in (tmp_path / "place").iterdir()] == ["out.incomplete"]
+    assert [path.name for path in (tmp_path / "sweeps").iterdir()] == ["out.incomplete"]
     assert sweep().already_there == 2

@@ -30,7 +30,7 @@ def test_what_was_appended_is_there_again(tmp_path: Path) -> None:
 
 def test_cut_off_at_any_byte_only_the_last_run_is_lost(tmp_path: Path) -> None:
     whole = filled(tmp_path / "j")
-    ends = [place + 1 for place, byte in enumerate(whole) if byte == ord("\n")]
+    ends = [index + 1 for index, byte in enumerate(whole) if byte == ord("\n")]
     for length in range(len(whole) + 1):
         (tmp_path / "j").write_bytes(whole[:length])
         journal = Journal(tmp_path / "j")
@@ -47,8 +47,8 @@ def test_a_damaged_line_is_a_missing_run(tmp_path: Path, damage: bytes) -> None:
     whole = filled(tmp_path / "j")
     lines = whole.splitlines(keepends=True)
     start = sum(map(len, lines[:2]))
-    for place in range(start, start + len(lines[2]) - 1):
-        (tmp_path / "j").write_bytes(whole[:place] + damage + whole[place + 1 :])
+    for index in range(start, start + len(lines[2]) - 1):
+        (tmp_path / "j").write_bytes(whole[:index] + damage + whole[index + 1 :])
         journal = Journal(tmp_path / "j")
         assert journal.done == set(ROWS) - {2}
         journal.append(2, ROWS[2])

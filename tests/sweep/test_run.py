@@ -90,7 +90,7 @@ def test_killed_twice_and_resumed_by_two_workers_it_is_the_same(
 
 
 @pytest.mark.slow
-def test_the_tables_tell_what_a_technician_expects(undisturbed: tuple[Path, dict[str, bytes]]) -> None:
+def test_the_tables_have_what_a_technician_expects(undisturbed: tuple[Path, dict[str, bytes]]) -> None:
     scenario, wanted = undisturbed
     assert set(wanted) == {
         "sweep.json", "scenario.yaml", "runs.csv", "runs.parquet", "points.csv", "sweep_link.png",
@@ -133,7 +133,7 @@ def test_a_bad_point_stops_everything_before_it_begins(
     monkeypatch.setattr(run, "open_executor", lambda *_: here)
     scenario = noisy(tmp_path)
     with pytest.raises(ScenarioError, match="retries is 11"):
-        run_sweep(scenario, [f"{RETRIES}=8:11:1"], out=tmp_path / "place" / "out")
+        run_sweep(scenario, [f"{RETRIES}=8:11:1"], out=tmp_path / "sweeps" / "out")
     assert here.ran == []
     assert list(tmp_path.iterdir()) == [scenario]
 
@@ -208,7 +208,7 @@ def test_a_killed_process_of_the_pool_is_noticed(tmp_path: Path, monkeypatch: py
         run_sweep(noisy(tmp_path), [f"{RETRIES}=0,1"], out=tmp_path / "out", workers=2)
 
 
-def test_progress_tells_what_is_being_done_and_how_much_of_it(
+def test_progress_shows_what_is_being_done_and_how_much_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_pictures: None
 ) -> None:
     del no_pictures

@@ -7,7 +7,7 @@ import serial
 from bussim.line.checksums import crc16, crc16_bytes
 
 
-class NoAnswerError(Exception):
+class NoResponseError(Exception):
     """Every attempt failed."""
 
 
@@ -27,20 +27,20 @@ class SmallClient:
         for _ in range(self._retries + 1):
             self._port.reset_input_buffer()
             self._port.write(body + crc16_bytes(body))
-            answer = self._port.read(5 + 2 * count)
-            why = self._judge(answer, count)
+            response = self._port.read(5 + 2 * count)
+            why = self._why_not(response, count)
             if why is None:
-                return [int.from_bytes(answer[at : at + 2], "big") for at in range(3, 3 + 2 * count, 2)]
+                return [int.from_bytes(response[at : at + 2], "big") for at in range(3, 3 + 2 * count, 2)]
             self.failures.append(why)
-        raise NoAnswerError(self.failures[-1])
+        raise NoResponseError(self.failures[-1])
 
-    def _judge(self, answer: bytes, count: int) -> str | None:
-        if not answer:
+    def _why_not(self, response: bytes, count: int) -> str | None:
+        if not response:
             return "silence"
-        if len(answer) >= 5 and not crc16(answer[:5]) and answer[1] & 0x80:
-            return f"exception {answer[2]}"
-        if len(answer) < 5 + 2 * count:
+        if len(response) >= 5 and not crc16(response[:5]) and response[1] & 0x80:
+            return f"exception {response[2]}"
+        if len(response) < 5 + 2 * count:
             return "short"
-        if crc16(answer):
+        if crc16(response):
             return "crc"
-        return None if answer[0] == self._station else "station"
+        return None if response[0] == self._station else "station"

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from bussim.testing import ServedBus
-from tests.testing.client import NoAnswerError, SmallClient
+from tests.testing.client import NoResponseError, SmallClient
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
 
@@ -56,7 +56,7 @@ def test_it_survives_a_fault(
 @pytest.mark.slow
 def test_it_gives_up(modbus_slave: ServedBus, client: SmallClient) -> None:
     modbus_slave.drop_reply(count=3)
-    with pytest.raises(NoAnswerError, match="silence"):
+    with pytest.raises(NoResponseError, match="silence"):
         client.read(0)
     assert len(modbus_slave.requests) == 3
     assert client.read(0) == [0]

@@ -239,7 +239,7 @@ def test_lines_of_a_later_version_are_passed_over(tmp_path: Path) -> None:
         ({"type": 7}, "type is 7, not a text"),
     ],
 )
-def test_a_damaged_line_is_told(tmp_path: Path, change: dict[str, object], message: str) -> None:
+def test_a_damaged_line_is_reported(tmp_path: Path, change: dict[str, object], message: str) -> None:
     frame = FrameRecord("link", 5, 90, "a", "poll", 1, 0, b"1", (), {}, False, False)
     path = written(tmp_path / TRACE, [frame])
     header, line = path.read_text().splitlines()

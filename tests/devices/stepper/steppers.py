@@ -86,7 +86,7 @@ class PoweredOn:
 def set_(device: Stepper, now: int = 0, **values: int) -> None:
     for name, value in values.items():
         register = BY_NAME[name]
-        words = [value >> 16 * place & 0xFFFF for place in range(register.words)]
+        words = [value >> 16 * word & 0xFFFF for word in range(register.words)]
         assert put(device, register.address, *words, now=now) == 0, name
 
 

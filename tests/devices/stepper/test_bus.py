@@ -39,7 +39,7 @@ def test_no_ascii() -> None:
 
 
 @pytest.mark.parametrize("baud", STEPPER_PORT.bauds)
-def test_never_answers_before_35_ms(baud: int) -> None:
+def test_never_responds_before_35_ms(baud: int) -> None:
     line = LineTiming(baud, CharFormat(8, "N", 1))
     device = Stepper(baud=baud)
     wire = Wire(line, whole=True)
@@ -90,18 +90,18 @@ def test_a_positioning_run_seen_by_a_polling_master() -> None:
     assert arrived[-1] == 1
 
 
-def test_the_old_address_answers_until_power_comes_back() -> None:
+def test_the_old_address_responds_until_power_comes_back() -> None:
     device = Stepper()
     config = slave_config(STEPPER_PORT, Mode.RTU, RTU_LINE)
 
-    def answers(slave: Slave, station: int) -> bool:
+    def responds(slave: Slave, station: int) -> bool:
         slave.start(0)
         request = config.framing.encode(station, bytes.fromhex("03 00 00 00 01"))
         _, end = receive_by_character(slave, request.chars, 0, RTU_LINE)
         slave.line_idle(end + slave.quiet)
-        answered = slave.due >= 0
+        responded = slave.due >= 0
         slave.stop(end)
-        return answered
+        return responded
 
     slave = Slave(config, {device.station: device})
     for chars in (b"\x06\x00\x10\x00\x07", b"\x05\x00\x00\xff\x00"):  # 40017 = 7, save
@@ -109,10 +109,10 @@ def test_the_old_address_answers_until_power_comes_back() -> None:
         _, end = receive_by_character(slave, config.framing.encode(1, chars).chars, 0, RTU_LINE)
         slave.line_idle(end + slave.quiet)
         slave.stop(end)
-    assert answers(slave, 1)
-    assert not answers(slave, 7)
+    assert responds(slave, 1)
+    assert not responds(slave, 7)
     device.power_off(S)
     device.power_on(2 * S)
     slave = Slave(config, {device.station: device})
-    assert answers(slave, 7)
-    assert not answers(slave, 1)
+    assert responds(slave, 7)
+    assert not responds(slave, 1)

@@ -110,7 +110,7 @@ def test_read_only_registers(number: int) -> None:
 def test_every_writable_register_keeps_what_it_may(register: object) -> None:
     device = Stepper()
     value = min(register.high, 0xABCD_1234 if register.words == 2 else 0x5678)
-    words = [value >> 16 * place & 0xFFFF for place in range(register.words)]
+    words = [value >> 16 * word & 0xFFFF for word in range(register.words)]
     assert put(device, register.address, *words) == 0
     assert registers(device, register.address, register.words) == tuple(words)
     assert device.value(register.name, 0) == value
@@ -142,7 +142,7 @@ def test_manuals_example_distance_200() -> None:
         Request(2, 0, 1),
         Request(4, 0, 1),
         write_coils(0, (1,)),
-        Request(1, 500, 1),  # the function is judged before the address
+        Request(1, 500, 1),  # the function is checked before the address
     ],
 )
 def test_functions_that_it_lacks(request_: Request) -> None:

@@ -147,7 +147,7 @@ def test_zero_bytes_receives_nothing() -> None:
         (RxChar(0x41, parity_ok=False, stop_ok=False), PortError.FRAMING),
     ],
 )
-def test_damaged_characters_are_told_and_kept(char: RxChar, error: PortError) -> None:
+def test_damaged_characters_are_reported_and_kept(char: RxChar, error: PortError) -> None:
     engine = port(2)
     engine.receive(char, 0, CHAR)
     engine.receive(RxChar(0x42), CHAR, 2 * CHAR)
@@ -171,7 +171,7 @@ def test_whole_is_the_same_as_one_by_one() -> None:
     assert drain(one) == drain(whole)
 
 
-def test_not_driven_it_is_deaf_and_forgets() -> None:
+def test_not_driven_it_receives_nothing_and_forgets() -> None:
     engine = port(10)
     receive_by_character(engine, b"AB", 0, LINE)
     engine.release(3 * CHAR)

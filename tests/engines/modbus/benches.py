@@ -46,7 +46,7 @@ class Bench:
     def adu(self, pdu: bytes, station: int = 1) -> Adu:
         return encode_adu(self.framing.mode, station, pdu)
 
-    def hear(self, chars: bytes, *, gap: int = 0, quiet: bool = True) -> list[MasterEvent]:
+    def receive(self, chars: bytes, *, gap: int = 0, quiet: bool = True) -> list[MasterEvent]:
         """Characters from ``gap`` ticks after the latest on, then (RTU) the silence that ends them."""
         _, end = receive_by_character(self.master, chars, self.now + gap, self.line)
         self.now = end

@@ -52,11 +52,11 @@ def test_rs2_examples(station: int, request_: object, chars: bytes) -> None:
 
 
 def test_ascii_example_of_the_v80() -> None:
-    asked, answered = EXCHANGES[4].request, EXCHANGES[4].response
-    assert encode_adu(Mode.ASCII, 6, encode_request(asked)).chars == ASCII_REQUEST
-    assert encode_adu(Mode.ASCII, 6, encode_response(answered)).chars == ASCII_RESPONSE
-    assert decode_ascii(ASCII_REQUEST) == Adu(6, encode_request(asked), ASCII_REQUEST)
-    assert decode_ascii(ASCII_RESPONSE) == Adu(6, encode_response(answered), ASCII_RESPONSE)
+    request, response = EXCHANGES[4].request, EXCHANGES[4].response
+    assert encode_adu(Mode.ASCII, 6, encode_request(request)).chars == ASCII_REQUEST
+    assert encode_adu(Mode.ASCII, 6, encode_response(response)).chars == ASCII_RESPONSE
+    assert decode_ascii(ASCII_REQUEST) == Adu(6, encode_request(request), ASCII_REQUEST)
+    assert decode_ascii(ASCII_RESPONSE) == Adu(6, encode_response(response), ASCII_RESPONSE)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def heard(
 ) -> list[Adu | Damage]:
     """What a reader makes of pieces, each so many ticks of silence after the one before.
 
-    ``whole``: pieces that are frames are told as such; ``report``: the driver tells of silences.
+    ``whole``: pieces that are frames are delivered as such; ``report``: the driver reports silences.
     """
     reader = framing.reader()
     out: list[Adu | Damage | None] = []
@@ -229,7 +229,7 @@ def test_reported_silences_or_not_and_whole_frames_or_not_are_the_same(data: st.
     junk = st.lists(alphabet, min_size=1, max_size=12).map(bytes)
     gaps = st.sampled_from([0, 1, framing.inner, framing.inner + 1, framing.quiet - 1, framing.quiet])
     pieces = data.draw(st.lists(st.tuples(gaps, st.sampled_from(frames(mode)) | junk), max_size=6))
-    told = heard(framing, timing, pieces, whole=False, report=True)
-    assert heard(framing, timing, pieces, whole=False, report=False) == told
-    assert heard(framing, timing, pieces, whole=True, report=True) == told
-    assert heard(framing, timing, pieces, whole=True, report=False) == told
+    delivered = heard(framing, timing, pieces, whole=False, report=True)
+    assert heard(framing, timing, pieces, whole=False, report=False) == delivered
+    assert heard(framing, timing, pieces, whole=True, report=True) == delivered
+    assert heard(framing, timing, pieces, whole=True, report=False) == delivered

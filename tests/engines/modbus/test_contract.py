@@ -46,7 +46,7 @@ def engine_of(kind: str, mode: Mode) -> Any:
 
 
 class Driver:
-    """Runs one engine over a script of what it hears, keeping its deadlines and appointments."""
+    """Runs one engine over a script of what it hears, keeping its deadlines and due transmissions."""
 
     def __init__(self, kind: str, mode: Mode, *, whole: bool) -> None:
         self.framing, self.line = FRAMINGS[mode]
@@ -56,11 +56,11 @@ class Driver:
         self.seen: list[Any] = []
         self.open_since: int | None = None
         self.begin: int | None = None
-        self.look(self.engine.start(0))
+        self.follow(self.engine.start(0))
         if kind == "free":
-            self.look(self.engine.drive(5, 0))
+            self.follow(self.engine.drive(5, 0))
 
-    def look(self, hints: int, heard: int | None = None) -> None:
+    def follow(self, hints: int, heard: int | None = None) -> None:
         if hints & OPEN and heard is not None:
             self.open_since = heard
         elif heard is not None:
@@ -71,7 +71,7 @@ class Driver:
             else:
                 self.seen.append(item)
         if self.kind == "master" and self.engine.idle:
-            self.look(self.engine.submit(1, READ, self.now))
+            self.follow(self.engine.submit(1, READ, self.now))
 
     def until(self, tick: int) -> None:
         """Everything that is due before the next character begins at ``tick``."""
@@ -90,18 +90,18 @@ class Driver:
             self.now, what = min(due)
             if what == 0:
                 self.open_since = None
-                self.look(self.engine.line_idle(self.now))
+                self.follow(self.engine.line_idle(self.now))
             elif what == 1:
-                self.look(self.engine.on_deadline(self.now))
+                self.follow(self.engine.on_deadline(self.now))
             else:
                 self.begin = None
                 frame = self.engine.begin_transmit(self.now)
                 self.seen.append(frame.chars)
                 self.open_since = None
                 self.now += self.line.characters(len(frame.chars))
-                self.look(self.engine.transmit_done(self.now))
+                self.follow(self.engine.transmit_done(self.now))
 
-    def hear(self, gap: int, chars: bytes) -> None:
+    def receive_chars(self, gap: int, chars: bytes) -> None:
         start = self.now + gap
         self.until(start)
         start = max(start, self.now)
@@ -109,13 +109,13 @@ class Driver:
         adu = decode_rtu(chars) if self.mode is Mode.RTU else decode_ascii(chars)
         if self.whole and self.open_since is None and isinstance(adu, Adu):
             self.now = end
-            self.look(self.engine.receive_frame(adu, start, end), end)
+            self.follow(self.engine.receive_frame(adu, start, end), end)
             return
         for number, value in enumerate(chars):
             begun, ended = (start + self.line.characters(number + k) for k in (0, 1))
             hints = self.engine.receive(RxChar(value), begun, ended)
             self.now = ended
-            self.look(hints, ended)
+            self.follow(hints, ended)
 
 
 def frames_for(mode: Mode) -> list[bytes]:
@@ -140,7 +140,7 @@ def scripts(mode: Mode) -> st.SearchStrategy[list[tuple[int, bytes]]]:
 def test_nothing_that_is_heard_raises(data: st.DataObject, kind: str, mode: Mode) -> None:
     driver = Driver(kind, mode, whole=False)
     for gap, chars in data.draw(scripts(mode)):
-        driver.hear(gap, chars)
+        driver.receive_chars(gap, chars)
     driver.until(driver.now + 5000 * MS if kind in ("slave", "free") else driver.now + 500 * MS)
 
 
@@ -151,7 +151,7 @@ def test_whole_frames_are_the_same_as_their_characters(data: st.DataObject, kind
     for whole in (True, False):
         driver = Driver(kind, mode, whole=whole)
         for gap, chars in script:
-            driver.hear(gap, chars)
+            driver.receive_chars(gap, chars)
         driver.until(driver.now + 300 * MS)
         seen.append(driver.seen)
     assert seen[0] == seen[1]

@@ -34,21 +34,21 @@ def test_keeps_the_contract() -> None:
 def test_every_printed_exchange(exchange: Exchange, mode: Mode, before: str, *, whole: bool) -> None:
     bench = Bench(mode, exchange.station, exchange.request)
     master, framing = bench.master, bench.framing
-    answer = bench.adu(encode_response(exchange.response), exchange.station)
+    response = bench.adu(encode_response(exchange.response), exchange.station)
     if mode is Mode.RTU:
-        assert answer.chars == exchange.response_chars
+        assert response.chars == exchange.response_chars
     noise = {
         "nothing": b"",
         "junk": b"\x00\xff:\x13",
         "another station": bench.adu(encode_response(exchange.response), exchange.station + 1).chars,
-        "half a frame": bench.adu(encode_response(exchange.response), 99).chars[: len(answer.chars) // 2],
+        "half a frame": bench.adu(encode_response(exchange.response), 99).chars[: len(response.chars) // 2],
     }[before]
     if noise:
-        assert not any(isinstance(event, TransactionEnded) for event in bench.hear(noise))
+        assert not any(isinstance(event, TransactionEnded) for event in bench.receive(noise))
     start = bench.now
-    end = start + bench.line.characters(len(answer.chars))
+    end = start + bench.line.characters(len(response.chars))
     if whole:
-        hints = master.receive_frame(answer, start, end)
+        hints = master.receive_frame(response, start, end)
         decided = end
         if mode is Mode.RTU:
             assert hints & OPEN
@@ -56,7 +56,7 @@ def test_every_printed_exchange(exchange: Exchange, mode: Mode, before: str, *, 
             hints = master.line_idle(decided)
         assert hints & EVENTS
     else:
-        receive_by_character(master, answer.chars, start, bench.line)
+        receive_by_character(master, response.chars, start, bench.line)
         decided = end
         if mode is Mode.RTU:
             decided = end + framing.quiet
@@ -79,7 +79,7 @@ def test_every_printed_exchange(exchange: Exchange, mode: Mode, before: str, *, 
     ]
     assert master.idle
     assert master.deadline() is None
-    assert master.heard == answer
+    assert master.heard == response
     assert (master.heard_start, master.heard_end) == (start, end)
 
 
@@ -98,30 +98,30 @@ def test_rs2_examples_on_the_wire(station: int, request_: Request, chars: bytes)
 def test_another_stations_reply_before_mine(mode: Mode) -> None:
     bench = Bench(mode)
     foreign = bench.adu(encode_response(GOOD), station=2)
-    events = bench.hear(foreign.chars)
+    events = bench.receive(foreign.chars)
     assert [type(event) for event in events] == [ForeignFrame]
     assert events[0].station == 2
-    assert outcome(bench.hear(bench.adu(encode_response(GOOD)).chars)) == (None, 0, GOOD)
+    assert outcome(bench.receive(bench.adu(encode_response(GOOD)).chars)) == (None, 0, GOOD)
 
 
 @both_modes
 def test_another_stations_reply_alone_is_no_response(mode: Mode) -> None:
     bench = Bench(mode)
-    bench.hear(bench.adu(encode_response(GOOD), station=2).chars)
+    bench.receive(bench.adu(encode_response(GOOD), station=2).chars)
     assert outcome(bench.until_timeout())[0] is PortError.TIMEOUT
 
 
 def test_noise_alone_is_named_when_the_time_is_over() -> None:
     bench = Bench()
-    events = bench.hear(b"\x42\x42\x42\x42\x42")
+    events = bench.receive(b"\x42\x42\x42\x42\x42")
     assert [type(event) for event in events] == [FrameRejected]
     assert outcome(bench.until_timeout())[0] is PortError.CHECK
     bench = Bench()
-    bench.hear(b"\x42")
+    bench.receive(b"\x42")
     assert outcome(bench.until_timeout())[0] is PortError.LENGTH
 
 
-def test_a_late_answer_to_the_last_request_is_believed() -> None:
+def test_a_late_response_to_the_last_request_is_taken() -> None:
     """RTU carries no transaction number: who compares the ticks finds it out, the master cannot."""
     bench = Bench()
     bench.until_timeout()
@@ -131,38 +131,38 @@ def test_a_late_answer_to_the_last_request_is_believed() -> None:
     asked = bench.asked + 110 * MS + RTU_LINE.characters(len(frame.chars))
     master.transmit_done(asked)
     bench.now = asked + RTU.quiet
-    error, _, response = outcome(bench.hear(bench.adu(encode_response(GOOD)).chars))
+    error, _, response = outcome(bench.receive(bench.adu(encode_response(GOOD)).chars))
     assert error is None
     assert response == Response(3, 0x40, 2, (180, 8))
 
 
 def test_it_hears_nothing_unless_it_waits() -> None:
     master = Master(MasterConfig(RTU, 100 * MS))
-    answer = encode_adu(Mode.RTU, 1, encode_response(GOOD))
-    assert master.receive_frame(answer, 0, 1000) == 0
+    response = encode_adu(Mode.RTU, 1, encode_response(GOOD))
+    assert master.receive_frame(response, 0, 1000) == 0
     master.start(0)
-    assert receive_by_character(master, answer.chars, 0, RTU_LINE)[0] == 0
+    assert receive_by_character(master, response.chars, 0, RTU_LINE)[0] == 0
     master.submit(1, READ, 0)
-    assert receive_by_character(master, answer.chars, 0, RTU_LINE)[0] == 0
+    assert receive_by_character(master, response.chars, 0, RTU_LINE)[0] == 0
     master.begin_transmit(0)
-    assert receive_by_character(master, answer.chars, 0, RTU_LINE)[0] == 0
+    assert receive_by_character(master, response.chars, 0, RTU_LINE)[0] == 0
     assert [type(item) for item in drain(master)] == []
 
 
 # -- the timeout -----------------------------------------------------------------------------------
 
 
-def answer_ending(bench: Bench, end: int) -> None:
-    answer = bench.adu(encode_response(GOOD))
+def response_ending(bench: Bench, end: int) -> None:
+    response = bench.adu(encode_response(GOOD))
     receive_by_character(
-        bench.master, answer.chars, end - bench.line.characters(len(answer.chars)), bench.line
+        bench.master, response.chars, end - bench.line.characters(len(response.chars)), bench.line
     )
 
 
 def test_a_response_is_in_time_if_its_last_stop_bit_is() -> None:
     bench = Bench()
     deadline = bench.asked + 100 * MS
-    answer_ending(bench, deadline)
+    response_ending(bench, deadline)
     assert bench.master.on_deadline(deadline) & OPEN
     assert drain(bench.master) == []
     bench.master.line_idle(deadline + RTU.quiet)
@@ -172,11 +172,11 @@ def test_a_response_is_in_time_if_its_last_stop_bit_is() -> None:
 def test_a_response_that_goes_on_behind_the_timeout_is_late() -> None:
     bench = Bench()
     deadline = bench.asked + 100 * MS
-    answer = bench.adu(encode_response(GOOD))
-    begin = deadline + 1 - RTU_LINE.characters(len(answer.chars))
-    _, at = receive_by_character(bench.master, answer.chars[:-1], begin, RTU_LINE)
+    response = bench.adu(encode_response(GOOD))
+    begin = deadline + 1 - RTU_LINE.characters(len(response.chars))
+    _, at = receive_by_character(bench.master, response.chars[:-1], begin, RTU_LINE)
     bench.master.on_deadline(deadline)
-    bench.master.receive(RxChar(answer.chars[-1]), at, deadline + 1)
+    bench.master.receive(RxChar(response.chars[-1]), at, deadline + 1)
     events = drain(bench.master)
     assert outcome(events) == (PortError.TIMEOUT, 0, None)
     assert events[0].end == deadline + 1
@@ -185,8 +185,8 @@ def test_a_response_that_goes_on_behind_the_timeout_is_late() -> None:
 def test_ascii_needs_no_silence_and_is_late_at_once() -> None:
     bench = Bench(Mode.ASCII)
     deadline = bench.asked + 100 * MS
-    answer = bench.adu(encode_response(GOOD))
-    receive_by_character(bench.master, answer.chars[:-1], deadline - 10 * MS, ASCII_LINE)
+    response = bench.adu(encode_response(GOOD))
+    receive_by_character(bench.master, response.chars[:-1], deadline - 10 * MS, ASCII_LINE)
     bench.master.on_deadline(deadline)
     assert outcome(drain(bench.master))[0] is PortError.TIMEOUT
 
@@ -195,11 +195,11 @@ def test_ascii_needs_no_silence_and_is_late_at_once() -> None:
 def test_begun_holds_waits_for_a_response_that_has_begun(mode: Mode) -> None:
     bench = Bench(mode, begun_holds=True)
     deadline = bench.asked + 100 * MS
-    answer = bench.adu(encode_response(GOOD))
-    _, at = receive_by_character(bench.master, answer.chars[:3], deadline - 5 * MS, bench.line)
+    response = bench.adu(encode_response(GOOD))
+    _, at = receive_by_character(bench.master, response.chars[:3], deadline - 5 * MS, bench.line)
     assert bench.master.on_deadline(deadline) & OPEN
     bench.now = at
-    assert outcome(bench.hear(answer.chars[3:])) == (None, 0, GOOD)
+    assert outcome(bench.receive(response.chars[3:])) == (None, 0, GOOD)
 
 
 def test_begun_holds_does_not_wait_for_silence() -> None:
@@ -212,7 +212,7 @@ def test_begun_holds_ends_with_what_has_begun(mode: Mode) -> None:
     bench = Bench(mode, begun_holds=True)
     bench.now = bench.asked + 100 * MS - 2 * MS
     start = b"\x42\x43" if mode is Mode.RTU else b":4243"
-    bench.hear(start, quiet=False)
+    bench.receive(start, quiet=False)
     bench.master.on_deadline(bench.asked + 100 * MS)
     bench.master.line_idle(bench.now + bench.framing.quiet)
     assert outcome(drain(bench.master))[0] is PortError.LENGTH
@@ -224,7 +224,7 @@ def test_begun_holds_ends_with_what_has_begun(mode: Mode) -> None:
 
 def test_the_interval_counts_from_the_end_of_a_transaction() -> None:
     bench = Bench(interval=20 * MS)
-    events = bench.hear(bench.adu(encode_response(GOOD)).chars)
+    events = bench.receive(bench.adu(encode_response(GOOD)).chars)
     assert bench.master.ready_at == events[-1].end + 20 * MS
     bench.master.submit(1, READ, bench.now + 1 * MS)
     assert drain(bench.master) == [Transmit(events[-1].end + 20 * MS, counter=2)]
@@ -240,7 +240,7 @@ def test_broadcast_waits_its_turnaround(mode: Mode) -> None:
     bench = Bench(mode, station=0, request=write_register(1, 2), turnaround=150 * MS)
     assert bench.master.state is MasterState.TURNAROUND
     assert bench.master.deadline() == bench.asked + 150 * MS
-    assert bench.hear(bench.adu(encode_response(GOOD)).chars) == []  # nobody answers a broadcast
+    assert bench.receive(bench.adu(encode_response(GOOD)).chars) == []  # a broadcast has no response
     bench.master.on_deadline(bench.asked + 150 * MS)
     assert drain(bench.master) == [
         TransactionEnded(
@@ -260,7 +260,7 @@ def test_one_transaction_at_a_time() -> None:
 
 def test_stop_forgets_everything() -> None:
     bench = Bench()
-    bench.hear(b"\x01\x03", quiet=False)
+    bench.receive(b"\x01\x03", quiet=False)
     bench.master.stop(bench.now)
     assert bench.master.deadline() is None
     assert bench.master.line_idle(bench.now + RTU.quiet) == 0

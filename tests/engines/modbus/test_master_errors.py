@@ -38,7 +38,7 @@ from tests.engines.modbus.wire import drain, receive_by_character
 )
 def test_exception_responses(mode: Mode, code: int, error: PortError) -> None:
     bench = Bench(mode)
-    assert outcome(bench.hear(bench.adu(encode_exception(3, code)).chars)) == (error, code, None)
+    assert outcome(bench.receive(bench.adu(encode_exception(3, code)).chars)) == (error, code, None)
 
 
 @both_modes
@@ -46,7 +46,7 @@ def test_exception_responses(mode: Mode, code: int, error: PortError) -> None:
 def test_1_response_shorter_or_longer(mode: Mode, values: tuple[int, ...]) -> None:
     bench = Bench(mode)
     sound = bench.adu(encode_response(Response(3, 0, len(values), values)))
-    assert outcome(bench.hear(sound.chars)) == (PortError.LENGTH, 0, None)
+    assert outcome(bench.receive(sound.chars)) == (PortError.LENGTH, 0, None)
 
 
 @both_modes
@@ -54,25 +54,25 @@ def test_1_response_torn_off(mode: Mode) -> None:
     bench = Bench(mode)
     chars = bench.adu(encode_response(GOOD)).chars
     if mode is Mode.RTU:
-        assert outcome(bench.hear(chars[:-1]))[0] is PortError.LENGTH
+        assert outcome(bench.receive(chars[:-1]))[0] is PortError.LENGTH
     else:
-        bench.hear(chars[:-2])
+        bench.receive(chars[:-2])
         assert bench.master.line_idle(bench.now + ASCII.quiet) & EVENTS
         assert outcome(drain(bench.master))[0] is PortError.LENGTH
 
 
 def test_1_exception_response_of_a_wrong_length() -> None:
     bench = Bench()
-    assert outcome(bench.hear(bench.adu(b"\x83\x02\x00").chars))[0] is PortError.LENGTH
+    assert outcome(bench.receive(bench.adu(b"\x83\x02\x00").chars))[0] is PortError.LENGTH
     bench = Bench()
-    assert outcome(bench.hear(b"\x01\x83\x02\x00\x00\x00"))[0] is PortError.LENGTH  # and a wrong CRC
+    assert outcome(bench.receive(b"\x01\x83\x02\x00\x00\x00"))[0] is PortError.LENGTH  # and a wrong CRC
 
 
 def test_1_silence_inside_the_response() -> None:
     bench = Bench()
     chars = bench.adu(encode_response(GOOD)).chars
-    bench.hear(chars[:4], quiet=False)
-    events = bench.hear(chars[4:], gap=RTU.inner + 1)
+    bench.receive(chars[:4], quiet=False)
+    events = bench.receive(chars[4:], gap=RTU.inner + 1)
     assert outcome(events)[0] is PortError.LENGTH
     assert isinstance(events[0], FrameRejected)
     assert events[0].reason is Rejection.GAP
@@ -81,7 +81,7 @@ def test_1_silence_inside_the_response() -> None:
 @both_modes
 def test_2_echo_of_another_address(mode: Mode) -> None:
     bench = Bench(mode, request=write_register(5, 7))
-    events = bench.hear(bench.adu(encode_response(Response(6, 4, 1, (7,)))).chars)
+    events = bench.receive(bench.adu(encode_response(Response(6, 4, 1, (7,)))).chars)
     assert outcome(events)[0] is PortError.ADDRESS
 
 
@@ -90,12 +90,12 @@ def test_3_wrong_check(mode: Mode) -> None:
     bench = Bench(mode)
     chars = bytearray(bench.adu(encode_response(GOOD)).chars)
     chars[-4 if mode is Mode.RTU else -6] ^= 1
-    assert outcome(bench.hear(bytes(chars))) == (PortError.CHECK, 0, None)
+    assert outcome(bench.receive(bytes(chars))) == (PortError.CHECK, 0, None)
 
 
 def test_3_exception_response_with_a_wrong_check() -> None:
     bench = Bench()
-    assert outcome(bench.hear(b"\x01\x83\x02\x00\x00"))[0] is PortError.CHECK
+    assert outcome(bench.receive(b"\x01\x83\x02\x00\x00"))[0] is PortError.CHECK
 
 
 @both_modes
@@ -112,20 +112,20 @@ def test_5_parity_and_8_framing(mode: Mode) -> None:
 
 @both_modes
 @pytest.mark.parametrize(
-    "answer",
+    "response",
     [
         Response(16, 5, 3),  # another quantity
         Response(15, 5, 2),  # another function
     ],
 )
-def test_6_echo_of_something_else(mode: Mode, answer: Response) -> None:
+def test_6_echo_of_something_else(mode: Mode, response: Response) -> None:
     bench = Bench(mode, request=write_registers(5, (7, 8)))
-    assert outcome(bench.hear(bench.adu(encode_response(answer)).chars))[0] is PortError.DATA
+    assert outcome(bench.receive(bench.adu(encode_response(response)).chars))[0] is PortError.DATA
 
 
 def test_6_echo_of_another_value() -> None:
     bench = Bench(request=write_coil(5, on=True))
-    assert outcome(bench.hear(bench.adu(b"\x05\x00\x05\x00\x00").chars))[0] is PortError.DATA
+    assert outcome(bench.receive(bench.adu(b"\x05\x00\x05\x00\x00").chars))[0] is PortError.DATA
 
 
 @both_modes

@@ -1,4 +1,4 @@
-"""The codec against two that nobody here wrote: pymodbus and minimalmodbus, over thousands of random PDUs."""
+"""The codec against two of other projects: pymodbus and minimalmodbus, over thousands of random PDUs."""
 
 from __future__ import annotations
 
@@ -177,11 +177,11 @@ def test_pymodbus_and_we_refuse_the_same_damage(mode: Mode) -> None:
     for _ in range(1000):
         chars = bytearray(encode_adu(mode, rng.randint(1, 247), encode_request(random_request(rng))).chars)
         # The data, where no framing depends on the character's value.
-        place = rng.randrange(7, len(chars) - 4) if mode is Mode.ASCII else rng.randrange(2, 6)
+        index = rng.randrange(7, len(chars) - 4) if mode is Mode.ASCII else rng.randrange(2, 6)
         if mode is Mode.ASCII:
-            chars[place] = rng.choice([c for c in b"0123456789ABCDEF" if c != chars[place]])
+            chars[index] = rng.choice([c for c in b"0123456789ABCDEF" if c != chars[index]])
         else:
-            chars[place] ^= 1 << rng.randrange(8)
+            chars[index] ^= 1 << rng.randrange(8)
         _, theirs = framer.handleFrame(bytes(chars), 0, 0)
         decoded = decode_rtu(bytes(chars)) if mode is Mode.RTU else decode_ascii(bytes(chars))
         assert theirs is None

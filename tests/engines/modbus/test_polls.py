@@ -264,7 +264,7 @@ def test_stop_and_start_again() -> None:
 
 
 def test_a_timeout_shorter_than_the_slaves_delay_meets_late_replies() -> None:
-    """Every answer comes when the next request waits already; the ticks tell whose answer it is."""
+    """Every response comes when the next request waits already; the ticks show to which request it belongs."""
     wire = Wire(RTU_LINE, whole=False)
     polls = [Poll(1, Request(3, address, 1)) for address in range(3)]
     master = PollingMaster(MasterConfig(RTU, timeout=30 * MS, interval=5 * MS), PollList(polls))

@@ -1,4 +1,4 @@
-"""The slave: what it answers, what it ignores, and when."""
+"""The slave: what it responds to, what it ignores, and when."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Bench:
             self.slave.line_idle(self.now)
         return drain(self.slave)
 
-    def answer(self, request: Request | bytes, station: int = 1) -> bytes:
+    def response(self, request: Request | bytes, station: int = 1) -> bytes:
         """The PDU of its reply, b"" without one; the reply leaves at once."""
         sends = [item for item in self.ask(request, station) if isinstance(item, Transmit)]
         if not sends:
@@ -156,7 +156,7 @@ def test_ascii_example_of_the_v80() -> None:
 @both_modes
 @pytest.mark.parametrize("function", [0, 7, 8, 11, 0x11, 0x14, 0x16, 0x17, 0x2B, 0x7F])
 def test_01_function_that_no_device_has(mode: Mode, function: int) -> None:
-    assert Bench(mode).answer(bytes((function, 0, 0, 0, 1))) == bytes((function | 0x80, 1))
+    assert Bench(mode).response(bytes((function, 0, 0, 0, 1))) == bytes((function | 0x80, 1))
 
 
 @pytest.mark.parametrize("function", [1, 2, 3, 4, 5, 6, 15, 16])
@@ -170,7 +170,7 @@ def test_01_function_that_this_map_lacks(function: int) -> None:
         16: write_registers(0, (1,)),
     }
     request = requests.get(function, Request(function, 0, 1))
-    assert bench.answer(request) == bytes((function | 0x80, 1))
+    assert bench.response(request) == bytes((function | 0x80, 1))
     assert bench.map.calls == []
 
 
@@ -186,7 +186,7 @@ def test_01_function_that_this_map_lacks(function: int) -> None:
     ],
 )
 def test_02_beyond_the_map(request_: Request) -> None:
-    assert Bench().answer(request_) == bytes((request_.function | 0x80, 2))
+    assert Bench().response(request_) == bytes((request_.function | 0x80, 2))
 
 
 @pytest.mark.parametrize(
@@ -208,21 +208,21 @@ def test_02_beyond_the_map(request_: Request) -> None:
 def test_03_quantity_or_value(pdu: str) -> None:
     bench = Bench()
     asked = bytes.fromhex(pdu)
-    assert bench.answer(asked) == bytes((asked[0] | 0x80, 3))
+    assert bench.response(asked) == bytes((asked[0] | 0x80, 3))
     assert bench.map.calls == []
 
 
 def test_limits_are_the_devices_own() -> None:
     bench = Bench()
     bench.map.limits = Limits(read_coils=10, write_registers=3)
-    assert bench.answer(Request(1, 0, 10))[0] == 1
-    assert bench.answer(Request(1, 0, 11)) == b"\x81\x03"
-    assert bench.answer(write_registers(0, (1, 2, 3)))[0] == 16
-    assert bench.answer(write_registers(0, (1, 2, 3, 4))) == b"\x90\x03"
+    assert bench.response(Request(1, 0, 10))[0] == 1
+    assert bench.response(Request(1, 0, 11)) == b"\x81\x03"
+    assert bench.response(write_registers(0, (1, 2, 3)))[0] == 16
+    assert bench.response(write_registers(0, (1, 2, 3, 4))) == b"\x90\x03"
 
 
-def test_quantity_is_judged_before_address() -> None:
-    assert Bench().answer(Request(3, 5000, 126)) == b"\x83\x03"
+def test_quantity_is_checked_before_address() -> None:
+    assert Bench().response(Request(3, 5000, 126)) == b"\x83\x03"
 
 
 # -- silence ---------------------------------------------------------------------------------------
@@ -276,7 +276,7 @@ def test_stopped_it_receives_nothing() -> None:
     assert bench.ask(write_register(0, 1)) == []
     assert bench.slave.receive_frame(encode_adu(Mode.RTU, 1, b"\x03"), 0, 1) == 0
     bench.slave.start(bench.now)
-    assert bench.answer(write_register(0, 1)) != b""
+    assert bench.response(write_register(0, 1)) != b""
 
 
 @pytest.mark.parametrize("station", [0, 248, 255])
@@ -296,7 +296,7 @@ def test_0_impossible_own_station(station: int) -> None:
     "request_",
     [write_coil(3, on=True), write_register(3, 7), write_coils(3, (1, 1)), write_registers(3, (7, 8))],
 )
-def test_broadcast_is_carried_out_by_all_and_answered_by_none(mode: Mode, request_: Request) -> None:
+def test_broadcast_is_carried_out_by_all_and_gets_no_response(mode: Mode, request_: Request) -> None:
     bench = Bench(mode, (1, 5))
     items = bench.ask(request_, station=0)
     assert [(type(item), item.station, item.broadcast) for item in items] == [
@@ -334,7 +334,7 @@ def test_a_delay_shorter_than_the_silence_changes_nothing() -> None:
 
 
 @both_modes
-def test_a_driven_slave_serves_when_told(mode: Mode) -> None:
+def test_a_driven_slave_serves_on_command(mode: Mode) -> None:
     bench = Bench(mode, driven=True)
     assert bench.ask(write_register(3, 7)) == []
     assert bench.slave.waiting
@@ -374,7 +374,7 @@ def test_a_driven_slave_serves_broadcasts_too() -> None:
     assert bench.slave.state is SlaveState.LISTENING
 
 
-def test_a_request_that_comes_while_another_is_answered_is_lost() -> None:
+def test_a_request_that_comes_while_another_is_served_is_lost() -> None:
     bench = Bench(delay=35 * MS)
     bench.ask(Request(3, 0, 1))
     items = bench.ask(write_register(3, 7))
@@ -404,15 +404,15 @@ def test_a_reply_that_is_given_up() -> None:
     assert bench.slave.state is SlaveState.LISTENING
     with pytest.raises(RuntimeError, match="the slave is listening: no reply is due"):
         bench.slave.begin_transmit(bench.now)
-    assert bench.answer(Request(3, 0, 1)) == b"\x03\x02\x00\x00"
+    assert bench.response(Request(3, 0, 1)) == b"\x03\x02\x00\x00"
 
 
 def test_two_stations_behind_one_port() -> None:
     bench = Bench(stations=(3, 7))
-    bench.answer(write_register(0, 9), station=7)
-    assert bench.answer(Request(3, 0, 1), station=3) == b"\x03\x02\x00\x00"
-    assert bench.answer(Request(3, 0, 1), station=7) == b"\x03\x02\x00\x09"
-    assert bench.answer(Request(3, 0, 1), station=5) == b""
+    bench.response(write_register(0, 9), station=7)
+    assert bench.response(Request(3, 0, 1), station=3) == b"\x03\x02\x00\x00"
+    assert bench.response(Request(3, 0, 1), station=7) == b"\x03\x02\x00\x09"
+    assert bench.response(Request(3, 0, 1), station=5) == b""
 
 
 def test_table_of_states_is_closed() -> None:

@@ -13,11 +13,11 @@ RTU_LINE = LineTiming(9600, CharFormat(8, "N", 1))
 ASCII_LINE = LineTiming(9600, CharFormat(7, "E", 1))
 
 # Order within one tick: what was heard, then silences and deadlines, then what is sent.
-HEARING, TIMERS, SENDING = range(3)
+RECEPTION, TIMERS, SENDING = range(3)
 
 
 class Wire:
-    """Engines on one line. Nobody hears himself; ``whole`` delivers frames, else characters.
+    """Engines on one line. No engine hears itself; ``whole`` delivers frames, else characters.
 
     Collisions are not modelled: the tests that use it do not collide.
     """
@@ -52,7 +52,7 @@ class Wire:
         self.now = until
 
     def handle(self, engine: Any, hints: int) -> None:
-        """What a driver does with hints; it may always look at everything."""
+        """What a driver does with hints; it may always ask for everything."""
         self._open[engine] = bool(hints & OPEN)
         while (item := engine.poll()) is not None:
             if isinstance(item, Transmit):
@@ -82,7 +82,7 @@ class Wire:
         ends = [start + timing.characters(number + 1) for number in range(len(frame.chars))]
         others = [other for other in self._engines if other is not engine]
 
-        def tell(other: Any) -> None:
+        def deliver(other: Any) -> None:
             self._last_heard[other] = self.now
             self.handle(other, other.receive_frame(frame, start, self.now))
 
@@ -93,11 +93,11 @@ class Wire:
 
         for other in others:
             if self.whole and not self._open[other]:
-                self.at(ends[-1], HEARING, lambda other=other: tell(other))
+                self.at(ends[-1], RECEPTION, lambda other=other: deliver(other))
             else:
                 for number, end in enumerate(ends):
                     self.at(
-                        end, HEARING, lambda other=other, number=number: receive_by_character(other, number)
+                        end, RECEPTION, lambda other=other, number=number: receive_by_character(other, number)
                     )
         self.at(ends[-1], TIMERS, lambda: self.handle(engine, engine.transmit_done(self.now)))
 

@@ -79,36 +79,36 @@ def verdicts(chars: Iterable[Char], data_pairs: int | None = None) -> list[Verdi
     ``data_pairs``: bytes that a data frame must carry, None for any number.
     """
     found: list[Verdict] = []
-    for stretch in _stretches(chars):
-        found += _judge(stretch, data_pairs)
+    for piece in _pieces(chars):
+        found += _verdicts_of(piece, data_pairs)
     return found
 
 
-def _stretches(chars: Iterable[Char]) -> list[str]:
+def _pieces(chars: Iterable[Char]) -> list[str]:
     """Cut at every clean header and at two quiet characters; ``?`` stands for an unclean character."""
-    stretches: list[str] = []
+    pieces: list[str] = []
     behind = None
     for first, value, clean in chars:
         sign = chr(value) if clean else "?"
         if behind is None or sign in HEADERS or first - behind >= 2 * CHAR_BITS:
-            stretches.append("")
-        stretches[-1] += sign if sign != "?" or not clean else "!"  # a clean question mark is no hex either
+            pieces.append("")
+        pieces[-1] += sign if sign != "?" or not clean else "!"  # a clean question mark is no hex either
         behind = first + CHAR_BITS
-    return stretches
+    return pieces
 
 
-def _judge(stretch: str, data_pairs: int | None) -> list[Verdict]:
+def _verdicts_of(piece: str, data_pairs: int | None) -> list[Verdict]:
     found: list[Verdict] = []
-    header = stretch[0]
+    header = piece[0]
     form = _FORMS.get(header)
-    match = form.match(stretch) if form else None
+    match = form.match(piece) if form else None
     if match and checksum(match[1]) == match[2] and _possible(header, match[1], data_pairs):
         found.append(("frame", match[0]))
-        rest = stretch[match.end() :]
+        rest = piece[match.end() :]
         return found + ([("damage", None, False)] if rest else [])
     if form is None:
         return [("damage", None, False)]
-    return [("damage", header, stretch[1:2] == "0")]
+    return [("damage", header, piece[1:2] == "0")]
 
 
 def _possible(header: str, body: str, data_pairs: int | None) -> bool:

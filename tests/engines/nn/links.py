@@ -39,7 +39,7 @@ WATCHDOG = 2 * TIMEOUT + (TURNAROUND + 7_200) + DATA_TICKS
 def link(
     slaves: int = 3, *, whole: bool, attempts: int = 1, probe: bool = False, on_edge: bool = False
 ) -> Wire:
-    """A link on which everybody is in RUN from the start."""
+    """A link on which all stations are in RUN from the start."""
     nodes = [master_node(slaves, attempts=attempts, probe=probe, on_edge=on_edge)]
     nodes += [slave_node(station, on_edge=on_edge) for station in range(1, slaves + 1)]
     wire = Wire(*nodes, whole=whole)
@@ -72,7 +72,7 @@ def damage(
 ) -> None:
     """Frames of one kind from (polls: to) a station in the disturbed scan arrive damaged.
 
-    ``at`` names who hears them so (None: everybody), ``attempts`` which of them are meant.
+    ``at`` names the node that hears them so (None: all), ``attempts`` which of them are meant.
     """
     before, seen = wire.damage, []
 

@@ -35,7 +35,7 @@ from tests.engines.wire import (
 
 pytestmark = pytest.mark.parametrize("whole", [True, False], ids=["whole", "characters"])
 
-#: From the end of a poll that gets no answer to the end of the next one.
+#: From the end of a poll that gets no reply to the end of the next one.
 AGAIN = TIMEOUT + GAP + POLL_TICKS
 #: The last turnaround that is in time.
 LAST = TIMEOUT - DATA_TICKS
@@ -73,10 +73,10 @@ def slow(slaves: int, *turnarounds: int, whole: bool, listeners: int = 0, attemp
 def test_a_reply_that_ends_at_the_deadline_s_tick_counts(whole: bool) -> None:
     wire = slow(1, LAST, whole=whole, attempts=1)
     wire.run(200 * MS)
-    poll, answered = first_poll(wire), attempts(wire)[0]
-    assert (answered.start, answered.polled) == (poll.start, poll.end)
-    assert (answered.code, answered.end) == (0, poll.end + TIMEOUT)
-    assert answered.reply == poll.end + LAST
+    poll, decided = first_poll(wire), attempts(wire)[0]
+    assert (decided.start, decided.polled) == (poll.start, poll.end)
+    assert (decided.code, decided.end) == (0, poll.end + TIMEOUT)
+    assert decided.reply == poll.end + LAST
     assert noted(wire.nodes[0]) == {}
     assert wire.nodes[0].stored[0] == (poll.end + TIMEOUT, 1, wire.nodes[1].image)
 
@@ -147,7 +147,7 @@ def test_a_reply_without_its_header_is_only_noise_and_runs_to_the_deadline(whole
     assert (failed.code, failed.end) == (0x04, failed.polled + TIMEOUT)
 
 
-def test_a_good_reply_after_noise_answers(whole: bool) -> None:
+def test_a_good_reply_after_noise_is_taken(whole: bool) -> None:
     wire = link(2, attempts=1, whole=whole)
     in_attempt(wire, 2, 100, b"?")
     wire.nodes[2].turnarounds = iter([2 * MS] * 99)
@@ -199,7 +199,7 @@ def test_outside_an_attempt_the_master_stores_and_counts_nothing(whole: bool) ->
 # -- late replies ------------------------------------------------------------------------------------------
 
 
-def test_a_late_reply_to_attempt_1_answers_attempt_2(whole: bool) -> None:
+def test_a_late_reply_to_attempt_1_counts_for_attempt_2(whole: bool) -> None:
     wire = slow(1, 53 * MS, 25 * MS, whole=whole, listeners=1)
     wire.run(120 * MS)
     one, two = attempts(wire)[:2]
@@ -223,7 +223,7 @@ def test_every_poll_gets_its_own_reply_one_behind_the_other_if_need_be(whole: bo
 
 def test_its_second_reply_in_another_station_s_exchange_02(whole: bool) -> None:
     wire = slow(2, 53 * MS, 40 * MS, whole=whole, listeners=1)
-    wire.nodes[2].vanishes = lambda reply: reply < 2  # slave 2 does not answer in this scan
+    wire.nodes[2].vanishes = lambda reply: reply < 2  # slave 2 does not reply in this scan
     wire.run_scans(2)
     wire.run(wire.now + DATA_TICKS)
     second = wire.nodes[1].sent[1]
@@ -231,7 +231,7 @@ def test_its_second_reply_in_another_station_s_exchange_02(whole: bool) -> None:
     assert codes == [(1, 1, 0x01), (1, 2, 0), (2, 1, 0x02), (2, 2, 0x01)]
     assert attempts(wire)[2].end == second.end
     assert noted(wire.nodes[0]) == {2: (1, 0x01)}
-    # The listening slave heard slave 1 answer its second poll; of slave 2's last attempt only silence.
+    # The listening slave heard slave 1 reply to its second poll; of slave 2's last attempt only silence.
     assert noted(wire.nodes[3]) == {2: (1, 0x21)}
     assert noted(wire.nodes[2]) == {}
 
@@ -270,7 +270,7 @@ def test_its_second_reply_over_the_master_s_data_frame_14(whole: bool) -> None:
     lost = [event for event in listener.events if isinstance(event, StationLost)]
     poll = next(tx for tx in wire.sent if tx.start == data.end + GAP)
     assert data.start < lost[0].tick < poll.end + CHAR + QUIET
-    # The poll that followed ran into the tail of that reply: nobody understood it.
+    # The poll that followed ran into the tail of that reply: no station understood it.
     assert noted(wire.nodes[0]) == {}
     assert failures(wire) == {1: {0x01: 2}}
     assert len(wire.nodes[1].sent) >= 3
@@ -323,7 +323,7 @@ def test_two_stations_with_one_number_and_other_turnarounds_collide(whole: bool)
 
 
 def test_two_stations_with_one_number_far_apart_in_time(whole: bool) -> None:
-    """The second answer comes when another station was polled: it disagrees, and is ignored by its twin."""
+    """The second reply comes when another station was polled: it disagrees, and is ignored by its twin."""
     nodes = [master_node(2), slave_node(1), slave_node(1, *[12 * MS] * 99), slave_node(2, *[30 * MS] * 99)]
     wire = Wire(*nodes, whole=whole)
     for node in nodes:

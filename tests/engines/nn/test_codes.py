@@ -57,13 +57,13 @@ def both(*steps: Callable[[Wire], None]) -> Callable[[Wire], None]:
 
 
 def late_into_the_next_exchange(wire: Wire) -> None:
-    """Slave 1 answers 52 ms after its poll, when slave 2 (whose reply is lost) was polled."""
+    """Slave 1 replies 52 ms after its poll, when slave 2 (whose reply is lost) was polled."""
     wire.nodes[1].turnarounds = iter([TURNAROUND] * SCAN + [52 * MS] + [TURNAROUND] * 99)
     lose(wire, 2)
 
 
 def late_into_the_next_scan(wire: Wire) -> None:
-    """Slave 2 answers the poll of the disturbed scan when it was polled in the next one."""
+    """Slave 2 replies to the poll of the disturbed scan when it was polled in the next one."""
     wire.nodes[2].turnarounds = iter([TURNAROUND] * SCAN + [75 * MS] + [TURNAROUND] * 99)
     # The next scan's reply, with the usual turnaround, falls due first: that one is lost.
     wire.nodes[2].vanishes = lambda reply: reply == SCAN
@@ -94,7 +94,7 @@ CASES = {
         attempts=3,
         failed={2: {0x01: 3}},
     ),
-    "nothing: the third attempt is answered": Case(
+    "nothing: the third attempt has a reply": Case(
         lambda wire: lose(wire, 2, attempts=(0, 1)), {}, attempts=3, failed={2: {0x01: 2}}
     ),
     "01, 21 of the last slave, checked at the next data frame": Case(
@@ -165,7 +165,7 @@ CASES = {
         late_into_the_next_exchange,
         {
             "master": {1: (1, 0x01), 2: (1, 0x02)},
-            "slave1": {2: (1, 0x21)},  # deaf to its own reply
+            "slave1": {2: (1, 0x21)},  # it does not hear its own reply
             "slave2": {1: (1, 0x21)},
             "slave3": {1: (1, 0x21), 2: (1, 0x22)},
         },
@@ -181,7 +181,7 @@ CASES = {
         lambda wire: damage(wire, POLL, 2, [23]),
         {
             "master": {2: (1, 0x01)},
-            "slave1": {0: (1, 0x14)},  # nobody was polled, so nobody is to blame but the master
+            "slave1": {0: (1, 0x14)},  # no station was polled, so that only the master can be in error
             "slave2": {0: (1, 0x14)},
             "slave3": {0: (1, 0x14)},
         },
@@ -335,7 +335,7 @@ def test_who_notes_what(name: str, whole: bool) -> None:
         new = [event.station for event in node.events if isinstance(event, StationLost) and event.new]
         assert backs == new
         assert set(new) == set(case.noted.get(node.name, {}))
-        # Nobody says anything about itself.
+        # No station has a code about itself.
         own = wire.nodes.index(node)
         assert own not in new
         assert node.engine.status.running

@@ -219,7 +219,7 @@ class Twin:
         self.log.append(self._after(self.engine.transmit_done(self.now)))
         assert not item.reply or isinstance(self.engine, Slave)
 
-    def looks(self) -> list[object]:
+    def outputs(self) -> list[object]:
         engine, status = self.engine, self.engine.status
         found: list[object] = [
             engine.state,
@@ -272,7 +272,7 @@ def test_whole_frames_and_their_characters_are_the_same(
         one.do(op)
         other.do(op)
         assert one.now == other.now
-        assert one.looks() == other.looks()
+        assert one.outputs() == other.outputs()
 
 
 @each_engine
@@ -311,7 +311,7 @@ def test_a_master_can_always_go_on(history: list[tuple[object, ...]]) -> None:
 
 @settings(deadline=None, max_examples=150)
 @given(history=st.lists(ops, max_size=40))
-def test_a_slave_answers_every_poll_of_its_own_once(history: list[tuple[object, ...]]) -> None:
+def test_a_slave_replies_to_every_poll_of_its_own_once(history: list[tuple[object, ...]]) -> None:
     engine = new_slave()
     twin = Twin(engine, whole=True)
     linked = polls = 0

@@ -111,13 +111,13 @@ def test_what_is_encoded_decodes_to_the_same(frame: Frame) -> None:
 
 
 @settings(deadline=None)
-@given(frame=frames, place=st.integers(0, 200), value=st.integers(0, 127))
-def test_one_other_character_is_never_the_same_frame(frame: Frame, place: int, value: int) -> None:
+@given(frame=frames, index=st.integers(0, 200), value=st.integers(0, 127))
+def test_one_other_character_is_never_the_same_frame(frame: Frame, index: int, value: int) -> None:
     chars = bytearray(frame.chars)
-    place %= len(chars)
-    if chars[place] == value:
+    index %= len(chars)
+    if chars[index] == value:
         return
-    chars[place] = value
+    chars[index] = value
     assert decode(bytes(chars)) is None  # one character changes the sum, or the sum itself
 
 
@@ -145,7 +145,7 @@ def sealed(header: int, body: bytes) -> bytes:
     [
         b"",
         b"\x05",
-        sealed(5, b"00"),  # nobody polls the master
+        sealed(5, b"00"),  # the master is never polled
         sealed(5, b"80"),  # nor a station 8
         sealed(5, b"1a"),  # lower case
         sealed(5, b"1\x03"),
@@ -157,7 +157,7 @@ def sealed(header: int, body: bytes) -> bytes:
         sealed(2, b"10" + b"0" * 15 + b"g\x03"),
         sealed(2, b"10" + b"a" * 16 + b"\x03"),
         sealed(3, b"10" + b"0" * 16 + b"\x03"),  # no header
-        sealed(1, b"E0" + b"02010564" + b"\x03"),  # not to everybody
+        sealed(1, b"E0" + b"02010564" + b"\x03"),  # to one station only
         sealed(1, b"F0" + b"0201056" + b"\x03"),
         sealed(1, b"F0" + b"00010564" + b"\x03"),  # D8177 = 0
         sealed(1, b"F0" + b"08010564" + b"\x03"),  # D8177 = 8

@@ -39,16 +39,16 @@ class RealChain:
         self._known: dict[tuple[int, int, int], Sampled] = {}
         self._verdicts: dict[tuple[tuple[int, int], ...], Verdicts] = {}
 
-    def lows(self, place: int, mask: int) -> list[Interval]:
+    def lows(self, index: int, mask: int) -> list[Interval]:
         """Where the line is low for one character (its place in the frame, its inverted bits)."""
-        found = self._lows.get((place, mask))
+        found = self._lows.get((index, mask))
         if found is None:
             flips = [bit for bit in range(10) if mask >> bit & 1]
-            char = self.text[place : place + 1]
-            found = self._lows[place, mask] = low_intervals(char, NN_LINE, place * 10 * BIT, flips)
+            char = self.text[index : index + 1]
+            found = self._lows[index, mask] = low_intervals(char, NN_LINE, index * 10 * BIT, flips)
         return found
 
-    def judge(self, flips: tuple[int, ...]) -> Verdicts:
+    def verdicts_of(self, flips: tuple[int, ...]) -> Verdicts:
         masks = [0] * (CHARS + 2)
         for bit in flips:
             masks[bit // 10] |= 1 << bit % 10
@@ -56,8 +56,8 @@ class RealChain:
         heard: list[tuple[int, int]] = []
         ready = 0
         while True:
-            place = ready // (10 * BIT)
-            key = (ready, masks[place], masks[place + 1] if place + 1 < CHARS else 0)
+            index = ready // (10 * BIT)
+            key = (ready, masks[index], masks[index + 1] if index + 1 < CHARS else 0)
             char = self._known.get(key)
             if char is None:
                 if wave is None:
@@ -66,7 +66,7 @@ class RealChain:
                 if char is None:
                     break
                 # What lies behind its own ready cannot matter: that is all that the key leaves out.
-                if char.ready < (place + 2) * 10 * BIT:
+                if char.ready < (index + 2) * 10 * BIT:
                     self._known[key] = char
             heard.append((char.start, char.value | char.parity_ok << 7 | char.stop_ok << 8))
             ready = char.ready
@@ -102,7 +102,7 @@ class SecondDecoder:
         self._line = bytearray(bits.encode())
         self._verdicts: dict[tuple[independent.Char, ...], Verdicts] = {}
 
-    def judge(self, flips: tuple[int, ...]) -> Verdicts:
+    def verdicts_of(self, flips: tuple[int, ...]) -> Verdicts:
         line = self._line.copy()
         for bit in flips:
             line[bit] ^= 1  # "0" and "1" differ in this bit
@@ -147,15 +147,15 @@ def compositions(most: int, parts: int) -> list[tuple[int, ...]]:
 def test_all_251175_patterns_of_one_to_four_bits_are_found_alike() -> None:
     real, second = RealChain(1, 0), SecondDecoder(1, 0)
     sent = real.text.decode()
-    assert real.judge(()) == second.judge(()) == (("frame", sent),)
+    assert real.verdicts_of(()) == second.verdicts_of(()) == (("frame", sent),)
     patterns = 0
     undetected: list[tuple[int, str]] = []
     for size in range(1, 5):
         for flips in combinations(range(BITS), size):
             patterns += 1
-            ours = real.judge(flips)
-            if ours != second.judge(flips):
-                pytest.fail(f"bits {flips}: {ours}, the second decoder {second.judge(flips)}")
+            ours = real.verdicts_of(flips)
+            if ours != second.verdicts_of(flips):
+                pytest.fail(f"bits {flips}: {ours}, the second decoder {second.verdicts_of(flips)}")
             for kind, text, *_ in ours:
                 if kind == "frame":
                     assert isinstance(text, str)
@@ -184,7 +184,7 @@ def test_enumerated_patterns_do_pass(station: int, counter: int) -> None:
             text = independent.poll_text(other, number)
             line = independent.receive_by_character(text)
             flips = tuple(bit for bit in range(BITS) if line[bit] != sent[bit])
-            assert real.judge(flips) == second.judge(flips) == (("frame", text),)
+            assert real.verdicts_of(flips) == second.verdicts_of(flips) == (("frame", text),)
             if 1 <= len(flips) <= 4:
                 passed.append((len(flips), text))
     assert set(passed) <= set(undetected_by_enumeration(station, counter))
@@ -201,20 +201,20 @@ def test_the_line_put_together_from_characters_is_the_frame_s(
 ) -> None:
     chain = RealChain(station, counter)
     whole = Wave([low_intervals(chain.text, NN_LINE, 0, flips)])
-    masks = [sum(1 << bit % 10 for bit in flips if bit // 10 == place) for place in range(CHARS)]
-    parts = Wave([chain.lows(place, mask) for place, mask in enumerate(masks)])
+    masks = [sum(1 << bit % 10 for bit in flips if bit // 10 == index) for index in range(CHARS)]
+    parts = Wave([chain.lows(index, mask) for index, mask in enumerate(masks)])
     assert (parts._starts, parts._ends) == (whole._starts, whole._ends)
     # and the chain without any of its memory hears and reads the same
     uart, heard, ready = Uart(NN_LINE), [], 0
     while (char := uart.next_character(whole, ready)) is not None:
         heard.append((char.start, char.value | char.parity_ok << 7 | char.stop_ok << 8))
         ready = char.ready
-    assert read(tuple(heard)) == chain.judge(tuple(sorted(flips)))
-    assert chain.judge(tuple(flips)) == SecondDecoder(station, counter).judge(tuple(flips))
+    assert read(tuple(heard)) == chain.verdicts_of(tuple(sorted(flips)))
+    assert chain.verdicts_of(tuple(flips)) == SecondDecoder(station, counter).verdicts_of(tuple(flips))
 
 
 class Watched(Wave):
-    """A line that notes the ticks at which it is looked at."""
+    """A line that notes the ticks at which it is read."""
 
     seen: list[int]
 

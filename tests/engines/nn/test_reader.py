@@ -179,12 +179,12 @@ def test_a_second_reader_makes_the_same_of_it(
 ) -> None:
     """Frames, mutilated and whole, with noise, unclean characters and pauses (in bits) in between."""
     chars: list[independent.Char] = []
-    place = 0
+    tick = 0
     for text, pause in stream:
         for value in text:
-            chars.append((place, value, len(chars) not in unclean))
-            place += 10
-        place += pause
+            chars.append((tick, value, len(chars) not in unclean))
+            tick += 10
+        tick += pause
     reader = FrameReader()
     reader.data_size = data_size
     ours: list[Heard | None] = []

@@ -139,11 +139,11 @@ def test_a_slave_that_receives_no_poll_of_its_own_sends_nothing(whole: bool) -> 
     wire = Wire(master_node(2), slave_node(1), slave_node(2), slave_node(3), whole=whole)
     for node in wire.nodes[:3]:
         wire.at(0, lambda node=node: node.start(0))
-    deaf = wire.nodes[3]
-    wire.at(10 * MS, lambda: deaf.start(10 * MS))
+    late = wire.nodes[3]
+    wire.at(10 * MS, lambda: late.start(10 * MS))
     wire.run_scans(5)
-    assert noted(deaf) == {}
-    assert deaf.events == []
+    assert noted(late) == {}
+    assert late.events == []
 
 
 # -- counts, probes, attempts --------------------------------------------------------------------------------
@@ -203,7 +203,7 @@ def test_the_last_station_that_comes_back_makes_all_healthy_again(whole: bool) -
     for station in (2, 3):
         silence(wire.nodes[station], on=True)
     wire.run_scans(2)
-    assert of(master, AllHealthy) == []  # two have not answered yet
+    assert of(master, AllHealthy) == []  # two have not replied yet
     for station in (3, 2):
         silence(wire.nodes[station], on=False)
         wire.run_scans(1)
@@ -245,7 +245,7 @@ def test_counters_stop_at_32767(whole: bool) -> None:
     master, first, dead = wire.nodes
     silence(dead, on=True)
     wire.run_scans(2)
-    wire.run(wire.now + DATA_TICKS)  # the slave judges at the end of that data frame
+    wire.run(wire.now + DATA_TICKS)  # the slave decides at the end of that data frame
     master.engine.status.counts[2] = COUNT_LIMIT - 2
     first.engine.status.counts[2] = COUNT_LIMIT - 2
     seen = []

@@ -1,4 +1,4 @@
-"""Links with random damage: told of whole frames or of every character, everybody ends up the same."""
+"""Links with random damage: given whole frames or every character, all nodes end up the same."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.engines.wire import CHAR, GAP, MS, TURNAROUND, Node, Tx, Wire, master
 SLAVES, SCANS = 3, 6
 #: At most three bits: fewer than it takes for one frame to become another (see test_patterns).
 damage = st.tuples(
-    st.sampled_from([None, "master", "slave1", "slave2", "slave3"]),  # who hears it so; None: everybody
+    st.sampled_from([None, "master", "slave1", "slave2", "slave3"]),  # the node that hears it so; None: all
     st.sets(st.integers(0, 219), min_size=1, max_size=3),
 )
 turnarounds = st.lists(
@@ -54,7 +54,7 @@ def run(plan: dict[str, object], *, whole: bool) -> Wire:
     wire = Wire(*nodes, whole=whole)
 
     def damage(tx: Tx, node: Node) -> Collection[int]:
-        who, bits = damaged.get(wire.sent.index(tx), ("nobody", ()))
+        who, bits = damaged.get(wire.sent.index(tx), ("none", ()))
         return bits if who in (None, node.name) else ()
 
     wire.damage = damage
@@ -101,7 +101,7 @@ def test_what_holds_on_every_link(plan: dict[str, object]) -> None:
     scans = {event.duration for event in master.events if isinstance(event, ScanEnded)}
     for number, node in enumerate(wire.nodes):
         status = node.engine.status
-        # Nobody counts or flags itself; what is stored was sent by its station.
+        # No station counts or flags itself; what is stored was sent by its station.
         assert status.counts[number] == 0
         assert not status.flags[number]
         assert status.codes[number] in ((0, 0x31) if number else (0,))

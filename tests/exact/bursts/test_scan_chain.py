@@ -34,7 +34,7 @@ def test_two_states_move_as_their_rates_say() -> None:
     assert line.after(1e9) == pytest.approx(np.array([line.stationary] * 2), rel=1e-12)
 
 
-def test_a_frames_fate_by_every_pattern_of_its_bits() -> None:
+def test_a_frames_outcome_by_every_pattern_of_its_bits() -> None:
     line, bits = Line(BURST, 1875.0), 4
     rates, step = np.array([1e-3, 0.2]), line.after(1875.0)
     clean, hit = np.zeros((2, 2)), np.zeros((2, 2))
@@ -163,11 +163,11 @@ def test_scans_played_out(name: str) -> None:
     apart = 2 + int(3 * longest / (solved.distribution.mean / MS))
     assert kolmogorov(solved.distribution, seen.scans[::apart]) < KOLMOGOROV
     long = [int(scan > solved.distribution.quantile(0.05)) for scan in seen.scans]
-    clumping = max(1.0, _batches(long, 250))
+    overdispersion = max(1.0, _batches(long, 250))
     for station, fails in zip(model.stations, solved.fails, strict=True):
         if station.alive:
-            assert off_by(seen.errors.get(station.number, 0), scans, fails.error, 2 * clumping) < SIGMAS
-            assert off_by(seen.onsets.get(station.number, 0), scans, fails.onset, 2 * clumping) < SIGMAS
+            assert off_by(seen.errors.get(station.number, 0), scans, fails.error, 2 * overdispersion) < SIGMAS
+            assert off_by(seen.onsets.get(station.number, 0), scans, fails.onset, 2 * overdispersion) < SIGMAS
 
 
 def test_impossible_links_have_no_law() -> None:

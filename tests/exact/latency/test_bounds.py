@@ -196,7 +196,7 @@ def test_without_errors_no_latency_is_longer_than_its_bound(
     assert samples.keys() == bounds.keys()
     for name, bound in bounds.items():
         if not bound.valid:
-            assert "late replies" in bound.reasons[0]
+            assert "late replies" in bound.reason
             continue
         after = list(windows(samples[name], given, word=bound.word))
         assert after
@@ -212,7 +212,7 @@ def evaluate_goals(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> dict[str
     errors, worst = Errors.of(kept, given), dict[str, float]()
     for name, bound in bounds_of(given).items():
         if not bound.valid:
-            assert "late replies" in bound.reasons[0]
+            assert "late replies" in bound.reason
             continue
         source = next(int(entry.source_plc[1:]) for entry in given.latency if entry.name == name)
         for sample, begin, end in windows(samples[name], given, word=bound.word):

@@ -159,7 +159,7 @@ def test_what_stands_in_front_of_the_link_counts_as_well() -> None:
         ("LDI M8183\nMOV K1M1000 K1Y0\n", "both", ("M8183 (b)",)),
     ],
 )
-def test_what_must_let_the_signal_through_is_told(show: str, edge: str, gates: tuple[str, ...]) -> None:
+def test_what_must_let_the_signal_through_is_named(show: str, edge: str, gates: tuple[str, ...]) -> None:
     found = bound(show=show, edge=edge)
     assert found.valid
     assert found.gates == gates
@@ -213,7 +213,7 @@ def test_paths_that_begin_or_end_elsewhere(start: str, end: str, send: str, prog
     assert 0.8 * found.no_error / MS <= longest <= found.no_error / MS + 1e-6
 
 
-def test_the_caveats_are_told_wherever_the_bound_is() -> None:
+def test_the_caveats_are_named_wherever_the_bound_is() -> None:
     gated = api.run(scenario(show="LD M1000\nAND M8000\nANI M8183\nOUT Y0\n", seconds=20)).summary
     entry = gated["latency"]["path"]
     assert entry["bound_notes"] == ["holds as long as M8183 (b) let it through"]
@@ -263,7 +263,7 @@ def test_a_second_writer_of_a_device_on_the_path_is_a_reason(send: str, show: st
     assert found.cases() == {}
 
 
-def test_what_writes_beside_the_program_is_told() -> None:
+def test_what_writes_beside_the_program_is_named() -> None:
     given = scenario()
     a, b = given.plcs
     port = PortSpec("COM3", "line", Device("D", 200), Device("M", 200))
@@ -349,8 +349,8 @@ def test_where_the_longest_scan_is_not_known_there_is_no_bound() -> None:
     assert bound(show=f"{SHOW}{endless}").reason == "FOR D10 at line 5 is no plain contact, coil or move (b)"
 
 
-@pytest.mark.parametrize(("policy", "slaves", "told"), [("probe", 2, 1), ("probe", 1, 0), ("full", 2, 0)])
-def test_from_when_on_it_holds_with_absent_stations_is_told(policy: str, slaves: int, told: int) -> None:
+@pytest.mark.parametrize(("policy", "slaves", "named"), [("probe", 2, 1), ("probe", 1, 0), ("full", 2, 0)])
+def test_from_when_on_it_holds_with_absent_stations_is_named(policy: str, slaves: int, named: int) -> None:
     given = scenario()
     a, b = given.plcs
     assert a.link is not None
@@ -361,4 +361,4 @@ def test_from_when_on_it_holds_with_absent_stations_is_told(policy: str, slaves:
     found = bounds_of(replace(given, plcs=(a, b)))["path"]
     assert found.valid
     said = [note for note in found.caveats if "never reply (2) are on" in note]
-    assert len(said) == told
+    assert len(said) == named

@@ -51,8 +51,8 @@ def station(name: str = "feeder", number: int = 1, **given: object) -> BusDevice
 
 def ask(name: str = "a", number: int = 1, *, to: str | None = "D400", **given: object) -> PollSpec:
     values: dict[str, object] = {"function": 3, "address": 0, "count": 2, **given}
-    place = parse_device(to) if to else None
-    return PollSpec(name, "COM3", number, device=place, **values)  # type: ignore[arg-type]
+    device = parse_device(to) if to else None
+    return PollSpec(name, "COM3", number, device=device, **values)  # type: ignore[arg-type]
 
 
 def figures(scenario: model.Scenario) -> dict[str, PollFigures]:

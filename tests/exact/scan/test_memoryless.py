@@ -89,7 +89,7 @@ def test_one_slave_with_reply_loss() -> None:
     assert distribution.tail(last - 1) == pytest.approx(float(loss**4), rel=1e-15)
 
 
-def test_odds_in_exact_fractions() -> None:
+def test_attempt_probabilities_in_exact_fractions() -> None:
     p = Fraction(3, 4096)  # exact as a float
     model = with_noise(with_noise(link(2, ber=float(p), loss=0.125), "rx", 0, float(p)), "tx", 1, float(p))
     q = 1 - p
@@ -304,6 +304,6 @@ def test_scans_played_out(name: str) -> None:
     for station, fails in zip(model.stations, solved.fails, strict=True):
         if station.alive:
             stay = probabilities_of(model)[station.number - 1].failed if model.absent is PROBE else 0.0
-            clumping = (1 + stay) / (1 - stay)
-            assert off_by(seen.errors.get(station.number, 0), scans, fails.error, clumping) < SIGMAS
-            assert off_by(seen.onsets.get(station.number, 0), scans, fails.onset, clumping) < SIGMAS
+            overdispersion = (1 + stay) / (1 - stay)
+            assert off_by(seen.errors.get(station.number, 0), scans, fails.error, overdispersion) < SIGMAS
+            assert off_by(seen.onsets.get(station.number, 0), scans, fails.onset, overdispersion) < SIGMAS

@@ -25,7 +25,9 @@ def distribution_of(components: list[tuple[int, int, float]], sums: TurnaroundSu
 
 
 @given(st.lists(component, min_size=1, max_size=12), st.lists(st.floats(-1e5, 4e6), min_size=1, max_size=30))
-def test_a_tail_is_the_sum_over_its_lobes(components: list[tuple[int, int, float]], x: list[float]) -> None:
+def test_a_tail_is_the_sum_over_its_components(
+    components: list[tuple[int, int, float]], x: list[float]
+) -> None:
     distribution = distribution_of(components)
     at = np.array(x)
     alone = sum(
@@ -77,7 +79,7 @@ def test_moments_are_integrals_of_the_tail(components: list[tuple[int, int, floa
         )
 
 
-def test_the_quantile_between_lobes_is_the_lower_lobes_end() -> None:
+def test_the_quantile_between_components_is_the_lower_ones_end() -> None:
     distribution = distribution_of([(0, 1, 0.0), (1_000_000, 1, -3.0)])
     heavy = 1 / 1.001
     assert distribution.quantile(1 - heavy + 1e-12) == pytest.approx(14_400, abs=1e-3)
@@ -90,7 +92,7 @@ def test_a_quantile_needs_a_probability(q: float) -> None:
         distribution_of([(0, 1, 0.0)]).quantile(q)
 
 
-def test_equal_lobes_are_put_together() -> None:
+def test_equal_components_become_one() -> None:
     shift, code, weight = merged(
         np.array([5.0, 1.0, 5.0, 5.0]), np.array([1, 1, 2, 1]), np.array([0.1, 0.2, 0.3, 0.4])
     )

@@ -129,8 +129,8 @@ def test_detection_of_deaths_at_random_instants() -> None:
     weights = np.cumsum(scans)
     for _ in range(200_000):
         at = rng.random() * weights[-1]
-        place = int(np.searchsorted(weights, at, side="right"))
-        left = float(weights[place] - at)  # to the end of the next reply, had it lived
+        index = int(np.searchsorted(weights, at, side="right"))
+        left = float(weights[index] - at)  # to the end of the next reply, had it lived
         character, wait = model.character, model.silent_cost
         if left > station.reply:
             times.append(left - slot + 3 * wait)

@@ -45,14 +45,14 @@ def links(draw: st.DrawFn) -> LinkModel:
 def noisy(draw: st.DrawFn) -> tuple[LinkModel, str, int | None]:
     """A link, and a place of noise on it."""
     model = draw(links())
-    place = draw(st.sampled_from(["bus", "bus", "rx", "tx"]))
-    station = None if place == "bus" else draw(st.integers(0, len(model.stations)))
-    return model, place, station
+    part = draw(st.sampled_from(["bus", "bus", "rx", "tx"]))
+    station = None if part == "bus" else draw(st.integers(0, len(model.stations)))
+    return model, part, station
 
 
 def with_rate(line: tuple[LinkModel, str, int | None], ber: float) -> LinkModel:
-    model, place, station = line
-    return replace(model, noise=LineNoise((NoiseSource(place, station, ber),) if ber else ()))
+    model, part, station = line
+    return replace(model, noise=LineNoise((NoiseSource(part, station, ber),) if ber else ()))
 
 
 @st.composite

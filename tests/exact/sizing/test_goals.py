@@ -33,7 +33,7 @@ def test_what_is_understood(text: str, goals: Goals) -> None:
     assert Goals().with_text(text) == goals
 
 
-def test_every_form_in_the_help_is_understood_and_told_again() -> None:
+def test_every_form_in_the_help_is_understood_and_printed_again() -> None:
     goals = Goals()
     for form in FORMS.values():
         goals = goals.with_text(form)

@@ -82,7 +82,7 @@ def test_a_perfect_line_does_not_mean_no_retries() -> None:
     assert sizing.to_json()["assumed_noise"] == "ladder"
 
 
-def test_the_ladder() -> None:
+def test_the_noise_levels() -> None:
     model = link(3)
     noise_levels = noise_levels_of(model, 50 * MS)
     assert [rung.retries for rung in noise_levels.rungs] == list(range(11))
@@ -212,7 +212,7 @@ def test_a_heartbeat_that_must_not_be_missed() -> None:
     assert "the best is" in impossible.unmet[0].text
 
 
-def test_heartbeats_with_bursts_are_looked_at_for_some_timeouts() -> None:
+def test_heartbeats_with_bursts_are_evaluated_for_some_timeouts() -> None:
     model = with_burst(link(1, ber=1e-6), 60_000, 20, 0, 5e-3)
     goals = Goals(heartbeat=(900 * MS, 1.0), errors=200.0)
     checked = evaluate_goals(model, goals)
@@ -298,7 +298,7 @@ def test_the_probed_policy_does_not_hide_the_first_long_scan() -> None:
     assert sizing.recommended.dead < full.recommended.dead
 
 
-def test_judging_keeps_to_the_floor() -> None:
+def test_goal_evaluation_keeps_to_the_floor() -> None:
     checked = evaluate_goals(link(2, mode=3, ber=1e-6), Goals())
     assert checked.grid.timeouts[0] == timeout_floor(link(2, mode=3)) == 50 * MS
     assert np.all(checked.candidates(checked.names) <= (checked.grid.errors <= 1))

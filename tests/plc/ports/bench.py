@@ -18,7 +18,7 @@ from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import PROFILES, Profile
 from bussim.plc.sources import Source
 from bussim.units import TICKS_PER_MS
-from tests.engines.modbus.wire import HEARING, TIMERS, Wire
+from tests.engines.modbus.wire import RECEPTION, TIMERS, Wire
 
 MS = TICKS_PER_MS
 SCAN, PHASE = 10 * MS, 10 * MS
@@ -42,7 +42,7 @@ def words(port: str, protocol: str, line: LineTiming = LINE, **offsets: int) -> 
 
 
 class Tap(Wire):
-    """A wire that hands what a PLC's port reports to its board, and appoints ENDs."""
+    """A wire that hands what a PLC's port reports to its board, and schedules ENDs."""
 
     def __init__(self, timing: LineTiming, bench: Bench, *, whole: bool) -> None:
         super().__init__(timing, whole=whole)
@@ -55,13 +55,13 @@ class Tap(Wire):
         if engine is port_registers.engine:
             for _, item in self.events[known:]:
                 port_registers.event(item, self.now)
-        self._bench.appoint()
+        self._bench.schedule()
 
     def after_end(self, engine: Any, hints: int) -> None:
         """What an END asks for; what is half heard stays open."""
         self.handle(engine, hints | OPEN if self._open[engine] else hints)
 
-    def hear(self, chars: bytes | Sequence[RxChar], at: int) -> None:
+    def receive(self, chars: bytes | Sequence[RxChar], at: int) -> None:
         """Characters back to back for the port, from somewhere else, the first edge at a tick."""
         engine = self._bench.port_registers.engine
         ends = [at + self.timing.characters(number) for number in range(len(chars) + 1)]
@@ -72,7 +72,7 @@ class Tap(Wire):
                 self._last_heard[engine] = self.now
                 self.handle(engine, engine.receive(char, ends[number], self.now))
 
-            self.at(ends[number + 1], HEARING, receive)
+            self.at(ends[number + 1], RECEPTION, receive)
 
 
 class Bench:
@@ -112,10 +112,10 @@ class Bench:
         self.port = port
         self.port_registers = self.plc.port_registers[port]
         self.wire = Tap(line, self, whole=whole)
-        self.told: list[PortEvent] = []
+        self.reported: list[PortEvent] = []
         self.ends: list[int] = []  # those that were carried out
         self._program = program
-        self._appointed = -1
+        self._scheduled = -1
         self.plc.power_on()
         self.run_plc()
 
@@ -127,12 +127,12 @@ class Bench:
     def run_plc(self) -> None:
         now = self.wire.now
         self.plc.run(now, traced=False)
-        self._appointed = -1
+        self._scheduled = -1
         if self.port_registers.engine is not None:
             self.wire.add(self.port_registers.engine)
             self.wire.handle(self.port_registers.engine, self.port_registers.engine.start(now))
         self.collect()
-        self.appoint()
+        self.schedule()
 
     def stop_plc(self) -> None:
         engine = self.port_registers.engine
@@ -147,19 +147,19 @@ class Bench:
         self.wire.add(engine)
         self.wire.handle(engine, engine.start(self.wire.now))
 
-    def appoint(self) -> None:
+    def schedule(self) -> None:
         now = self.wire.now
         wanted = self.plc.wanted_end(now)
         if self._program is not None and self.plc.state.value == "run":
             wanted = self.plc.cycle.next_end(max(now, self.plc._done + 1), now)  # a program sees every END
-        if wanted is not None and (self._appointed < now or wanted < self._appointed):
-            self._appointed = wanted
+        if wanted is not None and (self._scheduled < now or wanted < self._scheduled):
+            self._scheduled = wanted
             self.wire.at(wanted, END_RANK, lambda: self._end(wanted))
 
     def _end(self, at: int) -> None:
-        if at != self._appointed:
+        if at != self._scheduled:
             return
-        self._appointed = -1
+        self._scheduled = -1
         self.ends.append(at)
         if self._program is not None:
             self._program(self, at)
@@ -167,11 +167,11 @@ class Bench:
         if self.port_registers.engine is not None:
             self.wire.after_end(self.port_registers.engine, hints[self.port])
         self.collect()
-        self.appoint()
+        self.schedule()
 
     def collect(self) -> None:
         while (item := self.port_registers.poll()) is not None:
-            self.told.append(item)
+            self.reported.append(item)
 
     def run(self, until: int) -> None:
         self.wire.run(until)
@@ -183,7 +183,7 @@ class Bench:
         return [(at, chars) for at, engine, chars in self.wire.sent if engine is self.port_registers.engine]
 
     def of(self, kind: type[PortEvent]) -> list[Any]:
-        return [item for item in self.told if isinstance(item, kind)]
+        return [item for item in self.reported if isinstance(item, kind)]
 
     def errors(self) -> list[int]:
         """D8063 as it was raised, time after time."""

@@ -21,7 +21,7 @@ RTU = Framing.rtu(LINE)
 PORTS = ["COM2", "COM3", "COM4", "COM5", "COM6"]
 GOOD = RTU.encode(1, encode_response(Response(3, 0, 2, (5, 6)))).chars
 
-Answer = bytes | Sequence[RxChar]
+Received = bytes | Sequence[RxChar]
 
 
 def poll(port: str, function: int = 3, address: int = 0, count: int = 2, **more: object) -> PollSpec:
@@ -39,20 +39,20 @@ def damaged(**flags: bool) -> list[RxChar]:
     return chars
 
 
-def asked(port: str, answer: Answer, **more: object) -> Bench:
-    """The port has asked once, at the first END, and hears an answer 5 ms after its request.
+def asked(port: str, received: Received, **more: object) -> Bench:
+    """The port has asked once, at the first END, and hears a response 5 ms after its request.
 
     The timeout is 500 ms: 257 characters take 268 ms.
     """
     bench = Bench(port, "modbus-rtu-master", [poll(port, **more)], w9=50)
     bench.run(PHASE + 1)
-    if answer:
-        bench.wire.hear(answer, PHASE + LINE.characters(8) + 5 * MS)
+    if received:
+        bench.wire.receive(received, PHASE + LINE.characters(8) + 5 * MS)
     bench.run(1000 * MS)
     return bench
 
 
-ANSWERED = [
+RECEIVED = [
     pytest.param(
         1, RTU.encode(1, encode_response(Response(3, 0, 1, (5,)))).chars, id="shorter than its function says"
     ),
@@ -70,9 +70,9 @@ ANSWERED = [
 
 
 @pytest.mark.parametrize("port", PORTS)
-@pytest.mark.parametrize(("code", "answer"), ANSWERED)
-def test_what_an_answer_raises(port: str, code: int, answer: Answer) -> None:
-    bench = asked(port, answer)
+@pytest.mark.parametrize(("code", "received"), RECEIVED)
+def test_what_a_response_raises(port: str, code: int, received: Received) -> None:
+    bench = asked(port, received)
     assert bench.errors() == [7000 + 100 * int(port[3:]) + code]
     assert bench.outcomes() == [PortError(code)]
     assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (1, bench.errors()[0])
@@ -81,7 +81,7 @@ def test_what_an_answer_raises(port: str, code: int, answer: Answer) -> None:
 
 
 @pytest.mark.parametrize("port", PORTS)
-def test_a_good_answer_raises_nothing(port: str) -> None:
+def test_a_good_response_raises_nothing(port: str) -> None:
     bench = asked(port, GOOD)
     assert bench.errors() == []
     assert bench.outcomes() == [None]
@@ -97,7 +97,7 @@ UNSENT = [
     pytest.param(2, {"device": Device("X", 0), "function": 1, "count": 2}, id="data in X"),
     pytest.param(2, {"device": Device("M", 0), "function": 3, "count": 2}, id="registers in M"),
     pytest.param(4, {"function": 0x17}, id="unknown function"),
-    pytest.param(4, {"station": 0}, id="a read for everybody"),
+    pytest.param(4, {"station": 0}, id="a broadcast read"),
     pytest.param(6, {"count": 126}, id="126 registers"),
     pytest.param(6, {"count": 0}, id="no registers"),
     pytest.param(
@@ -115,11 +115,11 @@ def test_what_rs2_cannot_send(port: str, code: int, more: dict[str, object]) -> 
     assert bench.errors() == [7000 + 100 * int(port[3:]) + code]
     # It is decided at the END at which it would have left, and costs that scan.
     assert [
-        (item.taken, item.ended.sent, item.ended.end) for item in bench.told if hasattr(item, "ended")
+        (item.taken, item.ended.sent, item.ended.end) for item in bench.reported if hasattr(item, "ended")
     ] == [(PHASE, None, PHASE)]
 
 
-def test_a_request_that_cannot_be_sent_keeps_nobody_else_waiting() -> None:
+def test_a_request_that_cannot_be_sent_keeps_no_other_waiting() -> None:
     polls = [poll("COM4", 0x17, every=0), poll("COM4", 3, every=0)]
     bench = Bench("COM4", "modbus-rtu-master", polls)
     bench.run(PHASE + 10 * MS + 1)
@@ -174,7 +174,7 @@ def test_48_is_the_links(m8179: int, number: int) -> None:
     bench = Bench("COM5", "modbus-rtu-master", [poll("COM5")], linked=True, registers=registers)
     assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (1, number)
     bench.run(PHASE + 1)
-    bench.wire.hear(GOOD, PHASE + LINE.characters(8) + 5 * MS)
+    bench.wire.receive(GOOD, PHASE + LINE.characters(8) + 5 * MS)
     bench.run(500 * MS)
     # Another port's success is not the link's.
     assert bench.outcomes() == [None]

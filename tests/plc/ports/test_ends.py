@@ -30,7 +30,7 @@ times = st.none() | st.integers(0, 5)
 periods = st.sampled_from([0, 0, 30 * MS, 100 * MS, 333 * MS])
 
 
-def look(bench: Bench, now: int) -> None:
+def idle_program(bench: Bench, now: int) -> None:
     """A program that does nothing makes every END matter."""
 
 
@@ -40,7 +40,7 @@ def outcome(bench: Bench) -> tuple[Any, ...]:
     cycle.count_up_to(UNTIL)
     memory = bench.plc.memory._words["D"].tolist()
     bits = list(bench.plc.memory._bits["M"])
-    return bench.requests(), bench.told, (cycle.count, cycle.total, cycle.longest), memory, bits
+    return bench.requests(), bench.reported, (cycle.count, cycle.total, cycle.longest), memory, bits
 
 
 @st.composite
@@ -49,7 +49,7 @@ def polls(draw: st.DrawFn) -> list[PollSpec]:
         PollSpec(
             f"p{number}",
             "COM4",
-            draw(st.sampled_from([1, 1, 9, 0])),  # 9 is nobody
+            draw(st.sampled_from([1, 1, 9, 0])),  # 9 does not exist
             draw(st.sampled_from([3, 6, 16, 0x17])),
             number,
             1,
@@ -68,7 +68,7 @@ def polls(draw: st.DrawFn) -> list[PollSpec]:
 @given(scan=scans, polls=polls(), delay=st.integers(0, 80 * MS), interval=st.sampled_from([0, 1, 300]))
 def test_a_master(scan: tuple[int, int], polls: list[PollSpec], delay: int, interval: int) -> None:
     found, benches = [], []
-    for program in (None, look):
+    for program in (None, idle_program):
         bench = Bench(
             "COM4",
             "modbus-rtu-master",
@@ -90,7 +90,7 @@ def test_a_master(scan: tuple[int, int], polls: list[PollSpec], delay: int, inte
     assert set(few) <= set(ends)
     # A request leaves at an END at which nothing was under way; its outcome is taken over at the first
     # END at or after it was decided; and no request leaves at an END that takes one over.
-    taken = [item for item in benches[0].told if isinstance(item, TransactionTaken)]
+    taken = [item for item in benches[0].reported if isinstance(item, TransactionTaken)]
     for item in taken:
         assert item.taken == ends[bisect_left(ends, item.ended.end)]
         assert item.ended.sent is None or item.ended.sent in ends
@@ -99,7 +99,7 @@ def test_a_master(scan: tuple[int, int], polls: list[PollSpec], delay: int, inte
         assert left > before.taken
         assert left >= before.ended.end + (interval or 50) * MS // 10 or before.ended.sent is None
     # A turn begins with the first scan after it was due: at RUN, or at an END.
-    for turn in benches[0].told:
+    for turn in benches[0].reported:
         if isinstance(turn, TurnEnded):
             assert turn.late >= 0
             assert turn.start == 0 or turn.start in ends
@@ -136,10 +136,10 @@ def test_the_free_protocol(
     ]
     if listens is not None:
         specs.append(
-            FreeSpec("ear", "COM3", device=Device("D", 600), count=5, at=listens[0], times=listens[1])
+            FreeSpec("listen", "COM3", device=Device("D", 600), count=5, at=listens[0], times=listens[1])
         )
     found = []
-    for program in (None, look):
+    for program in (None, idle_program):
         bench = Bench(
             "COM3",
             "free",
@@ -153,13 +153,13 @@ def test_the_free_protocol(
         )
         at = 0
         for pause, data in heard:
-            bench.wire.hear(data, at + pause)
+            bench.wire.receive(data, at + pause)
             at += pause + LINE.characters(len(data))
         bench.run(UNTIL)
-        requests, told, _, memory, bits = outcome(bench)
-        # Words that tell of something under way are those of the latest END that was looked at.
+        requests, reported, _, memory, bits = outcome(bench)
+        # Words about something under way are those of the latest END that was served.
         del memory[7920:7940], bits[2920:2940]
-        found.append((requests, told, bench.plc.cycle.total, memory, bits))
+        found.append((requests, reported, bench.plc.cycle.total, memory, bits))
     assert found[0] == found[1]
 
 
@@ -167,7 +167,7 @@ def test_the_free_protocol(
 @given(scan=scans, delay=st.integers(0, 90 * MS), every=periods)
 def test_a_slave(scan: tuple[int, int], delay: int, every: int) -> None:
     found = []
-    for program in (None, look):
+    for program in (None, idle_program):
         bench = Bench(
             "COM5",
             "modbus-rtu-slave",

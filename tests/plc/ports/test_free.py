@@ -132,8 +132,8 @@ def test_the_manuals_reception() -> None:
     """11 12 13 14 lie in D500 and D501, low byte first."""
     program = Program(rs2(5, 4), {70: reset})
     bench = Bench("COM3", "free", program=program)
-    bench.wire.hear(bytes((0x11, 0x12)), 22 * MS)
-    bench.wire.hear(bytes((0x13, 0x14)), 31 * MS)
+    bench.wire.receive(bytes((0x11, 0x12)), 22 * MS)
+    bench.wire.receive(bytes((0x13, 0x14)), 31 * MS)
     bench.run(100 * MS)
     assert program.seen[30] == {}
     assert program.seen[40] == {"receiving": 1}  # as of the END at 30
@@ -150,9 +150,9 @@ def test_the_manuals_reception() -> None:
 def test_complete_blocks_reception_until_the_program_resets_it() -> None:
     program = Program(rs2(5, 2), {70: reset})
     bench = Bench("COM3", "free", program=program)
-    bench.wire.hear(b"ab", 22 * MS)
-    bench.wire.hear(b"cd", 50 * MS)  # lost
-    bench.wire.hear(b"ef", 71 * MS)
+    bench.wire.receive(b"ab", 22 * MS)
+    bench.wire.receive(b"cd", 50 * MS)  # lost
+    bench.wire.receive(b"ef", 71 * MS)
     bench.run(200 * MS)
     assert [item.received.data for item in bench.of(FreeReceived)] == [b"ab", b"ef"]
     assert bench.plc.read("D500") == int.from_bytes(b"ef", "little")
@@ -161,7 +161,7 @@ def test_complete_blocks_reception_until_the_program_resets_it() -> None:
 def test_a_timeout_ends_a_reception_and_sets_its_flag() -> None:
     program = Program(rs2(5, 10), {100: reset})
     bench = Bench("COM3", "free", program=program, w9=3)
-    bench.wire.hear(b"abc", 22 * MS)
+    bench.wire.receive(b"abc", 22 * MS)
     bench.run(200 * MS)
     # 30 ms after the last character, which ends at 25.1 ms: seen at the END at 60.
     assert program.seen[60] == {"receiving": 1}
@@ -174,7 +174,7 @@ def test_a_timeout_ends_a_reception_and_sets_its_flag() -> None:
 def test_a_send_request_waits_while_something_is_received() -> None:
     program = Program(rs2(5, 10), {30: send})
     bench = Bench("COM3", "free", program=program, registers=MANUAL, w9=3)
-    bench.wire.hear(b"abc", 28 * MS)
+    bench.wire.receive(b"abc", 28 * MS)
     bench.run(300 * MS)
     assert program.seen[40] == {"wait": 1, "send": 1, "receiving": 1}
     # Over 30 ms after 31.1 ms; the END at 70 takes it over and sends.
@@ -188,7 +188,7 @@ def test_an_instruction_that_is_off_neither_sends_nor_receives() -> None:
 
     program = Program(rs2(5, 2), {50: off, 70: send})
     bench = Bench("COM3", "free", program=program, registers=MANUAL)
-    bench.wire.hear(b"ab", 61 * MS)
+    bench.wire.receive(b"ab", 61 * MS)
     bench.run(200 * MS)
     assert (bench.requests(), bench.of(FreeReceived)) == ([], [])
     assert bench.plc.read("D500") == 0
@@ -203,9 +203,9 @@ def test_complete_left_on_blocks_the_next_instruction_too() -> None:
 
     program = Program(rs2(5, 2), {50: off, 70: on, 100: reset})
     bench = Bench("COM3", "free", program=program)
-    bench.wire.hear(b"ab", 22 * MS)
-    bench.wire.hear(b"cd", 81 * MS)  # lost
-    bench.wire.hear(b"ef", 101 * MS)
+    bench.wire.receive(b"ab", 22 * MS)
+    bench.wire.receive(b"cd", 81 * MS)  # lost
+    bench.wire.receive(b"ef", 101 * MS)
     bench.run(200 * MS)
     assert [item.received.data for item in bench.of(FreeReceived)] == [b"ab", b"ef"]
 
@@ -226,8 +226,8 @@ def test_one_instruction_at_a_time() -> None:
 def test_damaged_characters_raise_5_or_8_until_the_next_sound_reception(*, stop_ok: bool, code: int) -> None:
     program = Program(rs2(5, 2), {50: reset})
     bench = Bench("COM3", "free", program=program)
-    bench.wire.hear([RxChar(0x61), RxChar(0x62, parity_ok=False, stop_ok=stop_ok)], 22 * MS)
-    bench.wire.hear(b"cd", 62 * MS)
+    bench.wire.receive([RxChar(0x61), RxChar(0x62, parity_ok=False, stop_ok=stop_ok)], 22 * MS)
+    bench.wire.receive(b"cd", 62 * MS)
     bench.run(55 * MS)
     assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (1, code)
     assert bench.of(FreeReceived)[0].damaged == 1
@@ -254,16 +254,16 @@ def test_what_rs2_cannot_do(operands: Rs2, code: int) -> None:
 
 def test_received_bytes_beyond_the_memory_are_lost() -> None:
     bench = Bench("COM3", "free", program=Program(Rs2(D[200], 0, D[8255], 4, 3), {}))
-    bench.wire.hear(b"abcd", 22 * MS)
+    bench.wire.receive(b"abcd", 22 * MS)
     bench.run(100 * MS)
     assert bench.errors() == [7302]
     assert bench.plc.read("D8255") == 0
 
 
-def test_stop_tells_what_was_sent_and_forgets_what_was_received() -> None:
+def test_stop_reports_what_was_sent_and_forgets_what_was_received() -> None:
     program = Program(rs2(5, 2), {20: send})
     bench = Bench("COM3", "free", program=program, registers=MANUAL)
-    bench.wire.hear(b"ab", 22 * MS)
+    bench.wire.receive(b"ab", 22 * MS)
     bench.run(29 * MS)
     bench.stop_plc()
     assert len(bench.of(FreeSent)) == 1
@@ -277,7 +277,7 @@ def test_stop_tells_what_was_sent_and_forgets_what_was_received() -> None:
 def test_a_barcode_reader_with_an_end_character() -> None:
     bench = Bench("COM3", "free", [RECEIVER], w5=13)
     for number in range(3):
-        bench.wire.hear(b"40063813%d\x0d" % number, (50 + 60 * number) * MS)
+        bench.wire.receive(b"40063813%d\x0d" % number, (50 + 60 * number) * MS)
     bench.run(400 * MS)
     received = [item.received.data for item in bench.of(FreeReceived)]
     assert received == [b"400638130", b"400638131", b"400638132"]
@@ -287,22 +287,22 @@ def test_a_barcode_reader_with_an_end_character() -> None:
     assert flags(bench) == {}
 
 
-def test_complete_shows_for_a_scan_and_the_port_is_deaf_until_it_is_reset() -> None:
+def test_complete_shows_for_a_scan_and_the_port_receives_nothing_until_it_is_reset() -> None:
     bench = Bench("COM3", "free", [RECEIVER], w5=13)
-    bench.wire.hear(b"abc\x0d", 22 * MS)
+    bench.wire.receive(b"abc\x0d", 22 * MS)
     bench.run(35 * MS)
     assert flags(bench) == {"complete": 1}
-    bench.wire.hear(b"d\x0d", 36 * MS)  # before the END at 40, which sees the flag reset
+    bench.wire.receive(b"d\x0d", 36 * MS)  # before the END at 40, which sees the flag reset
     bench.run(45 * MS)
     assert flags(bench) == {}
-    bench.wire.hear(b"e\x0d", 46 * MS)
+    bench.wire.receive(b"e\x0d", 46 * MS)
     bench.run(100 * MS)
     assert [item.received.data for item in bench.of(FreeReceived)] == [b"abc", b"e"]
 
 
 def test_a_reception_makes_the_scans_longer_while_it_lasts() -> None:
     bench = Bench("COM3", "free", [RECEIVER], profile=PROFILES["pw10"], w5=13)
-    bench.wire.hear(b"x" * 19 + b"\x0d", 12 * MS)  # until 32.8 ms
+    bench.wire.receive(b"x" * 19 + b"\x0d", 12 * MS)  # until 32.8 ms
     longer = SCAN + MS // 5
     bench.run(200 * MS)
     # Seen at 20; so the scans to 30.2 and 40.4 are longer, and there it is taken over.
@@ -314,7 +314,7 @@ def test_a_listener_has_its_time_and_number() -> None:
     spec = FreeSpec("code", "COM3", device=D[500], count=2, at=35 * MS, times=2)
     bench = Bench("COM3", "free", [spec])
     for number in range(6):
-        bench.wire.hear(b"a%d" % number, (12 + 40 * number) * MS)
+        bench.wire.receive(b"a%d" % number, (12 + 40 * number) * MS)
     bench.run(400 * MS)
     assert [item.received.data for item in bench.of(FreeReceived)] == [b"a1", b"a2"]
     assert bench.plc.wanted_end(400 * MS) is None
@@ -340,19 +340,19 @@ def test_turns_without_registers_send_their_data() -> None:
     assert bench.requests() == [(PHASE, b"GO")]
 
 
-def test_a_turn_with_an_answer() -> None:
+def test_a_turn_with_a_reply() -> None:
     ask = FreeSpec("ask", "COM3", send=D[200], send_count=1, data=b"?", device=D[600], count=2)
     bench = Bench("COM3", "free", [ask])
-    bench.wire.hear(b"42", 15 * MS)
-    bench.wire.hear(b"43", 55 * MS)
+    bench.wire.receive(b"42", 15 * MS)
+    bench.wire.receive(b"43", 55 * MS)
     bench.run(90 * MS)
-    # Sent at 10; answered at 17.1, taken over at 20; the next one's turn begins there: at 30, …
+    # Sent at 10; reply at 17.1, taken over at 20; the next one's turn begins there: at 30, …
     assert [start for start, _ in bench.requests()][:2] == [10 * MS, 30 * MS]
     assert [item.received.data for item in bench.of(FreeReceived)] == [b"42", b"43"]
     assert bench.plc.read("D600") == int.from_bytes(b"43", "little")
 
 
-def test_a_turn_without_an_answer_is_given_up_after_the_ports_timeout() -> None:
+def test_a_turn_without_a_reply_is_given_up_after_the_ports_timeout() -> None:
     ask = FreeSpec("ask", "COM3", send=D[200], send_count=1, data=b"?", device=D[600], count=2)
     bench = Bench("COM3", "free", [ask], w9=3)
     bench.run(90 * MS)
@@ -371,9 +371,9 @@ def test_a_turn_without_an_answer_is_given_up_after_the_ports_timeout() -> None:
 def test_a_listener_between_turns() -> None:
     go = FreeSpec("go", "COM3", send_count=2, data=b"GO", every=100 * MS)
     bench = Bench("COM3", "free", [go, RECEIVER], w5=13)
-    bench.wire.hear(b"one\x0d", 42 * MS)
-    bench.wire.hear(b"two\x0d", 98 * MS)  # goes on when the next turn is due at 100
-    bench.wire.hear(b"three\x0d", 152 * MS)
+    bench.wire.receive(b"one\x0d", 42 * MS)
+    bench.wire.receive(b"two\x0d", 98 * MS)  # goes on when the next turn is due at 100
+    bench.wire.receive(b"three\x0d", 152 * MS)
     bench.run(200 * MS)
     assert [item.received.data for item in bench.of(FreeReceived)] == [b"one", b"two", b"three"]
     # The second turn waits for the reception's end at 102 (the END at 110), then goes out at 120.
@@ -401,7 +401,7 @@ def test_awaiting_the_first_character_is_a_profiles_choice() -> None:
     bench.run(60 * MS)
     assert flags(bench) == {"complete": 1, "time": 1}
     bench = Bench("COM3", "free", program=Program(rs2(5, 4), {}), profile=profile, w9=3, w4=2)
-    bench.wire.hear(b"\x02abc", 12 * MS)
+    bench.wire.receive(b"\x02abc", 12 * MS)
     bench.run(60 * MS)
     assert bench.of(FreeReceived)[0].received.data == b"\x02abc"
 
@@ -409,6 +409,6 @@ def test_awaiting_the_first_character_is_a_profiles_choice() -> None:
 def test_7_data_bits() -> None:
     line = LineTiming(9600, CharFormat(7, "E", 1))
     bench = Bench("COM3", "free", [RECEIVER], line=line, w5=13)
-    bench.wire.hear(b"abc\x0d", 22 * MS)
+    bench.wire.receive(b"abc\x0d", 22 * MS)
     bench.run(100 * MS)
     assert bench.of(FreeReceived)[0].received.data == b"abc"

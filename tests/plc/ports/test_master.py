@@ -29,8 +29,8 @@ def poll(
     function: int = 3, address: int = 0, count: int = 2, device: str = "D500", **more: object
 ) -> PollSpec:
     fields = {"name": "poll", "port": "COM4", "station": 1} | more
-    place = Device(device[0], int(device[1:])) if device else None
-    return PollSpec(function=function, address=address, count=count, device=place, **fields)
+    target = Device(device[0], int(device[1:])) if device else None
+    return PollSpec(function=function, address=address, count=count, device=target, **fields)
 
 
 def with_slave(bench: Bench, delay: int = 2 * MS, stations: tuple[int, ...] = (1,)) -> PlainMap:
@@ -86,7 +86,7 @@ REQUEST, REPLY = LINE.characters(8), LINE.characters(9)  # a read of two registe
 
 
 def decided(sent: int, delay: int = 2 * MS) -> int:
-    """When the master's port knows the answer: the slave's silence and its delay run at the same time."""
+    """When the master's port knows the response: the slave's silence and its delay run at the same time."""
     return sent + LINE.characters(8) + max(RTU.quiet, delay) + REPLY + RTU.quiet
 
 
@@ -109,11 +109,11 @@ def test_a_transaction_costs_whole_scans() -> None:
         (40 * MS, 80 * MS, 0),
     ]
     assert [cycle.duration for cycle in bench.of(CycleEnded)[:2]] == [40 * MS, 40 * MS]
-    # Only these ENDs had to be looked at: the one of a request, and the one of its answer.
+    # Only these ENDs had to be served: the one of a request, and the one of its response.
     assert bench.ends[:4] == [10 * MS, 40 * MS, 50 * MS, 80 * MS]
 
 
-def test_an_answer_decided_at_an_end_is_taken_over_there() -> None:
+def test_a_response_decided_at_an_end_is_taken_over_there() -> None:
     delay = SCAN * 3 - (REQUEST + REPLY + RTU.quiet)
     bench = Bench("COM4", "modbus-rtu-master", [poll()])
     with_slave(bench, delay)
@@ -121,7 +121,7 @@ def test_an_answer_decided_at_an_end_is_taken_over_there() -> None:
     assert bench.of(TransactionTaken)[0].ended.end == bench.of(TransactionTaken)[0].taken == 40 * MS
 
 
-def test_an_answer_a_tick_after_an_end_waits_for_the_next() -> None:
+def test_a_response_a_tick_after_an_end_waits_for_the_next() -> None:
     delay = SCAN * 3 - (REQUEST + REPLY + RTU.quiet) + 1
     bench = Bench("COM4", "modbus-rtu-master", [poll()])
     with_slave(bench, delay)
@@ -187,7 +187,7 @@ def test_several_polls_take_turns() -> None:
     ]
 
 
-def test_a_broadcast_waits_its_turnaround_and_no_answer() -> None:
+def test_a_broadcast_waits_its_turnaround_and_no_response() -> None:
     profile = replace(PROFILES["pw10"], transaction_time=0, broadcast_turnaround=123 * MS)
     bench = Bench("COM4", "modbus-rtu-master", [poll(6, 7, 1, station=0, values=(99,))], profile=profile)
     plain = with_slave(bench)
@@ -202,7 +202,7 @@ def test_each_active_transaction_makes_the_scans_longer() -> None:
     bench = Bench("COM4", "modbus-rtu-master", [poll(every=500 * MS)], profile=PROFILES["pw10"])
     with_slave(bench)
     longer = SCAN + MS // 5
-    # The request leaves at the first END; the three scans until its answer is taken over are longer.
+    # The request leaves at the first END; the three scans until its response is taken over are longer.
     bench.run(300 * MS)
     assert bench.of(TransactionTaken)[0].taken == PHASE + 3 * longer
     cycle = bench.plc.cycle
@@ -424,13 +424,13 @@ def test_operands_may_be_registers_and_n_a_number() -> None:
     assert bench.plc.read("D500") == 1234
 
 
-def test_an_answer_to_another_request_is_believed_as_on_a_real_wire() -> None:
-    """RTU carries no transaction number: the port takes a late answer for its own."""
+def test_a_response_to_another_request_is_taken_as_on_a_real_wire() -> None:
+    """RTU carries no transaction number: the port takes a late response for its own."""
     bench = Bench("COM4", "modbus-rtu-master", [poll(3, 0, 1)], w9=3)
     bench.run(61 * MS)
     assert len(bench.requests()) == 2
     late = RTU.encode(1, encode_response(Response(3, 77, 1, (42,)))).chars
-    bench.wire.hear(late, 70 * MS)
+    bench.wire.receive(late, 70 * MS)
     bench.run(100 * MS)
     assert bench.outcomes() == [PortError.TIMEOUT, None]
     assert bench.plc.read("D500") == 42

@@ -1,4 +1,4 @@
-"""A port as Modbus slave: requests are carried out and answered at END, over the PLC's own devices."""
+"""A port as Modbus slave: requests are served at END, over the PLC's own devices."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from tests.plc.ports.bench import ASCII_LINE, LINE, MS, PHASE, SCAN, Bench
 RTU = Framing.rtu(LINE)
 
 
-def hears(bench: Bench, chars: bytes, at: int) -> int:
+def receives(bench: Bench, chars: bytes, at: int) -> int:
     """A request; returns the tick at which the port knows it."""
-    bench.wire.hear(chars, at)
+    bench.wire.receive(chars, at)
     return at + bench.wire.timing.characters(len(chars)) + RTU.quiet
 
 
-def test_a_request_waits_for_the_end_and_is_answered_there() -> None:
+def test_a_request_waits_for_the_end_and_is_served_there() -> None:
     bench = Bench("COM3", "modbus-rtu-slave", registers={"D7": 0x1234})
-    known = hears(bench, RTU.encode(1, bytes.fromhex("03 00 07 00 01")).chars, 12 * MS)
+    known = receives(bench, RTU.encode(1, bytes.fromhex("03 00 07 00 01")).chars, 12 * MS)
     assert 23 * MS < known < 25 * MS
     bench.run(200 * MS)
-    answer = RTU.encode(1, bytes.fromhex("03 02 12 34")).chars
-    assert bench.requests() == [(30 * MS, answer)]
+    response = RTU.encode(1, bytes.fromhex("03 02 12 34")).chars
+    assert bench.requests() == [(30 * MS, response)]
     assert bench.ends[0] == 30 * MS
     assert not bench.port_registers.active
 
 
 def test_the_scan_is_longer_until_the_reply_has_left() -> None:
     bench = Bench("COM3", "modbus-rtu-slave", profile=PROFILES["pw10"])
-    hears(bench, RTU.encode(1, bytes.fromhex("03 00 07 00 01")).chars, 12 * MS)
+    receives(bench, RTU.encode(1, bytes.fromhex("03 00 07 00 01")).chars, 12 * MS)
     bench.run(200 * MS)
     longer = SCAN + MS // 5
     # The reply's 7 characters take 7.3 ms from 30 ms on: one scan.
@@ -55,16 +55,16 @@ def test_the_scan_is_longer_until_the_reply_has_left() -> None:
     assert (cycle.longest, cycle.total - cycle.count * SCAN) == (longer, MS // 5)
 
 
-def test_it_answers_with_what_its_sources_wrote_at_that_end() -> None:
+def test_it_responds_with_what_its_sources_wrote_at_that_end() -> None:
     bench = Bench("COM3", "modbus-rtu-slave", sources={"D7": Counter(MS)})
-    hears(bench, RTU.encode(1, bytes.fromhex("03 00 07 00 01")).chars, 12 * MS)
+    receives(bench, RTU.encode(1, bytes.fromhex("03 00 07 00 01")).chars, 12 * MS)
     bench.run(200 * MS)
     assert bench.requests()[0][1] == RTU.encode(1, bytes.fromhex("03 02 00 1E")).chars
 
 
 def test_a_write_shows_in_the_shared_block_at_once_and_stays() -> None:
     bench = Bench("COM3", "modbus-rtu-slave", linked=True, registers={"M8179": 1, "D8178": 1, "D8177": 1})
-    hears(bench, RTU.encode(1, bytes.fromhex("06 00 01 43 21")).chars, 1 * MS)
+    receives(bench, RTU.encode(1, bytes.fromhex("06 00 01 43 21")).chars, 1 * MS)
     bench.run(20 * MS)
     assert bench.plc.image_at(20 * MS)[6:8] == b"\0\0"
     bench.run(21 * MS + 1)  # N:N makes the scan 11 ms
@@ -99,9 +99,9 @@ def test_a_master_reads_and_writes_the_plcs_devices(mode: str, *, whole: bool) -
     assert {item.exception for item in served} == {0, 2}
 
 
-def test_a_broadcast_is_carried_out_at_end_and_not_answered() -> None:
+def test_a_broadcast_is_carried_out_at_end_without_a_response() -> None:
     bench = Bench("COM3", "modbus-rtu-slave")
-    hears(bench, RTU.encode(0, bytes.fromhex("06 00 01 43 21")).chars, 1 * MS)
+    receives(bench, RTU.encode(0, bytes.fromhex("06 00 01 43 21")).chars, 1 * MS)
     bench.run(19 * MS)
     assert bench.plc.read("D1") == 0
     bench.run(100 * MS)
@@ -110,7 +110,7 @@ def test_a_broadcast_is_carried_out_at_end_and_not_answered() -> None:
 
 def test_stop_forgets_a_request() -> None:
     bench = Bench("COM3", "modbus-rtu-slave")
-    hears(bench, RTU.encode(1, bytes.fromhex("06 00 01 43 21")).chars, 12 * MS)
+    receives(bench, RTU.encode(1, bytes.fromhex("06 00 01 43 21")).chars, 12 * MS)
     bench.run(29 * MS)
     bench.stop_plc()
     bench.run(50 * MS)
@@ -120,9 +120,9 @@ def test_stop_forgets_a_request() -> None:
 
 
 def test_two_ports_share_the_plcs_scan_and_memory() -> None:
-    places = {port: default_devices(port) for port in ("COM3", "COM5")}
+    devices = {port: default_devices(port) for port in ("COM3", "COM5")}
     registers = {}
-    for words, _ in places.values():
+    for words, _ in devices.values():
         registers |= {f"D{words.address + 1}": 3, f"D{words.address + 6}": 2}
     plc = Plc(
         "press",
@@ -134,7 +134,7 @@ def test_two_ports_share_the_plcs_scan_and_memory() -> None:
         sources={},
         linked=False,
         streams=Streams(1),
-        ports=[PortSpec(port, port, *place) for port, place in places.items()],
+        ports=[PortSpec(port, port, *device) for port, device in devices.items()],
         maps=LxMap,
     )
     plc.power_on()

@@ -123,7 +123,7 @@ class Reference:
         self.fits(letter, address, 2, text, word=True)
         return self.signed(self.words[letter, address] | self.words[letter, address + 1] << 16, 32)
 
-    def place(self, text: str, size: int, *, items: int = 1) -> Any:
+    def location(self, text: str, size: int, *, items: int = 1) -> Any:
         """Where a result goes, or RefusedError."""
         letter, address, groups = self.split(text)
         if groups:
@@ -133,8 +133,8 @@ class Reference:
         self.fits(letter, address, each * items, text, word=True)
         return letter, address, 0, size
 
-    def write(self, place: Any, value: int) -> None:
-        letter, address, groups, size = place
+    def write(self, location: Any, value: int) -> None:
+        letter, address, groups, size = location
         if groups:
             for k in range(4 * groups):
                 self.bits[letter, address + k] = value >> k & 1
@@ -376,17 +376,17 @@ class Reference:
 
     def do_mov(self, ops: list[str], size: int) -> None:
         value = self.read(ops[0], size)
-        self.write(self.place(ops[1], size), value)
+        self.write(self.location(ops[1], size), value)
 
     def do_cml(self, ops: list[str], size: int) -> None:
         value = ~self.read(ops[0], size)
-        self.write(self.place(ops[1], size), value)
+        self.write(self.location(ops[1], size), value)
 
     def do_xch(self, ops: list[str], size: int) -> None:
         one, other = (self.read(op, size) for op in ops)
-        places = [self.place(op, size) for op in ops]
-        for place, value in zip(places, (other, one), strict=True):
-            self.write(place, value)
+        locations = [self.location(op, size) for op in ops]
+        for location, value in zip(locations, (other, one), strict=True):
+            self.write(location, value)
 
     def count(self, text: str, low: int, high: int) -> int:
         number = self.read(text, 16)
@@ -395,7 +395,7 @@ class Reference:
         return number
 
     def row(self, text: str, size: int, count: int) -> list[int]:
-        letter, address, groups, _ = self.place(text, size, items=count)
+        letter, address, groups, _ = self.location(text, size, items=count)
         if groups:
             each = 4 * groups
             return [
@@ -405,7 +405,7 @@ class Reference:
         return [self.read_at(text, letter, address + step * n, size) for n in range(count)]
 
     def fill(self, text: str, size: int, values: list[int]) -> None:
-        letter, address, groups, _ = self.place(text, size, items=len(values))
+        letter, address, groups, _ = self.location(text, size, items=len(values))
         step = 4 * groups or (2 if size == 32 and not (letter == "C" and address >= 200) else 1)
         for n, value in enumerate(values):
             self.write((letter, address + step * n, groups, size), value)
@@ -426,23 +426,25 @@ class Reference:
     def do_mean(self, ops: list[str], size: int) -> None:
         count = self.count(ops[2], 1, 64)
         total = sum(self.signed(value, size) for value in self.row(ops[0], size, count))
-        self.write(self.place(ops[1], size), int(abs(total) // count) * (-1 if total < 0 else 1))
+        self.write(self.location(ops[1], size), int(abs(total) // count) * (-1 if total < 0 else 1))
 
     def do_bcd(self, ops: list[str], size: int) -> None:
         value = self.read(ops[0], size)
         if not 0 <= value < 10 ** (size // 4):
             raise RefusedError
         pattern = 0
-        for place, digit in enumerate(reversed(str(value))):
-            pattern |= int(digit) << 4 * place
-        self.write(self.place(ops[1], size), pattern)
+        for location, digit in enumerate(reversed(str(value))):
+            pattern |= int(digit) << 4 * location
+        self.write(self.location(ops[1], size), pattern)
 
     def do_bin(self, ops: list[str], size: int) -> None:
         pattern = self.read(ops[0], size)
-        digits = [pattern >> 4 * place & 15 for place in range(size // 4)]
+        digits = [pattern >> 4 * location & 15 for location in range(size // 4)]
         if any(digit > 9 for digit in digits):
             raise RefusedError
-        self.write(self.place(ops[1], size), sum(digit * 10**place for place, digit in enumerate(digits)))
+        self.write(
+            self.location(ops[1], size), sum(digit * 10**location for location, digit in enumerate(digits))
+        )
 
     def sum(self, ops: list[str], size: int, sign: int) -> None:
         total = self.read(ops[0], size) + sign * self.read(ops[1], size)
@@ -452,7 +454,7 @@ class Reference:
             total %= half  # 32767 is followed by 0
         elif borrow:
             total = -((-total - half - 1) % half)  # so is -32768, downwards
-        self.write(self.place(ops[2], size), total)
+        self.write(self.location(ops[2], size), total)
         self.bits["M", 8020], self.bits["M", 8021], self.bits["M", 8022] = (
             int(total == 0),
             int(borrow),
@@ -491,22 +493,22 @@ class Reference:
         remainder = dividend - quotient * divisor
         mask = (1 << size) - 1
         if ops[2][0] == "K":
-            self.write(self.place(ops[2], size), quotient)
+            self.write(self.location(ops[2], size), quotient)
         else:
             self.double(ops[2], size, quotient & mask | (remainder & mask) << size)
 
     def do_inc(self, ops: list[str], size: int) -> None:
-        self.write(self.place(ops[0], size), self.read(ops[0], size) + 1)
+        self.write(self.location(ops[0], size), self.read(ops[0], size) + 1)
 
     def do_dec(self, ops: list[str], size: int) -> None:
-        self.write(self.place(ops[0], size), self.read(ops[0], size) - 1)
+        self.write(self.location(ops[0], size), self.read(ops[0], size) - 1)
 
     def do_neg(self, ops: list[str], size: int) -> None:
-        self.write(self.place(ops[0], size), -self.read(ops[0], size))
+        self.write(self.location(ops[0], size), -self.read(ops[0], size))
 
     def logic(self, ops: list[str], size: int, kind: str) -> None:
         one, other = self.read(ops[0], size), self.read(ops[1], size)
-        self.write(self.place(ops[2], size), LOGIC[kind](one, other))
+        self.write(self.location(ops[2], size), LOGIC[kind](one, other))
 
     def do_wand(self, ops: list[str], size: int) -> None:
         self.logic(ops, size, "AND")
@@ -517,24 +519,24 @@ class Reference:
     def do_wxor(self, ops: list[str], size: int) -> None:
         self.logic(ops, size, "XOR")
 
-    def tell(self, text: str, *answers: bool) -> None:
+    def set_bits(self, text: str, *results: bool) -> None:
         letter, address = self.bit_place(text, 3)
-        for k, answer in enumerate(answers):
-            self.bits[letter, address + k] = int(answer)
+        for k, result in enumerate(results):
+            self.bits[letter, address + k] = int(result)
 
     def do_cmp(self, ops: list[str], size: int) -> None:
         one, other = self.read(ops[0], size), self.read(ops[1], size)
-        self.tell(ops[2], one > other, one == other, one < other)
+        self.set_bits(ops[2], one > other, one == other, one < other)
 
     def do_zcp(self, ops: list[str], size: int) -> None:
         low, high, value = (self.read(op, size) for op in ops[:3])
         high = max(low, high)
-        self.tell(ops[3], value < low, low <= value <= high, value > high)
+        self.set_bits(ops[3], value < low, low <= value <= high, value > high)
 
     def rotate(self, ops: list[str], size: int, *, left: bool) -> None:
         pattern = self.read(ops[0], size) % (1 << size)
         bits = [pattern >> k & 1 for k in range(size)]
-        place = self.place(ops[0], size)
+        location = self.location(ops[0], size)
         carry = 0
         for _ in range(int(ops[1][1:])):
             if left:
@@ -543,7 +545,7 @@ class Reference:
             else:
                 carry = bits.pop(0)
                 bits.append(carry)
-        self.write(place, sum(bit << k for k, bit in enumerate(bits)))
+        self.write(location, sum(bit << k for k, bit in enumerate(bits)))
         self.bits["M", 8022] = carry
 
     def shift(self, ops: list[str], *, right: bool) -> None:

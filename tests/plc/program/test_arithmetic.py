@@ -154,7 +154,7 @@ def test_neg(value: int, result: int) -> None:
 
 
 @pytest.mark.parametrize("value", [-5, 3, 4, 40_000])
-def test_cmp_tells_above_equal_below(value: int) -> None:
+def test_cmp_reports_above_equal_below(value: int) -> None:
     expected = [int(value > 3), int(value == 3), int(value < 3)]
     if value < MOST:
         assert always("CMP D0 K3 M0", D0=value).bits("M0", "M1", "M2") == expected
@@ -171,7 +171,7 @@ def test_cmp_leaves_its_bits_when_it_is_not_carried_out() -> None:
     ("value", "expected"),
     [(-11, [1, 0, 0]), (-10, [0, 1, 0]), (0, [0, 1, 0]), (10, [0, 1, 0]), (11, [0, 0, 1])],
 )
-def test_zcp_tells_below_within_above(value: int, expected: list[int]) -> None:
+def test_zcp_reports_below_within_above(value: int, expected: list[int]) -> None:
     assert always("ZCP K-10 K10 D0 M0", D0=value).bits("M0", "M1", "M2") == expected
     assert (
         Rig("LD M8000 / DZCP K-10 K10 D0 S0").put_pair("D0", value).scan().bits("S0", "S1", "S2") == expected
@@ -182,7 +182,7 @@ def test_zcp_tells_below_within_above(value: int, expected: list[int]) -> None:
     ("value", "expected"),
     [(-70_001, [1, 0, 0]), (-70_000, [0, 1, 0]), (0, [0, 1, 0]), (70_000, [0, 1, 0]), (70_001, [0, 0, 1])],
 )
-def test_zcp_of_32_bits_looks_at_all_of_them(value: int, expected: list[int]) -> None:
+def test_zcp_of_32_bits_compares_all_of_them(value: int, expected: list[int]) -> None:
     """Limits and value that 16 bits cannot hold, in constants and in pairs of registers."""
     rig = Rig("LD M8000 / DZCP K-70000 K70000 D0 M0 / DZCP D2 D4 D0 M10")
     rig.put_pair("D0", value).put_pair("D2", -70_000).put_pair("D4", 70_000).scan()

@@ -86,7 +86,7 @@ def test_an_endless_loop_trips_the_watchdog() -> None:
     assert (rig.run.halted, rig.bit("M8061"), rig.word("D8061")) == (0, 0, 0)
 
 
-def test_the_watchdog_looks_at_d8000() -> None:
+def test_the_watchdog_reads_d8000() -> None:
     slow = InstructionTimes(move=1_000_000)  # 1 ms
     loop = "LD M8002 / MOV K{} D8000 / FOR K50 / LD M8000 / MOV D0 D1 / NEXT"
     assert Rig(loop.format(40), times=slow).scan().run.halted == 6105

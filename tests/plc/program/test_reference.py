@@ -29,11 +29,11 @@ def state(memory: Memory) -> dict[tuple[str, int], int]:
             devices = np.asarray(shelf(letter))
             shown = letter if shelf == memory.bits else letter.lower()
             found |= {(shown, int(at)): int(devices[at]) for at in np.flatnonzero(devices)}
-    return {place: value for place, value in found.items() if place[0] != "d" or place[1] not in UNTOLD}
+    return {key: value for key, value in found.items() if key[0] != "d" or key[1] not in UNTOLD}
 
 
 def expected(reference: Reference) -> dict[tuple[str, int], int]:
-    found = {place: 1 for place, bit in reference.bits.items() if bit}
+    found = {key: 1 for key, bit in reference.bits.items() if bit}
     return found | {
         (letter.lower(), at): word & (0xFFFFFFFF if letter == "C" and at >= 200 else 0xFFFF)
         for (letter, at), word in reference.words.items()

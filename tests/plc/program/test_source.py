@@ -381,9 +381,9 @@ def test_lists_as_they_are_printed(text: str, same: str) -> None:
     ],
 )
 def test_mistakes_of_printed_lists_are_where_they_stand(text: str, found: list[str]) -> None:
-    told = problems(text.replace("/*", "§").replace(" / ", "\n").replace("§", "/*"))
-    assert len(told) == len(found), told
-    for one, wanted in zip(told, found, strict=True):
+    reported = problems(text.replace("/*", "§").replace(" / ", "\n").replace("§", "/*"))
+    assert len(reported) == len(found), reported
+    for one, wanted in zip(reported, found, strict=True):
         assert one.startswith(f"test.il:{wanted}")
 
 

@@ -355,7 +355,7 @@ def ms(number: float) -> int:
     return round(number * TICKS_PER_MS)
 
 
-def test_lost_pulses_that_no_frame_need_have_carried_are_told_apart() -> None:
+def test_lost_pulses_that_no_frame_need_have_carried_are_distinguished() -> None:
     rig = Rig()
     rig.change(ms(2), 1, ms(3), ms(4))
     rig.frame(ms(10))
@@ -449,9 +449,9 @@ def test_a_record_survives_its_json() -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("runs") / "run"
-    bussim.run(bussim.load("counter_preset", ["duration=6 s"]), out=place)
-    return place
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    bussim.run(bussim.load("counter_preset", ["duration=6 s"]), out=folder)
+    return folder
 
 
 def test_a_runs_folder_has_its_latencies(folder: Path) -> None:
@@ -593,7 +593,7 @@ def test_a_word_and_a_bit_do_not_share_an_axis() -> None:
         latency_picture([bit] * 8, "door")
 
 
-def test_what_is_to_be_told_beside_a_bound_is_told_with_it() -> None:
+def test_what_belongs_beside_a_bound_stands_with_it() -> None:
     record = LatencyRecord("a.X0", "b.Y0", "both", inverted=False, word=False)
     record.add(Sample(0, (0, 0, 0, 0, 90 * TICKS_PER_MS)))
     cases = {"no error": 60 * TICKS_PER_MS, "every retry spent": 80 * TICKS_PER_MS}

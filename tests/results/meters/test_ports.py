@@ -70,7 +70,7 @@ def after(*records: TransactionRecord) -> dict[str, Any]:
     return port_of(collector)
 
 
-def test_a_response_takes_from_the_requests_to_the_answers_last_stop_bit() -> None:
+def test_a_response_takes_from_the_requests_to_the_last_stop_bit_of_the_response() -> None:
     assert response_time(GOOD) == response_time(EXCEPTION) == 38 * MS
     for record in (TIMEOUT, CRC, FRAMING, REFUSED, LATE, BROADCAST):
         assert response_time(record) is None
@@ -80,7 +80,7 @@ def test_every_attempt_is_counted_once() -> None:
     all_of_them = [GOOD] * 7 + [TIMEOUT] * 2 + [EXCEPTION, CRC, FRAMING, REFUSED, LATE, BROADCAST]
     port = after(*all_of_them)
     assert port["transactions"] == len(all_of_them) == 15
-    assert port["ok"] == 9  # the late answer too, which the master cannot tell from its own
+    assert port["ok"] == 9  # the late response too, which the master cannot distinguish from its own
     assert port["exceptions"] == {"02": 1}
     assert port["timeouts"] == 2
     assert port["crc_errors"] == 1
@@ -176,7 +176,7 @@ def test_keys_by_protocol() -> None:
         }
 
 
-def test_a_master_that_was_only_listened_to_has_its_place() -> None:
+def test_a_master_that_was_only_listened_to_has_its_port() -> None:
     collector = Collector()
     for record in (GOOD, CRC):
         collector.take(record)
@@ -187,7 +187,7 @@ def test_a_master_that_was_only_listened_to_has_its_place() -> None:
     assert run.ports[NODE].polls["p"].ok == 1
 
 
-def test_a_port_that_was_changed_tells_all_it_has_been() -> None:
+def test_a_port_that_was_changed_names_all_it_has_been() -> None:
     collector = Collector()
     collector.take(EXCEPTION)
     collector.take(FreeRecord("feeder", NODE, "", "sent", 0, 9, b"12", "", 0))

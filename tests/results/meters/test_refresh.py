@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bussim.results.meters.histogram import BIN_TICKS
 from bussim.results.meters.refresh import RefreshMeter
 
-SEATS = 5
+NODES = 5
 
 
 class NaiveMeter:
@@ -19,7 +19,7 @@ class NaiveMeter:
         self.gaps: dict[tuple[int, int], list[int]] = {}
 
     def refreshed(self, source: int, tick: int, heard: tuple[int, ...] | None) -> None:
-        listeners = range(SEATS) if heard is None else heard
+        listeners = range(NODES) if heard is None else heard
         for receiver in listeners:
             if receiver == source:
                 continue
@@ -30,8 +30,8 @@ class NaiveMeter:
 
 
 def assert_same(meter: RefreshMeter, naive: NaiveMeter) -> None:
-    for source in range(SEATS):
-        for receiver in range(SEATS):
+    for source in range(NODES):
+        for receiver in range(NODES):
             if source == receiver:
                 continue
             pair = meter.pair("link", source, receiver)
@@ -49,11 +49,11 @@ def receptions(draw: st.DrawFn) -> list[tuple[int, int, tuple[int, ...] | None]]
     steps = draw(
         st.lists(
             st.tuples(
-                st.integers(0, SEATS - 1),
+                st.integers(0, NODES - 1),
                 st.one_of(st.just(0), st.integers(1, 5_000)),
                 st.one_of(
                     st.none(),
-                    st.lists(st.integers(0, SEATS - 1), unique=True, max_size=SEATS).map(tuple),
+                    st.lists(st.integers(0, NODES - 1), unique=True, max_size=NODES).map(tuple),
                 ),
             ),
             max_size=60,

@@ -60,17 +60,17 @@ def test_pictures_are_legible(runs: list[RunRecord]) -> None:
     assert_legible(response_time_histogram(runs, NODE))
 
 
-def test_a_panel_a_poll_and_every_answer_in_a_bar() -> None:
+def test_a_panel_a_poll_and_every_response_in_a_bar() -> None:
     picture = response_time_histogram([NEAR], NODE)
     assert len(picture.axes) == 2
     for axes, (name, poll) in zip(picture.axes, NEAR.summary["ports"][NODE]["polls"].items(), strict=True):
         (bars,) = axes.patches
         counts, edges, _ = bars.get_data()  # type: ignore[attr-defined] # of a StepPatch
-        answers = NEAR.ports[NODE].polls[name].responses.count
-        assert counts.sum() == answers > 500
+        responses = NEAR.ports[NODE].polls[name].responses.count
+        assert counts.sum() == responses > 500
         assert edges[0] <= poll["response_ms"]["min"] <= poll["response_ms"]["max"] <= edges[-1]
         assert axes.get_yscale() == "log"
-        assert f"{name}: {answers} of {poll['transactions']} attempts answered" in axes.get_title("left")
+        assert f"{name}: {responses} of {poll['transactions']} attempts answered" in axes.get_title("left")
     assert timeouts(picture) == [40.0, 40.0]
     assert picture.axes[0].get_xlim() == picture.axes[1].get_xlim()
     assert picture.axes[-1].get_xlim()[1] > 40
@@ -80,7 +80,7 @@ def test_a_panel_a_poll_and_every_answer_in_a_bar() -> None:
     ]
 
 
-def test_a_timeout_far_away_leaves_the_answers_an_axis_of_their_own() -> None:
+def test_a_timeout_far_away_leaves_the_responses_an_axis_of_their_own() -> None:
     picture = response_time_histogram([FAR], NODE)
     usual, whole = picture.axes[0], picture.axes[1]
     assert (usual.get_yscale(), whole.get_yscale()) == ("linear", "log")
@@ -107,8 +107,8 @@ def test_the_numbers_are_those_of_the_summary() -> None:
 
 def test_several_runs_have_a_colour_each() -> None:
     picture = response_time_histogram([FAR, NEAR], NODE, ["one", "two"])
-    answers = FAR.ports[NODE].responses.count
-    assert has(picture, f"one: {answers:,} responses, mean ")
+    responses = FAR.ports[NODE].responses.count
+    assert has(picture, f"one: {responses:,} responses, mean ")
     assert has(picture, "two: ")
     assert set(timeouts(picture)) == {100.0, 40.0}
 

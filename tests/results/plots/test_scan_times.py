@@ -86,7 +86,7 @@ def test_histograms_are_legible(runs: list[RunRecord]) -> None:
     assert_legible(scan_time_histogram(runs, "link"))
 
 
-def test_a_narrow_histogram_tells_mean_p99_and_maximum() -> None:
+def test_a_narrow_histogram_names_mean_p99_and_maximum() -> None:
     picture = scan_time_histogram([NARROW], "link")
     (axes,) = picture.axes
     assert axes.get_yscale() == "linear"
@@ -225,10 +225,10 @@ def test_a_long_run_is_drawn_from_its_timeline() -> None:
 
 def png_texts(path: Path) -> dict[str, str]:
     """The text chunks of a PNG file (PNG specification, 11.3.4)."""
-    data, found, place = path.read_bytes(), {}, 8
-    while place < len(data):
-        length, kind = struct.unpack(">I4s", data[place : place + 8])
-        body = data[place + 8 : place + 8 + length]
+    data, found, at = path.read_bytes(), {}, 8
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at : at + 8])
+        body = data[at + 8 : at + 8 + length]
         if kind == b"tEXt":
             key, _, value = body.partition(b"\0")
             found[key.decode("latin-1")] = value.decode("latin-1")
@@ -236,7 +236,7 @@ def png_texts(path: Path) -> dict[str, str]:
             key, _, rest = body.partition(b"\0")
             packed, _, value = rest[:1], rest[1:2], rest[2:].split(b"\0", 2)[2]
             found[key.decode()] = (zlib.decompress(value) if packed == b"\1" else value).decode()
-        place += 12 + length
+        at += 12 + length
     return found
 
 

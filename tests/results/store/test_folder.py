@@ -153,7 +153,7 @@ def test_what_a_killed_run_left_is_replaced(tmp_path: Path) -> None:
     assert names(tmp_path) == {"run"}
 
 
-def test_somebody_elses_folder_of_that_name_is_not(tmp_path: Path) -> None:
+def test_another_programs_folder_of_that_name_is_not(tmp_path: Path) -> None:
     part = tmp_path / "run.incomplete"
     part.mkdir()
     (part / "mine.txt").write_text("mine")

@@ -10,7 +10,7 @@ from bussim.results.collector import Collector
 from bussim.trace.records import NoteRecord, PlcTotals, RunTotals, ScanRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from bussim.version import __version__
-from tests.results.fakes import REGISTERS, SEATS, Fake
+from tests.results.fakes import NODES, REGISTERS, Fake
 from tests.results.test_collector import LINK
 
 STATISTICS = {"min", "mean", "p50", "p95", "p99", "p999", "max", "max_at_s", "max_cause"}
@@ -59,7 +59,7 @@ def test_the_keys_are_those_of_the_contract(summary: dict[str, Any]) -> None:
     assert set(times) == {"current", "after_startup"} | STATISTICS
     assert set(times["after_startup"]) == STATISTICS
     gaps = summary["links"]["link"]["refresh_gap_ms"]
-    assert set(gaps) == {f"{a}->{b}" for a in SEATS for b in SEATS if a != b}
+    assert set(gaps) == {f"{a}->{b}" for a in NODES for b in NODES if a != b}
     assert all(set(pair) == {"p50", "p99", "p999", "max", "open", "count"} for pair in gaps.values())
     assert set(summary["plcs"]["press1"]) == {"registers", "scan_ms"}
     assert set(summary["plcs"]["press1"]["scan_ms"]) == {"mean", "max"}

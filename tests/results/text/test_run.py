@@ -10,13 +10,13 @@ from bussim.results.run_record import RunRecord
 from bussim.results.text.run import show_result
 from bussim.trace.records import PlcTotals, RunTotals
 from bussim.units import TICKS_PER_SECOND
-from tests.results.fakes import SEATS, Fake, quiet, record_of
+from tests.results.fakes import NODES, Fake, quiet, record_of
 from tests.results.test_collector import LINK
 
 
 def shown(record: RunRecord) -> str:
     console = Console(file=io.StringIO(), width=100)
-    show_result(console, record, {"link": dict(enumerate(SEATS))})
+    show_result(console, record, {"link": dict(enumerate(NODES))})
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 

@@ -237,13 +237,13 @@ def damaged_replies(draw: random.Random) -> Case:
     return Case(line, "cause_damaged", {"station": _of(name)}, frozenset({"undetected"}))
 
 
-def mistaken_answers(draw: random.Random) -> Case:
+def mistaken_responses(draw: random.Random) -> Case:
     bus = modbus(draw, delay=60, timeout="40 ms")
     bus["buses"][0]["baud"] = 38400
     return Case(bus, "mistaken", {"node": "press.COM3"}, frozenset({"no_own_data", "late"}))
 
 
-def late_answers(draw: random.Random) -> Case:
+def late_responses(draw: random.Random) -> Case:
     bus = modbus(draw, delay=draw.randint(90, 120), timeout="60 ms", interval="200 ms")
     return Case(bus, "late", {"node": "press.COM3", "timeout_ms": 60}, frozenset({"no_own_data"}))
 
@@ -320,8 +320,8 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     late_release,
     jabber,
     damaged_replies,
-    mistaken_answers,
-    late_answers,
+    mistaken_responses,
+    late_responses,
     two_modbus_masters,
     dead_device,
     wrong_format_of_a_device,

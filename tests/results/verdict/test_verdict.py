@@ -135,10 +135,10 @@ def test_a_master_that_is_back_before_any_watchdog_has_paused(tmp_path: Path) ->
     assert [item["key"] for item in faults(items(result))] == ["master_paused"]
 
 
-# -- answers of other requests -------------------------------------------------------------------------
+# -- responses to other requests -----------------------------------------------------------------------
 
 
-def test_answers_to_other_requests_are_none_of_its_own() -> None:
+def test_responses_to_other_requests_are_none_of_its_own() -> None:
     result = bussim.run("timeout_too_short", rows=False)
     port = result.summary["ports"]["press.COM3"]
     assert (port["transactions"], port["ok"], port["mismatched_responses"]) == (1356, 678, 678)

@@ -430,7 +430,7 @@ def test_random_structures_raise_only_scenario_errors(data: object) -> None:
 
 @PATIENT
 @given(st.data())
-def test_good_scenarios_with_anything_in_one_place_raise_only_scenario_errors(draw: st.DataObject) -> None:
+def test_good_scenarios_with_anything_at_one_position_raise_only_scenario_errors(draw: st.DataObject) -> None:
     data = json.loads(json.dumps(loads(draw.draw(st.sampled_from([FULL, FULL_PORTS]))).source))
     node: Any = data
     while True:

@@ -4,64 +4,64 @@ from __future__ import annotations
 
 import pytest
 
-from tests.scenario.port_samples import DRIVE, PORTS, more, spoilt
+from tests.scenario.port_samples import DRIVE, PORTS, changed, more
 from tests.scenario.samples import mistakes
 
 CASES: dict[str, tuple[str, list[str]]] = {
     "model": (
-        spoilt((DRIVE, "{name: drive, model: steper, bus: line, foo: 1}")),
+        changed((DRIVE, "{name: drive, model: steper, bus: line, foo: 1}")),
         ["x.yaml:24:26: model is 'steper', allowed lx, v80, stepper, map, hmi, free; did you mean stepper?"],
     ),
-    "no model": (spoilt((DRIVE, "{name: drive, bus: line}")), ["x.yaml:24:5: model is missing"]),
-    "no name": (spoilt((DRIVE, "{model: stepper, bus: line}")), ["x.yaml:24:5: name is missing"]),
+    "no model": (changed((DRIVE, "{name: drive, bus: line}")), ["x.yaml:24:5: model is missing"]),
+    "no name": (changed((DRIVE, "{model: stepper, bus: line}")), ["x.yaml:24:5: name is missing"]),
     "bus": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: lin, station: 1}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: lin, station: 1}")),
         ["x.yaml:24:40: bus is 'lin', which is no bus; did you mean link?"],
     ),
     "nn": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: link, station: 1}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: link, station: 1}")),
         ["x.yaml:24:40: bus is link, an N:N link, on which there are PLCs only (nn:)"],
     ),
     "name plc": (
-        spoilt((DRIVE, "{name: press1, model: stepper, bus: line, station: 1}")),
+        changed((DRIVE, "{name: press1, model: stepper, bus: line, station: 1}")),
         ["x.yaml:24:12: name is 'press1', which is used already (in line 9)"],
     ),
     "name case": (
-        spoilt((DRIVE, "{name: Press1, model: stepper, bus: line, station: 1}")),
+        changed((DRIVE, "{name: Press1, model: stepper, bus: line, station: 1}")),
         ["x.yaml:24:12: name is 'Press1', which differs only in case from 'press1' (in line 9)"],
     ),
     "station": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, station: 248}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, station: 248}")),
         ["x.yaml:24:55: station is 248, allowed 1..247"],
     ),
     "ascii": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, mode: ascii}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, mode: ascii}")),
         ["x.yaml:24:52: mode is ascii, allowed rtu (stepper)"],
     ),
     "delay": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, delay: 20 ms}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, delay: 20 ms}")),
         ["x.yaml:24:53: delay is 20 ms, but a stepper responds no sooner than 35 ms"],
     ),
     "rtu 7": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: codes}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: codes}")),
         ["x.yaml:24:40: bus is codes, whose format is 7E1, but Modbus RTU needs 8 data bits"],
     ),
     "rtu 7 own": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, format: 7E1}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, format: 7E1}")),
         ["x.yaml:24:54: format is 7E1, but Modbus RTU needs 8 data bits"],
     ),
     "baud": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, baud: 57600}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, baud: 57600}")),
         ["x.yaml:24:52: baud is 57600, allowed 4800, 9600, 19200, 38400, 115200 (stepper)"],
     ),
     "key": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, coils: {1: 1}}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, coils: {1: 1}}")),
         [
             "x.yaml:24:46: coils is not a key here; allowed are name, model, bus, baud, format, station, mode, delay, jitter, registers, steps, switches, profile"
         ],
     ),
     "register": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: stepper, bus: line, registers: {pich: 1, station: 3, position: 5, step_number: 1, pitch: 5000000000}}",
@@ -76,7 +76,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "register range": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: stepper, bus: line, registers: {direction: 2, distance: -500, loop_first: 34}}",
@@ -88,7 +88,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "switch": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: stepper, bus: line, switches: [{input: 6}, {input: 1, low: 5, high: 1}, {low: 1}]}",
@@ -101,7 +101,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "profile": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: stepper, bus: line, profile: {save_coil: 8, refused_command: 5, step_output: dely}}",
@@ -114,11 +114,11 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "save_coil": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, profile: {save_coil: 8}}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, profile: {save_coil: 8}}")),
         ["x.yaml:24:67: profile.save_coil is 8, the coil of run_once"],
     ),
     "lx": (
-        spoilt((DRIVE, "{name: drive, model: lx, bus: line, scan: 5, registers: {D9000: 1, M5: 2}}")),
+        changed((DRIVE, "{name: drive, model: lx, bus: line, scan: 5, registers: {D9000: 1, M5: 2}}")),
         [
             "x.yaml:24:47: scan is 5, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 5 ms",
             "x.yaml:24:62: a device of registers is 'D9000', allowed D0–D8255",
@@ -126,11 +126,11 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "lx scan": (
-        spoilt((DRIVE, "{name: drive, model: lx, bus: line, scan: {mean: 5 ms, jitter: 6 ms}}")),
+        changed((DRIVE, "{name: drive, model: lx, bus: line, scan: {mean: 5 ms, jitter: 6 ms}}")),
         ["x.yaml:24:68: scan.jitter must be less than the mean"],
     ),
     "v80": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: v80, bus: line, coils: {00127: 2, 40001: 1, x: 1}, registers: {30001: 1, 108: 5, 40108: 6, 0: 1}}",
@@ -146,7 +146,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "v80 b": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: v80, bus: line, coils: {00127: 1, 40001: 1, x: 1}, registers: {30001: 1, 108: 5, 40108: 6, 0: 1, 00108: 2}}",
@@ -162,17 +162,19 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "map": (
-        spoilt((DRIVE, "{name: drive, model: map, bus: line}")),
+        changed((DRIVE, "{name: drive, model: map, bus: line}")),
         [
             "x.yaml:24:5: devices.0 has nothing in it; expected one of coils, inputs, input_registers, registers"
         ],
     ),
     "map2": (
-        spoilt((DRIVE, "{name: drive, model: map, bus: line, functions: [3, 7], registers: [{address: 0}]}")),
+        changed(
+            (DRIVE, "{name: drive, model: map, bus: line, functions: [3, 7], registers: [{address: 0}]}")
+        ),
         ["x.yaml:24:57: functions.1 is 7, allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10)"],
     ),
     "map3": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: map, bus: line, registers: [{address: 0, count: 5}, {address: 4, value: 70000}, {address: 65535, words: 2}]}",
@@ -185,7 +187,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "map4": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: map, bus: line, registers: [{address: 0, value: 1, ramp: {from: 1, to: 2, over: 1 s}}]}",
@@ -194,7 +196,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ["x.yaml:24:83: registers.0.ramp excludes value in the same entry"],
     ),
     "map5": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: map, bus: line, registers: [{address: 0, low: 5, high: 2, high_first: true}], coils: [{address: 1, words: 2}, {address: 5, value: 2}]}",
@@ -207,7 +209,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "map6": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: map, bus: line, inputs: [{address: 0, writable: true}], registers: [{address: 9, writable: true, low: -1}]}",
@@ -219,7 +221,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "map call": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: map, bus: line, registers: [{address: 0, call: 'os:getpid'}, {address: 1, call: os.getpid}]}",
@@ -228,13 +230,13 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ["x.yaml:24:106: registers.1.call is 'os.getpid', expected module:function, such as sensors:level"],
     ),
     "hmi": (
-        spoilt((DRIVE, "{name: drive, model: hmi, bus: line, station: 1}")),
+        changed((DRIVE, "{name: drive, model: hmi, bus: line, station: 1}")),
         [
             "x.yaml:24:42: station is not a key here; allowed are name, model, bus, baud, format, mode, timeout, interval, turnaround, silence, polls"
         ],
     ),
     "hmi polls": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: hmi, bus: line, polls: [{station: 2, function: 3}, {station: 2, function: 3, address: 0, count: 126, to: D0}, {station: 2, function: 6, address: 3}]}",
@@ -247,9 +249,9 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "x.yaml:24:136: polls.2 writes nothing; expected values (function 6)",
         ],
     ),
-    "free": (spoilt((DRIVE, "{name: drive, model: free, bus: line}")), ["x.yaml:24:5: says is missing"]),
+    "free": (changed((DRIVE, "{name: drive, model: free, bus: line}")), ["x.yaml:24:5: says is missing"]),
     "free2": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: free, bus: line, says: [{text: a, bytes: '01'}, {at: 1 s}, {text: a, reply_to: b, every: 1 s}, {text: a, delay: 1 s}, {text: a, times: 3}]}",
@@ -363,12 +365,12 @@ def test_devices_that_are_no_list() -> None:
 
 
 def test_too_many_devices() -> None:
-    text = spoilt((DRIVE, "\n  - ".join(f"{{name: d{n}, model: lx, bus: line}}" for n in range(256))))
+    text = changed((DRIVE, "\n  - ".join(f"{{name: d{n}, model: lx, bus: line}}" for n in range(256))))
     assert mistakes(text) == ["x.yaml:24:3: devices has 257 entries, allowed 0..256"]
 
 
 def test_a_name_that_means_several_ports() -> None:
-    text = spoilt(
+    text = changed(
         ("COM5: {bus: codes, protocol: free}", "COM5: {bus: line, protocol: modbus-rtu-slave, station: 7}"),
         ("      - {port: COM5, to: D300, count: 20}\n", ""),
     )
@@ -379,7 +381,7 @@ def test_a_name_that_means_several_ports() -> None:
 
 
 def test_a_name_that_means_several_ports_and_no_link() -> None:
-    text = spoilt(("    nn: {bus: link, port: COM4, station: 0, slaves: 1}\n", ""))
+    text = changed(("    nn: {bus: link, port: COM4, station: 0, slaves: 1}\n", ""))
     assert mistakes(text + "faults:\n  - {jabber: press1}\n") == [
         "x.yaml:26:14: jabber is press1, which has several ports; write press1.COM3 or press1.COM5"
     ]

@@ -4,44 +4,44 @@ from __future__ import annotations
 
 import pytest
 
-from tests.scenario.port_samples import FREE_PORT, MASTER, SLAVE, spoilt
+from tests.scenario.port_samples import FREE_PORT, MASTER, SLAVE, changed
 from tests.scenario.samples import mistakes
 
 CASES: dict[str, tuple[str, list[str]]] = {
     "com1": (
-        spoilt((MASTER, "COM1: {bus: line, protocol: modbus-rtu-master}")),
+        changed((MASTER, "COM1: {bus: line, protocol: modbus-rtu-master}")),
         [
             "x.yaml:13:7: ports.COM1 serves programming and an HMI only: nothing can be set up on it; allowed are COM2, COM3, COM4, COM5, COM6",
             "x.yaml:16:16: polls.0.port is COM3, which is not in ports: only a Modbus master or a free port polls; did you mean COM5?",
         ],
     ),
     "com7": (
-        spoilt((MASTER, "COM7: {bus: line, protocol: modbus-rtu-master}")),
+        changed((MASTER, "COM7: {bus: line, protocol: modbus-rtu-master}")),
         [
             "x.yaml:13:7: ports.COM7 is not a port; did you mean COM6?",
             "x.yaml:16:16: polls.0.port is COM3, which is not in ports: only a Modbus master or a free port polls; did you mean COM5?",
         ],
     ),
     "hmi on com3": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: hmi}")),
+        changed((MASTER, "COM3: {bus: line, protocol: hmi}")),
         [
             "x.yaml:13:35: ports.COM3.protocol is hmi, which only COM2 has; allowed modbus-rtu-slave, modbus-ascii-slave, free, modbus-rtu-master, modbus-ascii-master"
         ],
     ),
     "unknown protocol": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu}")),
         [
             "x.yaml:13:35: ports.COM3.protocol is 'modbus-rtu', allowed hmi, modbus-rtu-slave, modbus-ascii-slave, free, modbus-rtu-master, modbus-ascii-master; did you mean modbus-rtu-slave?"
         ],
     ),
     "nnbus": (
-        spoilt((MASTER, "COM3: {bus: link, protocol: modbus-rtu-master}")),
+        changed((MASTER, "COM3: {bus: link, protocol: modbus-rtu-master}")),
         [
             "x.yaml:13:35: ports.COM3.protocol is modbus-rtu-master, but link is an N:N link, on which nothing else can run"
         ],
     ),
     "com4": (
-        spoilt((MASTER, "COM4: {bus: line, protocol: modbus-rtu-master}")),
+        changed((MASTER, "COM4: {bus: line, protocol: modbus-rtu-master}")),
         [
             "x.yaml:13:19: ports.COM4.bus is line, but nn.bus is link",
             "x.yaml:13:35: ports.COM4.protocol is modbus-rtu-master, but press1 runs N:N on COM4 (M8179 is 1), and a port does one thing",
@@ -49,28 +49,28 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "com6 nn": (
-        spoilt((MASTER, "COM6: {bus: link}")),
+        changed((MASTER, "COM6: {bus: link}")),
         [
             "x.yaml:13:19: ports.COM6.bus is link, an N:N link; M8179 cannot select COM6 (0: COM3, 1: COM4): N:N runs on COM3 or COM4",
             "x.yaml:16:16: polls.0.port is COM3, which is not in ports: only a Modbus master or a free port polls; did you mean COM5?",
         ],
     ),
     "timeout": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 55 ms, interval: 150 us}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 55 ms, interval: 150 us}")),
         [
             "x.yaml:13:63: ports.COM3.timeout is 55 ms, allowed are multiples of 10 ms, here 50 ms or 60 ms",
             "x.yaml:13:80: ports.COM3.interval is 150 us, allowed are multiples of 100 us, here 100 us or 200 us",
         ],
     ),
     "timeout0": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 5 ms, interval: 7 s}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 5 ms, interval: 7 s}")),
         [
             "x.yaml:13:63: ports.COM3.timeout is 5 ms, allowed 10 ms..655350 ms",
             "x.yaml:13:79: ports.COM3.interval is 7 s, allowed 0 s..6553500 us",
         ],
     ),
     "keys": (
-        spoilt(
+        changed(
             (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, station: 1, start: 2, eight_bit: true}")
         ),
         [
@@ -80,50 +80,50 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "7bits own": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, format: 7E1}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, format: 7E1}")),
         ["x.yaml:13:62: ports.COM3.format is 7E1, but Modbus RTU needs 8 data bits"],
     ),
     "7bits bus": (
-        spoilt((MASTER, "COM3: {bus: codes, protocol: modbus-rtu-master}")),
+        changed((MASTER, "COM3: {bus: codes, protocol: modbus-rtu-master}")),
         [
             "x.yaml:13:36: ports.COM3.protocol is modbus-rtu-master, but the format of codes is 7E1: Modbus RTU needs 8 data bits"
         ],
     ),
     "noprotocol": (
-        spoilt((MASTER, "COM3: {bus: line, timeout: 50 ms}")),
+        changed((MASTER, "COM3: {bus: line, timeout: 50 ms}")),
         [
             "x.yaml:13:34: ports.COM3.timeout needs a protocol; allowed on COM3: modbus-rtu-slave, modbus-ascii-slave, free, modbus-rtu-master, modbus-ascii-master",
             "x.yaml:16:16: polls.0.port is COM3, which has no protocol: only a Modbus master or a free port polls; did you mean COM5?",
         ],
     ),
     "bare": (
-        spoilt((MASTER, "COM3: {bus: line}")),
+        changed((MASTER, "COM3: {bus: line}")),
         [
             "x.yaml:16:16: polls.0.port is COM3, which has no protocol: only a Modbus master or a free port polls; did you mean COM5?"
         ],
     ),
     "words": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, cpavl: {words: D7990, bits: X5}}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, cpavl: {words: D7990, bits: X5}}")),
         [
             "x.yaml:13:69: ports.COM3.cpavl.words is D7990, the first of 20 words; allowed D0..D7980",
             "x.yaml:13:82: ports.COM3.cpavl.bits is X5, the first of 20 bits; allowed M0..M3052",
         ],
     ),
     "words type": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, cpavl: {words: D9990, bit: X5}}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, cpavl: {words: D9990, bit: X5}}")),
         [
             "x.yaml:13:69: ports.COM3.cpavl.words is 'D9990', allowed D0–D8255",
             "x.yaml:13:76: ports.COM3.cpavl.bit is not a key here; allowed are words, bits; did you mean bits?",
         ],
     ),
     "words overlap": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, cpavl: {words: D7950}}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, cpavl: {words: D7950}}")),
         [
             "x.yaml:14:13: ports.COM5.cpavl.words is D7960, the first of 20 words, which overlap those of COM3 (D7950 on)"
         ],
     ),
     "start": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: free, start: 256, end: ab}")),
+        changed((MASTER, "COM3: {bus: line, protocol: free, start: 256, end: ab}")),
         [
             'x.yaml:13:48: ports.COM3.start is 256, expected a character code 0..255 or one character such as "\\r"',
             "x.yaml:13:58: ports.COM3.end is 'ab', expected a character code 0..255 or one character such as \"\\r\"",
@@ -132,13 +132,13 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "x.yaml:16:47: polls.0.address has no meaning on COM3, whose protocol is free",
         ],
     ),
-    "no station": (spoilt((", station: 2", "")), ["x.yaml:22:13: ports.COM3.station is missing"]),
+    "no station": (changed((", station: 2", "")), ["x.yaml:22:13: ports.COM3.station is missing"]),
     "station 0": (
-        spoilt((", station: 2", ", station: 0")),
+        changed((", station: 2", ", station: 0")),
         ["x.yaml:22:62: ports.COM3.station is 0, allowed 1..247"],
     ),
     "raw contradiction": (
-        spoilt(
+        changed(
             ("scan: 8 ms", "scan: 8 ms\n    registers: {D7926: 0x30, D7929: 20, D7960: 0x91}"),
             (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 100 ms}"),
             (FREE_PORT, "COM5: {bus: codes, protocol: free, format: 7E1}"),
@@ -150,7 +150,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "com2 contradiction": (
-        spoilt(
+        changed(
             (SLAVE, "COM2: {bus: line, protocol: modbus-rtu-slave, station: 8}"),
             ("scan: 5 ms", "scan: 5 ms\n    registers: {D8121: 7}"),
         ),

@@ -30,8 +30,8 @@ def test_check_prints_every_mistake_and_exits_with_2(
     assert printed.err.splitlines() == expected
 
 
-def test_all_mistakes_are_told_at_once_in_file_order() -> None:
-    text = added("noise:\n  - {bus: lnk, ber: 2}\nfaults:\n  - {at: 5, stop: nobody}\n")
+def test_all_mistakes_are_reported_at_once_in_file_order() -> None:
+    text = added("noise:\n  - {bus: lnk, ber: 2}\nfaults:\n  - {at: 5, stop: absent}\n")
     text = text.replace("station: 1", "station: 9").replace("schema: 1", "schema: 3")
     assert mistakes(text) == [
         "x.yaml:1:9: schema is 3, allowed 1",
@@ -39,7 +39,7 @@ def test_all_mistakes_are_told_at_once_in_file_order() -> None:
         "x.yaml:13:11: bus is 'lnk', which is no bus; did you mean link?",
         "x.yaml:13:21: ber is 2, allowed 0..1",
         "x.yaml:15:10: at is 5, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 5 ms",
-        "x.yaml:15:19: stop is 'nobody', which is no PLC; allowed are press1, press2, press3",
+        "x.yaml:15:19: stop is 'absent', which is no PLC; allowed are press1, press2, press3",
     ]
 
 
@@ -61,7 +61,7 @@ def test_a_wrong_key_hides_no_other_mistake_of_its_plc() -> None:
     ]
 
 
-def test_nothing_is_held_against_a_plc_whose_seat_could_not_be_read() -> None:
+def test_nothing_is_held_against_a_plc_whose_link_could_not_be_read() -> None:
     faults = "faults:\n  - {drop_reply: press2}\nnoise:\n  - {bus: link, station: press2, ber: 0.1}\n"
     text = added(faults).replace("station: 1", "station: 9")
     assert mistakes(text) == ["x.yaml:10:69: nn.station is 9, allowed 0..7"]

@@ -7,19 +7,19 @@ from pathlib import Path
 import pytest
 
 from bussim.scenario.loader import examine, loads
-from tests.scenario.port_samples import DRIVE, FREE_POLL, MASTER, POLL, PORTS, SLAVE, more, spoilt
+from tests.scenario.port_samples import DRIVE, FREE_POLL, MASTER, POLL, PORTS, SLAVE, changed, more
 
 CASES: dict[str, tuple[str, list[str]]] = {
     "interval0": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, interval: 0 s}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, interval: 0 s}")),
         ["13:64: interval of press1.COM3 is 0, which the PLC takes as 5 ms (CPAVL word +2)"],
     ),
     "other line": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, baud: 19200}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, baud: 19200}")),
         ["13:13: press1.COM3 runs at 19200 8N1, line at 9600 8N1: no station there understands it"],
     ),
     "raw bad station": (
-        spoilt(
+        changed(
             ("scan: 5 ms", "scan: 5 ms\n    registers: {D100: 0x81, D101: 0, D106: 2}"),
             (SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}"),
         ),
@@ -28,7 +28,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "raw bad code": (
-        spoilt(
+        changed(
             ("scan: 5 ms", "scan: 5 ms\n    registers: {D100: 0x81, D101: 0, D106: 5}"),
             (SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}"),
         ),
@@ -37,13 +37,13 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "raw nothing": (
-        spoilt((SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}")),
+        changed((SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}")),
         [
             "22:13: D106 of press2 is 0: port COM3 does nothing (give it a protocol, or D106 one of 02H modbus-rtu-slave, 03H modbus-ascii-slave, 10H free, 20H modbus-rtu-master, 30H modbus-ascii-master)"
         ],
     ),
     "raw 7 bits": (
-        spoilt(
+        changed(
             ("scan: 5 ms", "scan: 5 ms\n    registers: {D100: 0x86, D101: 3, D106: 2}"),
             (SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}"),
         ),
@@ -52,51 +52,51 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "com2": (
-        spoilt((SLAVE, "COM2: {bus: line}")),
+        changed((SLAVE, "COM2: {bus: line}")),
         [
             "22:13: the monitoring protocol of an HMI is not simulated: press2.COM2 stays silent (an HMI that speaks Modbus needs protocol: modbus-rtu-slave)"
         ],
     ),
     "special": (
-        spoilt((POLL, "{port: COM3, station: 1, function: 3, address: 0, to: D8000}")),
+        changed((POLL, "{port: COM3, station: 1, function: 3, address: 0, to: D8000}")),
         ["16:63: press1 writes 1 register to D8000: devices from D8000 on are special"],
     ),
     "block": (
-        spoilt((POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 10, to: D30}")),
+        changed((POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 10, to: D30}")),
         [
             "16:74: press1 writes 10 registers to D30 to D39, into the shared block of another station: the link overwrites them"
         ],
     ),
     "cpavl": (
-        spoilt((POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 10, to: D7915}")),
+        changed((POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 10, to: D7915}")),
         ["16:74: press1 writes 10 registers to D7915 to D7924, over the parameters (CPAVL) of COM3"],
     ),
-    "nobody": (
-        spoilt((POLL, "{port: COM3, station: 9, function: 3, address: 0, to: D400}")),
+    "no such station": (
+        changed((POLL, "{port: COM3, station: 9, function: 3, address: 0, to: D400}")),
         ["16:31: press1.COM3 asks station 9, which is not on line (it has 1, 2)"],
     ),
     "stepper f1": (
-        spoilt((POLL, "{port: COM3, station: 1, function: 1, address: 0, to: D400}")),
+        changed((POLL, "{port: COM3, station: 1, function: 1, address: 0, to: D400}")),
         ["16:44: drive does not have function 1: it responds with exception 01"],
     ),
     "stepper map": (
-        spoilt((POLL, "{port: COM3, station: 1, function: 3, address: 50, count: 12, to: D400}")),
+        changed((POLL, "{port: COM3, station: 1, function: 3, address: 50, count: 12, to: D400}")),
         ["16:56: drive does not have all of the registers 50 to 61: it responds with exception 02"],
     ),
     "stepper ro": (
-        spoilt((POLL, "{port: COM3, station: 1, function: 6, address: 12, values: [1]}")),
+        changed((POLL, "{port: COM3, station: 1, function: 6, address: 12, values: [1]}")),
         ["16:56: drive does not let register 12 be written: it responds with exception 02"],
     ),
     "lx limit": (
-        spoilt((POLL, "{port: COM3, station: 2, function: 0x10, address: 0, count: 121, from: D400}")),
+        changed((POLL, "{port: COM3, station: 2, function: 0x10, address: 0, count: 121, from: D400}")),
         ["16:69: press2.COM3 takes at most 120 in function 16: it responds with exception 03"],
     ),
     "lx f2": (
-        spoilt((POLL, "{port: COM3, station: 2, function: 2, address: 0, count: 12, to: M400}")),
+        changed((POLL, "{port: COM3, station: 2, function: 2, address: 0, count: 12, to: M400}")),
         ["16:44: press2.COM3 does not have function 2: it responds with exception 01"],
     ),
     "no polls": (
-        spoilt(
+        changed(
             (
                 "    polls:\n      - {port: COM3, station: 1, function: 3, address: 0, count: 2, to: D400}\n      - {port: COM5, to: D300, count: 20}\n",
                 "    polls:\n",
@@ -108,20 +108,20 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "short timeout": (
-        spoilt((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 40 ms}")),
+        changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 40 ms}")),
         [
             "16:9: the timeout of press1.COM3 is 40 ms, but the answer of drive to function 3 at 0 takes at least 44.375 ms: it never comes in time"
         ],
     ),
     "an exception is short": (
-        spoilt(
+        changed(
             (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 50 ms}"),
             (POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 90, to: D400}"),
         ),
         ["16:56: drive does not have all of the registers 0 to 89: it responds with exception 02"],
     ),
     "late timeout": (
-        spoilt(
+        changed(
             (MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 10 ms}"),
             (POLL, "{port: COM3, station: 2, function: 3, address: 0, count: 2, to: D400}"),
         ),
@@ -130,26 +130,26 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "eight": (
-        spoilt((FREE_POLL, '{port: COM5, send: D300, data: "41 FF"}')),
+        changed((FREE_POLL, '{port: COM5, send: D300, data: "41 FF"}')),
         ["17:40: press1.COM5 sends 7 bits a character (7E1): 80H on lose one"],
     ),
     "free: special": (
-        spoilt((FREE_POLL, "{port: COM5, to: D7990, count: 40}")),
+        changed((FREE_POLL, "{port: COM5, to: D7990, count: 40}")),
         ["17:26: press1 writes 40 bytes to D7990 to D8009: devices from D8000 on are special"],
     ),
     "same station": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, station: 2}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, station: 2}")),
         [
             "16:31: press1.COM3 asks station 1, which is not on line (it has 2)",
             "24:55: press2.COM3 and drive on line are both station 2: they reply at once",
         ],
     ),
     "other": (
-        spoilt((DRIVE, "{name: drive, model: stepper, bus: line, baud: 4800}")),
+        changed((DRIVE, "{name: drive, model: stepper, bus: line, baud: 4800}")),
         ["24:5: drive runs at 4800 8N1, line at 9600 8N1: no station there understands it"],
     ),
     "hmi none": (
-        spoilt((DRIVE, "{name: drive, model: hmi, bus: line}")),
+        changed((DRIVE, "{name: drive, model: hmi, bus: line}")),
         [
             "16:31: press1.COM3 asks station 1, which is not on line (it has 2)",
             "24:5: drive has no polls: it sends nothing",
@@ -157,7 +157,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "hmi ascii": (
-        spoilt(
+        changed(
             (
                 DRIVE,
                 "{name: drive, model: hmi, bus: line, mode: ascii, polls: [{station: 2, function: 3, address: 0}]}",
@@ -170,17 +170,17 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ],
     ),
     "v80 ascii on line": (
-        spoilt((DRIVE, "{name: drive, model: v80, bus: line, mode: ascii}")),
+        changed((DRIVE, "{name: drive, model: v80, bus: line, mode: ascii}")),
         ["16:31: press1.COM3 asks station 1 in Modbus RTU, but drive speaks Modbus ASCII"],
     ),
     "lx jitter": (
-        spoilt((DRIVE, "{name: drive, model: lx, bus: line, jitter: 200 ms}")),
+        changed((DRIVE, "{name: drive, model: lx, bus: line, jitter: 200 ms}")),
         [
             "16:9: the timeout of press1.COM3 is 100 ms, but the answer of drive to function 3 at 0 may take 223.021 ms: it can come too late"
         ],
     ),
     "no devices": (
-        spoilt(
+        changed(
             (
                 'devices:\n  - {name: drive, model: stepper, bus: line, station: 1}\n  - {name: reader, model: free, bus: codes, says: [{text: "A", every: 1 s}]}\n',
                 "devices:\n",
@@ -193,7 +193,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         ["26:5: line has more than one master, press1.COM3 and panel: their requests can collide"],
     ),
     "no master": (
-        spoilt(
+        changed(
             ("COM3: {bus: line, protocol: modbus-rtu-master}\n", "COM6: {bus: line, protocol: free}\n"),
             (
                 "port: COM3, station: 1, function: 3, address: 0, count: 2, to: D400",
@@ -222,27 +222,27 @@ CASES: dict[str, tuple[str, list[str]]] = {
 #: What might look odd but is not.
 RIGHT = {
     "the sample": PORTS,
-    "a broadcast": spoilt((POLL, "{port: COM3, station: 0, function: 6, address: 0, from: D0}")),
-    "data in the own block": spoilt(
+    "a broadcast": changed((POLL, "{port: COM3, station: 0, function: 6, address: 0, from: D0}")),
+    "data in the own block": changed(
         (POLL, "{port: COM3, station: 1, function: 3, address: 0, count: 4, to: D0}")
     ),
-    "another timeout by its register": spoilt(("scan: 8 ms", "scan: 8 ms\n    registers: {D7929: 20}")),
-    "a port by its words": spoilt(
+    "another timeout by its register": changed(("scan: 8 ms", "scan: 8 ms\n    registers: {D7929: 20}")),
+    "a port by its words": changed(
         ("scan: 5 ms", "scan: 5 ms\n    registers: {D100: 0x81, D101: 2, D106: 2}"),
         (SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}"),
     ),
-    "the station of COM2 by its register": spoilt(
+    "the station of COM2 by its register": changed(
         (SLAVE, "COM2: {bus: line, protocol: modbus-rtu-slave}"),
         ("scan: 5 ms", "scan: 5 ms\n    registers: {D8121: 7}"),
     ),
-    "a source that a slave port shows": spoilt(
+    "a source that a slave port shows": changed(
         ("scan: 5 ms", "scan: 5 ms\n    sources: {D500: {counter: 1 s}}")
     ),
 }
 
 
 @pytest.mark.parametrize(("text", "expected"), CASES.values(), ids=CASES.keys())
-def test_a_warning_has_its_place_and_does_not_stop_the_scenario(
+def test_a_warning_has_its_position_and_does_not_stop_the_scenario(
     text: str, expected: list[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "odd.yaml"

@@ -35,7 +35,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         changed("slaves: 2", "slaves: 1"),
         ["11:69: press3 is station 2, but press1 polls only 1 on link (D8177): it is never polled"],
     ),
-    "nobody there": (
+    "no station there": (
         changed("slaves: 2, ", ""),
         [
             "7:5: press1 polls 7 slaves (D8177), but link has no station 3, 4, 5, 6, 7: every link scan waits for what is not there"
@@ -153,7 +153,7 @@ def test_the_sample_itself_gives_none() -> None:
 
 
 @pytest.mark.parametrize(("text", "expected"), CASES.values(), ids=CASES.keys())
-def test_a_warning_has_its_place_and_does_not_stop_the_scenario(
+def test_a_warning_has_its_position_and_does_not_stop_the_scenario(
     text: str, expected: list[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "odd.yaml"

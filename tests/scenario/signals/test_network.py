@@ -85,7 +85,7 @@ def warned(found: Scenario) -> list[str]:
         ({"start": "a.D0", "end": "b.D3"}, "nothing leads from a.D0 to b.D3"),
     ],
 )
-def test_what_nothing_connects_is_told(given: dict[str, Any], said: str) -> None:
+def test_what_nothing_connects_is_reported(given: dict[str, Any], said: str) -> None:
     found = scenario(**given)
     assert any(said in warning for warning in warned(found))
     (path,) = signal_paths(found)
@@ -161,7 +161,7 @@ def test_a_signal_over_a_third_station_arrives_and_has_no_bound() -> None:
         ),
     ],
 )  # fmt: skip
-def test_the_age_of_a_copy_is_told_where_every_scan_makes_it(given: dict[str, Any], why: str | None) -> None:
+def test_the_age_of_a_copy_is_known_where_every_scan_makes_it(given: dict[str, Any], why: str | None) -> None:
     found = scenario(**{"start": "a.D0", **given})
     entry = bussim.run(found, rows=False).summary["latency"]["path"]
     said = warned(found)
@@ -183,14 +183,14 @@ def test_the_age_of_a_copy_is_told_where_every_scan_makes_it(given: dict[str, An
 
 def states(program: Program, seed: int, point: int | None) -> list[dict[str, np.ndarray[Any, Any]]]:
     """All devices after each scan; ``point``: the input whose level is turned round in every second one."""
-    luck, memory, now, found = random.Random(seed), Memory(), 0, []
+    rng, memory, now, found = random.Random(seed), Memory(), 0, []
     run = ProgramRun(program, memory)
     run.run(0)
     for number in range(12):
         for at in range(8):
-            memory.bits("X")[at] = luck.getrandbits(1) ^ (at == point and number % 2)
+            memory.bits("X")[at] = rng.getrandbits(1) ^ (at == point and number % 2)
         run.scan(now)
-        now += luck.choice((1, 5, 30, 100)) * TICKS_PER_MS
+        now += rng.choice((1, 5, 30, 100)) * TICKS_PER_MS
         found.append(
             {letter: np.array(memory.bits(letter)) for letter in "YMSTC"}
             | {letter.lower(): np.array(memory.words(letter)) for letter in "DTCVZ"}
@@ -199,7 +199,7 @@ def states(program: Program, seed: int, point: int | None) -> list[dict[str, np.
 
 
 def simple(seed: int) -> str:
-    """A random program without jumps and index registers, which make the answer vague."""
+    """A random program without jumps and index registers, which leave it open."""
     writer = Writer(seed)
     writer.index = lambda: ""  # type: ignore[method-assign] # no register shifts an address
     for _ in range(8):

@@ -84,8 +84,8 @@ def test_byte_order_mark_and_line_ends_change_nothing(tmp_path: Path) -> None:
     file = tmp_path / "windows.yaml"
     file.write_bytes(b"\xef\xbb\xbf" + BASE.replace("\n", "\r\n").encode())
     assert load(file) == loads(BASE)
-    spoilt = BASE.replace("slaves: 2", "slaves: 9").replace("\n", "\r\n")
-    file.write_bytes(b"\xef\xbb\xbf" + spoilt.encode())
+    changed = BASE.replace("slaves: 2", "slaves: 9").replace("\n", "\r\n")
+    file.write_bytes(b"\xef\xbb\xbf" + changed.encode())
     assert _only_mistake(file) == "FILE:9:53: nn.slaves is 9, allowed 1..7"
 
 

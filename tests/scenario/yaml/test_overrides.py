@@ -144,7 +144,7 @@ def test_a_wrong_value_is_a_mistake_at_the_option(override: str, message: str) -
     assert [str(problem) for problem in caught.value.problems] == [message]
 
 
-def test_mistakes_of_the_file_keep_their_places() -> None:
+def test_mistakes_of_the_file_keep_their_positions() -> None:
     with pytest.raises(ScenarioError) as caught:
         loads(NOISY.replace("slaves: 2", "slaves: 9"), "x.yaml", ["plcs.press1.nn.retries=11"])
     assert [str(problem) for problem in caught.value.problems] == [

@@ -63,7 +63,7 @@ def test_a_number_remembers_its_text(text: str) -> None:
     assert found.raw == text
 
 
-def test_places_of_keys_and_values() -> None:
+def test_positions_of_keys_and_values() -> None:
     _, source_map, _ = yaml.read("a: 1\nb:\n  - {c: 2}\n  -   d\n", "test")
     assert source_map.keys == {("a",): (1, 1), ("b",): (2, 1), ("b", 0, "c"): (3, 6)}
     assert source_map.values == {

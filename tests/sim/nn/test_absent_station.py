@@ -1,4 +1,4 @@
-"""What a station costs that never answers, and what the registers say of it."""
+"""What a station costs that never replies, and what the registers say of it."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def test_a_register_of_the_count_stops_at_32767() -> None:
     assert totals.plcs[0].registers["D8204"] == 32_767
 
 
-def test_a_retired_masters_counts_are_not_forgotten() -> None:
+def test_a_detached_masters_counts_are_not_forgotten() -> None:
     # Its own STOP clears the registers; the run's totals go on.
     stop = fault(model.Stop("p0"), 1.0, 0.2)
     done = run(link(2, 0, retries=0, seconds=2, faults=[model.PowerOff("p1"), stop]))

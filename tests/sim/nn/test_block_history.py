@@ -59,7 +59,7 @@ def test_every_position_sees_what_it_received(
 ) -> None:
     block_history, naive = BlockHistory(HORIZON), NaiveHistory()
     now = 0
-    for number, (step, (what, station, who), questions) in enumerate(steps):
+    for number, (step, (what, station, who), queries) in enumerate(steps):
         now += step
         image = b"%d" % number
         if what == "heard":
@@ -73,7 +73,7 @@ def test_every_position_sees_what_it_received(
             (position,) = who
             block_history.forget(position)
             naive.forget(position)
-        for position, back in questions:
+        for position, back in queries:
             # A PLC's latest END lies less than its longest scan back.
             assert dict(block_history.visible(position, now - back)) == naive.visible(position, now - back)
 
@@ -98,5 +98,5 @@ def test_memory_does_not_grow(pattern: list[tuple[int, frozenset[int]]]) -> None
                 block_history.received_by(0, station, now, b"x")
             else:
                 block_history.received(station, now, b"x", missed)
-        # Nobody keeps more than its longest scan's worth, twice over for those that joined late.
+        # No station keeps more than its longest scan's worth, twice over for those that joined late.
         assert size() <= STATIONS * (1 + 2 * POSITIONS) * (HORIZON + 2)

@@ -37,7 +37,7 @@ NOTHING = (0, 0, 0)
 STATION_BIT = (12,)
 
 
-def nobody_sees_himself(registers: dict[str, int], station: int) -> bool:
+def no_station_sees_itself(registers: dict[str, int], station: int) -> bool:
     return not any(registers[f"{d}{n + station}"] for d, n in (("D", 8203), ("D", 8211), ("M", 8183)))
 
 
@@ -84,12 +84,12 @@ def test_a_station_dead_from_the_start() -> None:
     assert done.about("p0", 2) == (scans, 0x01, 1)
     for slave in ("p1", "p3"):
         count, code, flag = done.about(slave, 2)
-        # The listeners judge when the master moves on, the last time maybe after the end.
+        # The listeners decide when the master moves on, the last time maybe after the end.
         assert (scans - count in (0, 1), code, flag) == (True, 0x21, 1)
         assert done.registers(slave)["M8191"] == 1
     for station in (0, 1, 3):
         own = done.registers(f"p{station}")
-        assert nobody_sees_himself(own, station)
+        assert no_station_sees_itself(own, station)
         assert all(done.about(f"p{station}", other) == NOTHING for other in {0, 1, 3, 4, 5, 6, 7} - {station})
 
 
@@ -236,7 +236,7 @@ def test_every_reply_damaged_is_04_at_the_master_and_at_the_slaves() -> None:
 
 def test_one_receiver_may_be_damaged_alone() -> None:
     bad = model.FlipBits("p3", RX, STATION_BIT, 1, "data")
-    # The first data frame after the 1 s is whoever's turn it is: keep to replies of p1.
+    # The first data frame after the 1 s is of any station: keep to replies of p1.
     for number in range(40):
         done = run(link(4, 1, seconds=1.2, faults=[fault(bad, 1.0 + number * 0.002)]))
         hit = next(frame for frame in done.record.frames if frame.damaged_at)
@@ -294,7 +294,7 @@ def test_a_damaged_data_frame_of_the_master_is_14_and_its_block_is_not_taken() -
 
 def test_a_damaged_parameter_frame_is_14_too_and_a_slave_waits_for_the_next() -> None:
     done = run(link(3, 0, retries=0, seconds=1, faults=[flip("p0", "parameters", 0.0, 1)]))
-    # Nobody was linked yet, so nobody judged; all were polled in vain.
+    # No station was linked yet, so none had a code; all were polled in vain.
     assert done.about("p1", 0) == NOTHING
     assert (done.about("p1", 1), done.about("p2", 2)) == ((0, 0x31, 0), (0, 0x31, 0))
     assert done.about("p0", 1) == (1, 0x01, 0)
@@ -304,7 +304,7 @@ def test_a_damaged_parameter_frame_is_14_too_and_a_slave_waits_for_the_next() ->
 # -- late replies: 01, 02, 03, 04, 14, 21, 22, 23 --------------------------------------------------
 
 
-def test_a_late_reply_answers_the_second_attempt_and_disturbs_the_next_scan() -> None:
+def test_a_late_reply_counts_for_the_second_attempt_and_disturbs_the_next_scan() -> None:
     extra = 55 * MS - TURNAROUND
     done = run(link(3, 0, retries=2, seconds=2, faults=[model.Slow("p1", extra)]))
     first, second, third, *_ = [a for a in done.record.attempts if a.station == 1]
@@ -321,12 +321,12 @@ def test_a_late_reply_answers_the_second_attempt_and_disturbs_the_next_scan() ->
     assert done.link.station_errors == {1: 0, 2: 0}
     assert {code for _, code in done.codes} >= {1, 3}
     assert {station for station, _ in done.codes} == {1}
-    # The listener heard the wrong counter as well, but every exchange was answered in the end.
+    # The listener heard the wrong counter as well, but every exchange had a reply in the end.
     assert done.about("p2", 1) == NOTHING
 
 
 def test_a_late_reply_with_no_attempt_left_is_a_wrong_counter_for_all() -> None:
-    # One slave, one attempt: the answer comes when the next scan waits for the same station again.
+    # One slave, one attempt: the reply comes when the next scan waits for the same station again.
     next_poll = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP + data(0) + GAP + POLL
     slow = model.Slow("p1", next_poll + 10 * MS - TURNAROUND)
     # p2 listens and is never polled.
@@ -342,7 +342,7 @@ def test_a_late_reply_with_no_attempt_left_is_a_wrong_counter_for_all() -> None:
 
 
 def test_a_late_reply_in_anothers_exchange_is_a_wrong_station() -> None:
-    # p1 answers 55 ms after its poll, while the master waits for p2, which is off.
+    # p1 replies 55 ms after its poll, while the master waits for p2, which is off.
     faults = [model.Slow("p1", 55 * MS - TURNAROUND), model.PowerOff("p2")]
     done = run(link(4, 0, retries=0, seconds=0.2, faults=faults))
     first, second, *_ = done.record.attempts
@@ -363,7 +363,7 @@ def test_a_late_reply_in_anothers_exchange_is_a_wrong_station() -> None:
 
 
 def test_a_late_reply_over_the_masters_data_frame_is_14() -> None:
-    # The last station's answer comes with the next scan's data frame, which it drowns.
+    # The last station's reply comes with the next scan's data frame, which it drowns.
     start = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP
     faults = [model.Slow("p2", start + 8 * CHAR - TURNAROUND)]
     done = run(link(3, 0, retries=0, seconds=0.15, faults=faults))
@@ -374,7 +374,7 @@ def test_a_late_reply_over_the_masters_data_frame_is_14() -> None:
 
 
 def test_a_late_reply_over_another_reply_is_damage() -> None:
-    # p1 answers when p2 does.
+    # p1 replies when p2 does.
     faults = [model.Slow("p1", timeout(5) + GAP + POLL + 3 * CHAR)]
     done = run(link(4, 1, retries=0, seconds=0.3, faults=faults))
     attempt = next(a for a in done.record.attempts if a.station == 2)
@@ -419,24 +419,24 @@ def test_two_masters_in_lockstep_look_healthy_and_out_of_step_they_do_not() -> N
         return run(link(3, 2, seconds=1, others=others, more=[twin], contention=contention))
 
     # One millisecond apart: no parameter frame arrives whole, so no slave ever takes part.
-    deaf = apart(5)
-    assert {code for _, code in deaf.codes} == {4}
-    assert deaf.of("p1") == []
-    assert deaf.link.healthy_at is None
+    overlapped = apart(5)
+    assert {code for _, code in overlapped.codes} == {4}
+    assert overlapped.of("p1") == []
+    assert overlapped.link.healthy_at is None
     # Six: the slaves notice that two talk at once, until the masters have fallen into step.
     noticed = apart(10)
     assert noticed.about("p1", 0) == noticed.about("p2", 0) == (1, 0x14, 0)
-    # Thirty-six: where a 0 wins slaves answer each other's polls for good.
+    # Thirty-six: where a 0 wins slaves reply to each other's polls for good.
     crossed = apart(40, Contention.ZERO_WINS)
     assert {code for _, code in crossed.codes} >= {1, 2}
-    assert all(done.link.collisions for done in (deaf, noticed, crossed))
+    assert all(done.link.collisions for done in (overlapped, noticed, crossed))
 
 
 # -- the cable -------------------------------------------------------------------------------------
 
 
 def test_a_cut_cable_parts_the_stations() -> None:
-    # p2's answer is 30 ms late; the cable breaks while it is due, between p1 and p2.
+    # p2's reply is 30 ms late; the cable breaks while it is due, between p1 and p2.
     probe = run(link(4, 0, seconds=0.2, faults=[model.Slow("p2", 30 * MS)]))
     poll = next(f for f in probe.of("p0", "poll") if f.station == 2 and f.start > 100 * MS)
     cut = poll.end + 10 * MS
@@ -446,10 +446,10 @@ def test_a_cut_cable_parts_the_stations() -> None:
     ]
     simulation, record = started(link(4, 0, retries=1, seconds=3, faults=faults))
     simulation.run(cut + 900 * MS)
-    # p2's pending answer reaches p3, which still waits for it, and nobody else.
-    answer = next(frame for frame in record.frames if frame.sender == "p2" and frame.start > cut)
-    assert answer.start == poll.end + TURNAROUND + 30 * MS
-    assert [r[3] for r in record.refreshes if r[2] == answer.end] == [(3,)]
+    # p2's pending reply reaches p3, which still waits for it, and no other station.
+    reply = next(frame for frame in record.frames if frame.sender == "p2" and frame.start > cut)
+    assert reply.start == poll.end + TURNAROUND + 30 * MS
+    assert [r[3] for r in record.refreshes if r[2] == reply.end] == [(3,)]
     # On the master's side: p2 and p3 are silent.
     master, near = registers_now(simulation, "p0"), registers_now(simulation, "p1")
     for station, code, found in ((2, 0x01, master), (3, 0x01, master), (2, 0x21, near), (3, 0x21, near)):
@@ -539,7 +539,7 @@ def test_a_board_error_shows_in_m8063_and_d8063_and_nowhere_else() -> None:
     assert done.record.failures == []
 
 
-def test_families_on_one_link_keep_the_blocks_at_their_own_places() -> None:
+def test_families_on_one_link_keep_the_blocks_at_their_own_addresses() -> None:
     others = {
         0: {"sources": {"D0": Constant(11)}},
         1: {"profile": steady("fx2n"), "sources": {"D10": Constant(22)}},

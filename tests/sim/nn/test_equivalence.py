@@ -1,9 +1,9 @@
-"""Every short cut of the simulation against the long way round, over random scenarios.
+"""Every optimisation of the simulation against the plain calculation, over random scenarios.
 
-The short cuts: slaves that hear alike are told together (the shared listener); what most likely happens next
-does not pass through SimPy's queue (``Timer.chain``); frames are heard whole where nothing disturbs
-them; a PLC's memory is only brought up to date when somebody looks at it; nothing is written down
-that nobody wants. None of them may show.
+The optimisations: slaves that hear alike share one listener; what most likely happens next does not
+pass through SimPy's queue (``Timer.chain``); frames are heard whole where nothing disturbs them; a PLC's
+memory is only brought up to date when it is read; nothing is recorded that is not needed. None of them
+may change a result.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def ordinary(seed: int) -> Done:
 
 
 def _notes(done: Done) -> list[NoteRecord]:
-    # Several stations may note something at one tick; which of them first is nobody's business.
+    # Several stations may note something at one tick; which of them is first does not matter.
     return sorted(done.record.notes, key=lambda note: (note.tick, note.where))
 
 
@@ -103,7 +103,7 @@ def test_neither_a_trace_nor_looking_changes_anything(seed: int) -> None:
 
 
 def _one_by_one(bus: LinkBus, sender: LinkPort) -> Listeners:
-    """Everybody hears character by character."""
+    """All nodes hear character by character."""
     hearers = [
         port
         for port in bus.ports
@@ -141,9 +141,9 @@ def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pyte
     for done in (one, other):
         found: Counter[tuple[int, int, int]] = Counter()
         for _, source, tick, plc_names in done.record.refreshes:
-            everybody = set(range(len(done.link.plc_names))) - {source}
+            all_others = set(range(len(done.link.plc_names))) - {source}
             found.update(
-                (source, tick, position) for position in (everybody if plc_names is None else plc_names)
+                (source, tick, position) for position in (all_others if plc_names is None else plc_names)
             )
         heard.append(found)
     assert heard[0] == heard[1]
@@ -155,7 +155,7 @@ IN_TIME = timeout(5) - data(0) - TURNAROUND
 
 @pytest.mark.parametrize("extra", [1, IN_TIME - 1, IN_TIME, IN_TIME + 1, timeout(5), 55 * MS])
 @pytest.mark.parametrize("retries", [0, 2])
-def test_an_answer_counts_up_to_its_deadline_by_every_way(extra: int, retries: int) -> None:
+def test_a_reply_counts_up_to_its_deadline_in_every_mode(extra: int, retries: int) -> None:
     scenario = link(3, 0, retries=retries, seconds=1, faults=[fault(model.Slow("p1", extra), 0.2, 0.5)])
     traced = run(scenario)
     assert_same(traced, run(scenario, traced=False))

@@ -152,7 +152,7 @@ def test_counts_of_a_healthy_link() -> None:
     assert done.link.failed_attempts == {}
     assert done.link.station_errors == {1: 0, 2: 0, 3: 0}
     assert [scan.number for scan in done.record.scans] == list(range(scans))
-    # Healthy as soon as the last slave has answered for the first time.
+    # Healthy as soon as the last slave has replied for the first time.
     assert done.link.healthy_at == done.of("p3")[0].end
     assert [note.tick for note in done.notes("healthy")] == [done.link.healthy_at]
     assert (done.link.slaves, done.link.mode, done.link.retries, done.link.attempts) == (3, 1, 3, 4)

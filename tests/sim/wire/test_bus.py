@@ -116,25 +116,25 @@ def takers(done: Done, source: int) -> dict[int, set[int]]:
     found: dict[int, set[int]] = {}
     for _, position, tick, heard in done.record.refreshes:
         if position == source:
-            everybody = set(range(len(done.link.plc_names))) - {position}
-            found.setdefault(tick, set()).update(everybody if heard is None else heard)
+            all_others = set(range(len(done.link.plc_names))) - {position}
+            found.setdefault(tick, set()).update(all_others if heard is None else heard)
     return found
 
 
 def test_a_sender_receives_nothing() -> None:
-    # p2 answers after its time, in the middle of the master's next data frame.
+    # p2 replies after its time, in the middle of the master's next data frame.
     start = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP
     late = model.Slow("p2", start + 8 * CHAR - TURNAROUND)
     done = run(link(3, 0, retries=0, seconds=0.15, faults=[late]))
-    answer, drowned = done.of("p2")[0], done.of("p0")[1]
-    assert drowned.start < answer.start < drowned.end < answer.end
+    reply, drowned = done.of("p2")[0], done.of("p0")[1]
+    assert drowned.start < reply.start < drowned.end < reply.end
     # p1 hears the two of them at once; p2 hears neither itself nor the end of what it had begun to hear.
     assert done.about("p1", 0)[:2] == (1, 0x14)
     assert done.about("p2", 0) == (0, 0, 0)
     assert takers(done, 0).keys() & {drowned.end} == set()
     # Nor the poll that began while it was sending.
     poll = next(frame for frame in done.of("p0", "poll") if frame.start > drowned.end)
-    assert poll.start < answer.end
+    assert poll.start < reply.end
     assert poll.collided
 
 
@@ -197,7 +197,7 @@ def test_a_station_that_begins_to_listen_in_the_middle_of_a_frame() -> None:
     drop = model.Fault("drop", model.DropReply("p1", 1), model.Window(frame.end))
     done = run(link(3, 2, retries=0, seconds=2, others=others, faults=[away, drop]))
     assert frame.start in {f.start for f in done.of("p0")}
-    # It had no parameters, so it judged nothing of the half that it heard; nor did it take anything.
+    # It had no parameters, so it noted nothing of the half that it heard; nor did it take anything.
     found = done.registers("p2")
     assert (found["D8203"], found["M8183"], found["D8174"]) == (0, 0, 1)
     hello = next(f for f in done.of("p0", "parameters") if f.start > middle)
@@ -257,7 +257,7 @@ def test_a_tail_harms_nobody_else_where_a_0_wins() -> None:
     assert abs(done.link.collisions - len(done.of("p1"))) <= 1
     polls = [frame for frame in done.of("p0", "poll") if frame.station == 2]
     assert all(frame.collided for frame in polls)
-    # p2 is polled and answers, and p1 takes its block all the same.
+    # p2 is polled and replies, and p1 takes its block all the same.
     assert done.record.failures == []
     assert done.about("p1", 2) == (0, 0, 0)
     assert set(map(frozenset, takers(done, 2).values())) == {frozenset({0, 1})}
@@ -267,20 +267,20 @@ def test_a_tail_harms_nobody_else_where_a_0_wins() -> None:
     assert abs(count - len(polls)) <= 1
 
 
-def test_a_tail_over_the_whole_poll_and_the_answers_begin() -> None:
+def test_a_tail_over_the_whole_poll_and_the_replies_begin() -> None:
     by = GAP + POLL + TURNAROUND + 3 * CHAR + 900
     zero = link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
     done = run(zero)
     assert done.record.failures == []
     assert set(map(frozenset, takers(done, 2).values())) == {frozenset({0})}
-    # It heard the answer from its fourth character on: damage with no poll pending is the master's.
+    # It heard the reply from its fourth character on: damage with no poll pending is the master's.
     count, code, _ = done.about("p1", 0)
     assert code == 0x14
     assert abs(count - len(done.of("p1"))) <= 1
 
 
 @pytest.mark.parametrize(("by", "code"), [(TURNAROUND - 1, None), (TURNAROUND + 3 * CHAR - 100, 4)])
-def test_a_masters_tail_hides_the_beginning_of_the_answers(by: int, code: int | None) -> None:
+def test_a_masters_tail_hides_the_beginning_of_the_replies(by: int, code: int | None) -> None:
     done = run(link(2, 1, retries=0, seconds=1, faults=[model.LateRelease("p0", by)]))
     assert {found for _, found in done.codes} == ({code} if code else set())
     for attempt in done.record.attempts:
@@ -312,7 +312,7 @@ def test_a_jabbering_station_drowns_the_link_until_it_is_well() -> None:
     assert {attempt.code for attempt in in_time} == {4}
     # A slave sees the damage once, as long as no valid frame of the master lies between.
     assert done.about("p2", 0)[0] >= 1
-    # Well again, everybody is.
+    # All are well again.
     tail = [scan for scan in done.record.scans if scan.start > 2.5 * SECOND]
     assert {scan.duration for scan in tail} == {plain_scan(3, 1)}
 
@@ -371,8 +371,8 @@ def test_stations_with_the_same_wrong_format_understand_each_other() -> None:
     # 19200 8N1 at the master and p1: ten bits a character as well, each twice as long.
     faults = [model.WrongFormat("p0", SLOW_LINE), model.WrongFormat("p1", SLOW_LINE)]
     done = run(link(3, 1, retries=0, seconds=2, faults=faults))
-    answers = {(a.station, a.code) for a in done.record.attempts}
-    assert answers == {(1, 0), (2, 1)}
+    replies = {(a.station, a.code) for a in done.record.attempts}
+    assert replies == {(1, 0), (2, 1)}
     for frame in done.record.frames:
         assert frame.end - frame.start == 2 * CHAR * len(frame.chars)
     assert done.about("p0", 1) == (0, 0, 0)
@@ -432,7 +432,7 @@ def test_a_character_too_few_or_too_many_from_a_sender(action: str, index: int |
         assert len(left) + len(right) == whole - (action == "lose")
         if action == "insert":
             assert odd[0].chars[index] == 0x41
-    # Never an answer, but where the character too many stands before the header.
+    # Never a reply, but where the character too many stands before the header.
     failed = [(a.station, a.code) for a in done.record.attempts if a.code]
     assert failed == [(1, 4) for frame in odd if frame.chars[0] != 0x41]
     assert done.about("p0", 1) == (0, 0, 0)
@@ -444,19 +444,19 @@ def test_a_character_too_few_or_too_many_from_a_sender(action: str, index: int |
 @pytest.mark.parametrize("receiver", ["p0", "p2"])
 def test_a_character_too_few_or_too_many_in_one_receiver(action: str, index: int, receiver: str) -> None:
     probe = run(link(3, 1, seconds=0.6))
-    answer = next(frame for frame in probe.of("p1") if frame.start > SECOND // 2)
-    # The next frame that the receiver hears is that answer.
-    window = model.Window(answer.start - 1000)
+    reply = next(frame for frame in probe.of("p1") if frame.start > SECOND // 2)
+    # The next frame that the receiver hears is that reply.
+    window = model.Window(reply.start - 1000)
     kind: model.FaultKind = model.LoseChar(receiver, RX, 1, index)
     if action == "insert":
         kind = model.InsertChar(receiver, RX, 1, index, 0x41)
     done = run(link(3, 1, retries=2, seconds=1, faults=[model.Fault("rx", kind, window)]))
     assert all(frame.damaged_bits == () and frame.damaged_at == {} for frame in done.record.frames)
-    (heard,) = [r[3] for r in done.record.refreshes if r[2] == answer.end]
+    (heard,) = [r[3] for r in done.record.refreshes if r[2] == reply.end]
     if receiver == "p0":
         assert done.codes == {(1, 4): 1}
         assert heard == (2,)
-        # p2 heard an answer, and then the poll again: no reason to complain.
+        # p2 heard a reply, and then the poll again: no reason to complain.
         assert done.about("p2", 1) == (0, 0, 0)
     else:
         assert done.codes == {}
@@ -505,7 +505,7 @@ def test_flips_touch_only_the_kind_of_frame_they_name() -> None:
     assert all(frame.damaged_bits == (12,) for frame in done.record.frames if frame.sender == "p0")
 
 
-def test_bits_beyond_the_frame_are_nobodys() -> None:
+def test_bits_beyond_the_frame_belong_to_no_frame() -> None:
     done = run(link(2, 0, seconds=0.5, faults=[model.FlipBits("p0", TX, (50, 219, 220, 5000), None, "poll")]))
     assert done.record.failures == []
     assert {frame.damaged_bits for frame in done.record.frames} == {()}
@@ -518,16 +518,16 @@ def test_the_same_bit_inverted_on_the_wire_and_in_the_receiver_is_right_again() 
     ]
     others = {0: {"registers": {"D8177": 1}}}
     done = run(link(3, 0, retries=0, seconds=0.5, others=others, faults=faults))
-    answers = done.of("p1")
-    assert answers
+    replies = done.of("p1")
+    assert replies
     assert {a.code for a in done.record.attempts} == {4}
-    assert all(frame.damaged_bits == (12, 40) for frame in answers)
+    assert all(frame.damaged_bits == (12, 40) for frame in replies)
     heard = {tick: plc_names for _, source, tick, plc_names in done.record.refreshes if source == 1}
-    assert heard == {frame.end: (2,) for frame in answers}
+    assert heard == {frame.end: (2,) for frame in replies}
     assert done.link.undetected == 0
 
 
-# -- what nobody notices ---------------------------------------------------------------------------
+# -- what is not noticed ---------------------------------------------------------------------------
 
 
 def unnoticed() -> model.Scenario:
@@ -546,14 +546,14 @@ def test_a_pattern_that_parity_and_sum_both_miss_is_counted_once() -> None:
     done = run(unnoticed())
     (hit,) = [frame for frame in done.record.frames if frame.damaged_bits]
     assert hit.chars[11:15] == b"0003"
-    assert done.link.undetected == 1  # one frame, whoever believed it
+    assert done.link.undetected == 1  # one frame, whichever node took it
     assert [(note.tick, note.where) for note in done.notes("undetected")] == [
         (hit.end, "p0"),
         (hit.end, "p2"),
     ]
     assert done.record.failures == []
     assert all(done.about(f"p{n}", other) == (0, 0, 0) for n in range(3) for other in range(8))
-    # A refresh by what nobody sent is none.
+    # A refresh by what no node sent is none.
     assert hit.end not in takers(done, 1)
     assert len(takers(done, 1)) == len(done.of("p1")) - 1
 
@@ -576,12 +576,12 @@ def test_a_pattern_that_parity_and_sum_both_miss_reaches_the_memory_until_the_ne
 
 def test_a_poll_of_another_station_is_undetected_too() -> None:
     # The two low bits of station and counter: 1 becomes 2 and 2 becomes 1. Where the sum stays and
-    # the other digit is one, everybody believes it.
+    # the other digit is one, all nodes take it.
     flip = model.FlipBits("p0", TX, (11, 12, 21, 22), None, "poll")
     done = run(link(3, 0, retries=0, seconds=1.5, faults=[flip]))
-    believed = 0
+    undetected = 0
     for frame in done.of("p0", "poll"):
         sent = frame.chars[1:3]
         read = bytes(char ^ 3 for char in sent)
-        believed += sum(sent) == sum(read) and set(read) <= set(b"0123456789ABCDEF")
-    assert done.link.undetected == believed > 0
+        undetected += sum(sent) == sum(read) and set(read) <= set(b"0123456789ABCDEF")
+    assert done.link.undetected == undetected > 0

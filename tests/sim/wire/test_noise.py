@@ -1,4 +1,4 @@
-"""Noise on the line: how often it hits, whom, and that it leaves everybody else's rng alone."""
+"""Noise on the line: how often it hits, whom, and that it leaves all other random streams alone."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def test_bit_errors_hit_with_the_exact_probability(ber: float) -> None:
     wrong = sum(len(frame.damaged_bits) for frame in frames)
     assert abs(wrong - total * ber) < SIGMAS * sqrt(total * ber * (1 - ber))
     # Anywhere in a frame alike: the places have the mean of a uniform variable.
-    places = [(place + 0.5) / bits(frame) for frame in hit for place in frame.damaged_bits]
-    assert abs(sum(places) / len(places) - 0.5) < SIGMAS / sqrt(12 * len(places))
-    assert all(0 <= place < bits(frame) for frame in hit for place in frame.damaged_bits)
+    indices = [(index + 0.5) / bits(frame) for frame in hit for index in frame.damaged_bits]
+    assert abs(sum(indices) / len(indices) - 0.5) < SIGMAS / sqrt(12 * len(indices))
+    assert all(0 <= index < bits(frame) for frame in hit for index in frame.damaged_bits)
     assert done.link.undetected == 0
     # Nearly every hit costs an attempt; those of the master's data frame cost none.
     exchanges = [frame for frame in hit if not (frame.sender == "p0" and frame.kind == "data")]
@@ -111,9 +111,9 @@ def test_a_window_begins_and_ends_noise_to_the_bit() -> None:
     done = run(link(3, 1, seconds=2, noise=[noise(model.BitErrors(1.0), window=window)]))
     for frame in done.record.frames:
         inside = tuple(
-            place
-            for place in range(bits(frame))
-            if SECOND <= frame.start + place * BIT + BIT / 2 < SECOND * 3 // 2
+            index
+            for index in range(bits(frame))
+            if SECOND <= frame.start + index * BIT + BIT / 2 < SECOND * 3 // 2
         )
         assert frame.damaged_bits == inside
     assert {len(f.damaged_bits) for f in done.record.frames} >= {0, 50}
@@ -159,10 +159,10 @@ def test_impulses_hit_the_bits_that_they_cover(width: int) -> None:
     hit = 0
     for frame in done.record.frames:
         covered = {
-            place
-            for place in range(bits(frame))
-            if frame.start + place * BIT + BIT / 2 >= phase
-            and (frame.start + place * BIT + BIT / 2 - phase) % every < width
+            index
+            for index in range(bits(frame))
+            if frame.start + index * BIT + BIT / 2 >= phase
+            and (frame.start + index * BIT + BIT / 2 - phase) % every < width
         }
         assert set(frame.damaged_bits) <= covered
         exposed += len(covered)
@@ -242,15 +242,15 @@ def _records(done: Done) -> list[Any]:
 
 
 @pytest.mark.parametrize("how", ["listening", "in stop", "off", "refused"])
-@pytest.mark.parametrize("place", quick(1, ("first", "last")))
-def test_a_silent_fourth_station_changes_no_draws(how: str, place: str) -> None:
+@pytest.mark.parametrize("index", quick(1, ("first", "last")))
+def test_a_silent_fourth_station_changes_no_draws(how: str, index: str) -> None:
     # Jitter of scans and turnarounds is rng as well.
     others = {station: {"scan": model.Scan(8 * MS, 3 * MS)} for station in range(3)}
     scenario = link(3, 1, retries=2, seconds=8, profile=PROFILES["pw10"], others=others, noise=EVERYTHING)
     three = run(scenario)
     registers = {"D8176": 9} if how == "refused" else {}
     fourth = plc(3, name="fourth", profile=PROFILES["pw10"], registers=registers)
-    plcs = (*scenario.plcs, fourth) if place == "last" else (fourth, *scenario.plcs)
+    plcs = (*scenario.plcs, fourth) if index == "last" else (fourth, *scenario.plcs)
     kinds = {"in stop": model.Stop("fourth"), "off": model.PowerOff("fourth")}
     faults = (model.Fault("silent", kinds[how]),) if how in kinds else ()
     four = run(replace(scenario, plcs=plcs, faults=faults))
@@ -320,6 +320,6 @@ def test_damage_is_found_by_the_receiver_not_by_the_simulator() -> None:
     assert refreshed & hits == set()
     sent = {frame.end for frame in done.record.frames if frame.kind == "data" and not frame.damaged_bits}
     assert refreshed <= sent
-    believed = {note.tick for note in done.notes("undetected")}
-    assert len(believed) == done.link.undetected
-    assert believed <= {tick + late for tick in hits for late in (0, CHAR)}
+    undetected = {note.tick for note in done.notes("undetected")}
+    assert len(undetected) == done.link.undetected
+    assert undetected <= {tick + late for tick in hits for late in (0, CHAR)}
