@@ -66,6 +66,7 @@ def command(
     up have 32 bits), V0 to V7 and Z0 to Z7 the index registers.
     """
     from bussim.commands.common.output import checked_target, write_text
+    from bussim.results.numbers import s
     from bussim.scenario import loader
     from bussim.units import seconds
     from bussim.version import __version__
@@ -104,15 +105,7 @@ def command(
             "from_s": round(seconds(begin), 9),
             "to_s": round(seconds(end), 9),
             "devices": watch.to_json(begin, end),
-            "stale": [
-                {
-                    "plc": plc,
-                    "source": source,
-                    "from_s": round(seconds(since), 9),
-                    "to_s": round(seconds(until), 9),
-                }
-                for plc, source, since, until in watch.stale_within(begin, end)
-            ],
+            "stale": [(*pair, s(since), s(until)) for *pair, since, until in watch.stale_within(begin, end)],
         }
         print_json(found, indent=1)
         return

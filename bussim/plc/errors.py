@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Hashable
 
 from bussim.plc.memory import Device, Memory
@@ -13,6 +14,12 @@ SERIAL_ERROR = 8063
 def serial_error(port: str, code: int) -> int:
     """D8063 = 7xyy: x the port's number, yy the code (PW10, section 8; 72yy of COM2: assumed)."""
     return 7000 + 100 * int(port[3:]) + code
+
+
+def note_errors(bits: bytearray, words: array[int]) -> None:
+    """M8004 and D8004, of a memory's M and D: whether one of M8060–M8067 is on, and which."""
+    first = bits.find(1, 8060, 8068)
+    bits[8004], words[8004] = first >= 0, max(first, 0)
 
 
 class SerialErrors:
@@ -45,3 +52,4 @@ class SerialErrors:
     def _show(self, number: int) -> None:
         self._memory.set(Device("M", SERIAL_ERROR), 1)
         self._memory.set_word("D", SERIAL_ERROR, number)
+        note_errors(self._memory.bits("M"), self._memory.words("D"))

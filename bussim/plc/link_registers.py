@@ -25,6 +25,7 @@ from bussim.plc.profiles import (
     Profile,
     attempts_per_poll,
 )
+from bussim.plc.system_devices import WATCHDOG
 from bussim.units import TICKS_PER_MS
 
 #: D8180 counts in 10 ms.
@@ -65,6 +66,8 @@ def memory_at_power_on(
     for address, value in setting_defaults(profile).items():
         memory.set_word("D", address, value)
     memory.set(COM2_STATION, profile.com2_station)
+    for address, value in zip((8000, 8001, 8101), (WATCHDOG, *profile.firmware), strict=True):
+        memory.set_word("D", address, value)
     for device, value in registers.items():
         memory.set(device, value)
     if before is not None:

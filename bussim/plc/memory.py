@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from array import array
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -178,6 +178,8 @@ class Memory:
             "Z": array("H", bytes(2 * INDEX_REGISTERS)),
         }
         self._words |= {"TN": self._words["T"], "CN": self._words["C"]}
+        #: Called with an END before others read a special device; None: special devices are current.
+        self.refresh_specials: Callable[[int], None] | None = None
         #: Of each timer and counter: whether an RST holds it.
         self.held = {letter: bytearray(256) for letter in "TC"}
 

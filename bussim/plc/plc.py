@@ -13,7 +13,7 @@ from bussim.plc.errors import SerialErrors
 from bussim.plc.inputs import Stimulus
 from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power_on
 from bussim.plc.logic import Logic
-from bussim.plc.memory import OWN_DEVICES, Device, Memory, parse_device
+from bussim.plc.memory import FIRST_SPECIAL, OWN_DEVICES, Device, Memory, parse_device
 from bussim.plc.observer import PlcObserver
 from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.ports.port_registers import Maps, PortRegisters
@@ -22,6 +22,7 @@ from bussim.plc.profiles import MAX_SLAVES, Profile
 from bussim.plc.program.program import Program
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source
+from bussim.plc.system_devices import SystemDevices
 from bussim.units import round_half_up
 
 #: What the link has received for this PLC after one tick and up to another: (station, newest image).
@@ -95,6 +96,8 @@ class Plc:
         self._sources = {parse_device(name): source for name, source in sources.items()}
         self._linked = linked
         self._kept: Memory | None = None  # at the latest power-off
+        self._system: SystemDevices | None = None
+        self._first_end = -1
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
@@ -105,6 +108,7 @@ class Plc:
         #: Its program and inputs, from power-on to power-off; None where it has neither.
         self.logic: Logic | None = None
         self._observed = dict.fromkeys(observed, 0)
+        self._observes_specials = any(device.address >= FIRST_SPECIAL for device in self._observed)
         #: Whether every END is carried out.
         self.every_end = program is not None or bool(self._inputs) or bool(self._observed)
         self.observer: PlcObserver | None = None
@@ -137,6 +141,10 @@ class Plc:
                 ProgramPorts(self.port_registers, self.memory),
                 now,
             )
+        # A program shows its special devices itself, scan by scan.
+        self._system = SystemDevices(self.memory, now) if self._program is None else None
+        if self._system is not None:
+            self.memory.refresh_specials = self._show_specials
         self.state = PlcState.STOP
 
     def run(self, now: int, *, traced: bool) -> tuple[LinkEngine | None, int]:
@@ -164,6 +172,7 @@ class Plc:
             first_end = self.cycle.run(now, mean, jitter, first_end - now + spent)
             if halted:
                 self.cycle.count_first(first_end - now)
+        self._first_end = first_end
         self._report_inputs(now, first_end)
         return engine, first_end
 
@@ -275,6 +284,11 @@ class Plc:
                 self._refresh(end)
         self._publish()
 
+    def _show_specials(self, end: int) -> None:
+        """Write what lives by itself as of an END, in a PLC without a program."""
+        if self._system is not None:
+            self._system.scan(end, first=end == self._first_end, times=self.cycle.times(end))
+
     def _publish(self) -> None:
         """Write the link's status into the special devices."""
         if self.before_status is not None:
@@ -332,6 +346,8 @@ class Plc:
         extra = active * self.profile.transaction_time
         self._image_until = -1
         if self._observed:
+            if self._observes_specials:
+                self._show_specials(now)
             self._observe(now)
         if observer is not None:
             observer.ended(now)

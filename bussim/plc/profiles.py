@@ -156,6 +156,10 @@ _FX1S_LATCHED = (
 )
 
 
+#: The firmware (D8001, D8101) from which RS2 and CPAVL exist (PW10, section 5).
+RS2_FIRMWARE = (25010, 16003)
+
+
 class Ticks(NamedTuple):
     """The times that a scenario may give a field, in ticks, both ends included."""
 
@@ -200,6 +204,8 @@ class Profile:
     ``documented_modes``      those of them that the settings table lists                    PW10, FX
     ``word_spacing``          distance of the stations' D blocks                             PW10, FX
     ``devices``               addresses of the special devices                               PW10, FX
+    ``firmware``              D8001 and D8101                                                PW10;
+                                                                                             FX: assumed
     ``latched``               what stays over a power loss and RUN→STOP                      FX programming;
                                                                                              PW10: assumed
     ``transaction_time``      what each active transaction of a port adds to a PLC scan      assumed
@@ -231,6 +237,7 @@ class Profile:
     documented_modes: tuple[int, ...] = (0, 1, 2)
     word_spacing: Annotated[int, Number(4, 1000)] = 32
     devices: LinkDevices = _PW10_DEVICES
+    firmware: Annotated[tuple[int, int], Number(0, 32767)] = RS2_FIRMWARE
     latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED
     transaction_time: Annotated[int, Ticks(0, TICKS_PER_SECOND)] = TICKS_PER_MS // 5
     broadcast_turnaround: Annotated[int, Ticks(0, 60 * TICKS_PER_SECOND)] = 100 * TICKS_PER_MS
@@ -246,20 +253,27 @@ class Profile:
 
 _PW10 = Profile("pw10")
 _FX2N = replace(
-    _PW10, name="fx2n", default_timeout=5, timeout_range=(5, 255), modes=(0, 1, 2), word_spacing=10
+    _PW10,
+    name="fx2n",
+    default_timeout=5,
+    timeout_range=(5, 255),
+    modes=(0, 1, 2),
+    word_spacing=10,
+    firmware=(24300, 0),
 )
 
 #: The built-in profiles by name.
 PROFILES: dict[str, Profile] = {
     "pw10": _PW10,
     "fx2n": _FX2N,
-    "fx3u": replace(_FX2N, name="fx3u", latched=_FX3U_LATCHED),
+    "fx3u": replace(_FX2N, name="fx3u", firmware=(24300, 16300), latched=_FX3U_LATCHED),
     "fx1s": replace(
         _FX2N,
         name="fx1s",
         modes=(0,),
         documented_modes=(0,),
         devices=_FX1S_DEVICES,
+        firmware=(22300, 0),
         latched=_FX1S_LATCHED,
     ),
 }

@@ -7,7 +7,7 @@ event. Only the one before a frame leaves, or the one after a reply is ready, is
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import sub
 from typing import TYPE_CHECKING
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     import numpy as np
 
 _BLOCK = 512
+_NEVER = 1 << 62
+
+#: The shortest and the longest of some scans, in ticks; without any: (_NEVER, 0).
+_Bounds = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +47,10 @@ class ScanCycle:
         self._running = False
         # ENDs in order: the first one's scan is counted already, the others stand in whole blocks.
         self._ends: list[int] = []
-        self._longest_of: list[int] = []  # the longest scan of each of those blocks
+        self._bounds: list[_Bounds] = []  # the shortest and the longest scan of each of those blocks
         self._past = (0, 0, 0)  # count, total and longest of the scans before
+        self._since: _Bounds = (_NEVER, 0)  # of those since RUN
+        self._before: int | None = None  # the END before the first of ``_ends``
         self._extra = 0  # by how much every scan is longer now
         # After the first load: drawn scans without it, and how many of them are in ``_ends``. ENDs
         # are then made one by one, since a change of load moves all that lie ahead.
@@ -71,7 +77,8 @@ class ScanCycle:
         self._running = True
         first = now + phase
         self._ends = [first]
-        self._longest_of = []
+        self._bounds = []
+        self._since, self._before = (_NEVER, 0), None
         self._extra, self._drawn, self._used = 0, None, 0
         return first
 
@@ -87,7 +94,7 @@ class ScanCycle:
             self._past = (self.count, self.total, self.longest)
             index = bisect_right(self._ends, now)
             self._ends = self._ends[index - 1 : index] if index else []
-            self._longest_of = []
+            self._bounds = []
             self._running = False
             self._extra, self._drawn, self._used = 0, None, 0
 
@@ -130,9 +137,9 @@ class ScanCycle:
         if self._recorded is not None:
             index = min(index, bisect_right(self._ends, self._recorded) - 1)
         if index > 0:
-            self._leave(index, self._ends[index], self._longest(index))
+            self._leave(index, self._ends[index], self._ends[index - 1], *self._extremes(index))
             del self._ends[:index]
-        self._longest_of.clear()
+        self._bounds.clear()
 
     def _reach(self, tick: int, now: int) -> list[int]:
         """The ENDs from the latest one before ``now`` on (at least), drawn on until they pass a tick."""
@@ -147,9 +154,9 @@ class ScanCycle:
                 self._draw(now)
             else:
                 last, mean = ends[-1], self._mean
-                self._append(list(range(last + mean, last + mean * (_BLOCK + 1), mean)), mean)
+                self._append(list(range(last + mean, last + mean * (_BLOCK + 1), mean)), (mean, mean))
             if len(ends) > 2 * _BLOCK and ends[_BLOCK] < now:
-                self._leave(_BLOCK, ends[_BLOCK], self._longest_of.pop(0))
+                self._leave(_BLOCK, ends[_BLOCK], ends[_BLOCK - 1], *self._bounds.pop(0))
                 del ends[:_BLOCK]
         return ends
 
@@ -170,15 +177,16 @@ class ScanCycle:
         self._forget(bisect_left(self._ends, now) - 1)
         del drawn[: max(0, self._used - len(self._ends))]  # the rest may be taken back by a new load
         if not self._jitter:
-            scans, total, longest = [self._mean] * _BLOCK, self._mean * _BLOCK, self._mean
+            scans, bounds = [self._mean] * _BLOCK, (self._mean, self._mean)
         else:
             block = self._scans()
-            scans, total, longest = block.tolist(), int(block.sum()), int(block.max())
+            scans, bounds = block.tolist(), _bounds_of(block)
         ends, extra = self._ends, self._extra
-        last = ends[-1] + total + _BLOCK * extra
+        last = ends[-1] + sum(scans) + _BLOCK * extra
         if last < now:
-            longest = max(longest + extra, self._longest(len(ends) - 1))
-            self._leave(len(ends) - 1 + _BLOCK, last, longest)
+            shortest, longest = self._extremes(len(ends) - 1)
+            bounds = min(shortest, bounds[0] + extra), max(longest, bounds[1] + extra)
+            self._leave(len(ends) - 1 + _BLOCK, last, last - scans[-1] - extra, *bounds)
             ends[:] = [last]
             drawn.clear()
         else:
@@ -196,24 +204,31 @@ class ScanCycle:
         import numpy as np
 
         scans = self._scans()
-        ends = self._ends
-        last, longest = ends[-1] + int(scans.sum()), int(scans.max())
+        ends, bounds = self._ends, _bounds_of(scans)
+        last = ends[-1] + int(np.add.reduce(scans))
         if last < now:
             # These ENDs passed without being asked for: they go into the counts.
-            self._leave(len(ends) - 1 + _BLOCK, last, max(longest, *self._longest_of, 0))
-            self._longest_of.clear()
+            if self._bounds:
+                bounds = _joined([bounds, *self._bounds])
+                self._bounds.clear()
+            self._leave(len(ends) - 1 + _BLOCK, last, last - int(scans[-1]), *bounds)
             ends[:] = [last]
         else:
-            self._append((ends[-1] + np.cumsum(scans)).tolist(), longest)
+            self._append((ends[-1] + np.cumsum(scans)).tolist(), bounds)
 
-    def _append(self, block: list[int], longest: int) -> None:
+    def _append(self, block: list[int], bounds: _Bounds) -> None:
         self._ends += block
-        self._longest_of.append(longest)
+        self._bounds.append(bounds)
 
-    def _leave(self, count: int, last: int, longest: int) -> None:
-        """Count the next ``count`` scans, up to the END ``last``: they are kept no longer."""
+    def _leave(self, count: int, last: int, before: int, shortest: int, longest: int) -> None:
+        """Count the next ``count`` scans, up to the ENDs ``before`` and ``last``: they are kept no longer."""
         counted, total, record = self._past
-        self._past = (counted + count, total + last - self._ends[0], max(record, longest))
+        least, most = self._since
+        # Called at every END of a port that waits: comparisons are faster than min and max.
+        self._since = (shortest if shortest < least else least), (longest if longest > most else most)
+        longest = longest if longest > record else record
+        self._past = counted + count, total + last - self._ends[0], longest
+        self._before = before
 
     def latest_end(self, tick: int) -> int | None:
         """The latest END at or before a tick; None before the first one since RUN."""
@@ -236,14 +251,37 @@ class ScanCycle:
         count, total, longest = self._past
         last = bisect_right(ends, tick) - 1
         if last > 0:
-            longest = max(longest, self._longest(last))
+            longest = max(longest, self._extremes(last)[1])
             count, total = count + last, total + ends[last] - ends[0]
         self.count, self.total, self.longest = count, total, longest
 
-    def _longest(self, last: int) -> int:
-        """The longest of the first ``last`` scans of ``_ends``, 0 if there are none."""
+    def times(self, end: int) -> tuple[int, int, int]:
+        """The scan before the latest END up to ``end``; the shortest and the longest since RUN, in ticks.
+
+        Zeros before a whole one. ``end`` does not lie before the present.
+        """
+        ends = self._reach(end, end)
+        last = bisect_right(ends, end) - 1
+        before = ends[last - 1] if last > 0 else self._before
+        if before is None:
+            return 0, 0, 0
+        return ends[last] - before, *_joined([self._since, self._extremes(last)])
+
+    def _extremes(self, last: int) -> _Bounds:
+        """The shortest and the longest of the first ``last`` scans of ``_ends``."""
         ends = self._ends
-        blocks = min(last // _BLOCK, len(self._longest_of))
-        at = blocks * _BLOCK
-        part = map(sub, ends[at + 1 : last + 1], ends[at:last])
-        return max((*self._longest_of[:blocks], *part), default=0)
+        blocks = self._bounds[: last // _BLOCK] if self._bounds else []
+        at = len(blocks) * _BLOCK
+        part = list(map(sub, ends[at + 1 : last + 1], ends[at:last]))
+        bounds = min(part, default=_NEVER), max(part, default=0)
+        return _joined([*blocks, bounds]) if blocks else bounds
+
+
+def _joined(bounds: Sequence[_Bounds]) -> _Bounds:
+    return min(least for least, _ in bounds), max(most for _, most in bounds)
+
+
+def _bounds_of(scans: np.ndarray) -> _Bounds:
+    import numpy as np
+
+    return int(np.minimum.reduce(scans)), int(np.maximum.reduce(scans))

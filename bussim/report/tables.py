@@ -182,7 +182,8 @@ def refresh_gaps(source: Source, bus: str) -> Table:
     ]
     stale = "stale_ms" in source.summary["links"][bus]
     for pair, (_, cells) in zip(gaps, rows, strict=True) if stale else ():
-        cells.append(found(source.summary, "links", bus, "stale_ms", pair, decimals=3))
+        old = pair in source.summary["links"][bus]["stale_ms"]
+        cells.append(found(source.summary, "links", bus, "stale_ms", pair, decimals=3) if old else Cell(NONE))
     note = (
         "Choose the preset of a heartbeat from the longest, not from the link scan time: "
         "retries do not cover it."

@@ -19,6 +19,7 @@ from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import Profile
 from bussim.plc.scan import Scan
 from bussim.plc.sources import Source
+from bussim.plc.system_devices import WATCHDOG
 from bussim.units import TICKS_PER_MS, round_half_up
 
 if TYPE_CHECKING:  # what only a scenario with devices or programs pays
@@ -329,8 +330,6 @@ class Plc:
         scan = sum(round_half_up(part * factor) for part in (Fraction(self.scan.mean), self.scan.jitter))
         spent = self.instruction_time
         if spent is None:
-            from bussim.plc.program.execution import WATCHDOG
-
             spent = self.registers.get("D8000", WATCHDOG) * TICKS_PER_MS
         return scan + spent + len(self.ports) * self.profile.transaction_time
 

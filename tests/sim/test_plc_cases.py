@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from bussim.errors import Problem, ScenarioError
 from bussim.plc.memory import parse_device
 from bussim.results.meters.watch import Watch, Watched
 from bussim.scenario.loader import loads
@@ -27,6 +28,13 @@ def watched(text: str, names: str) -> dict[str, Watched]:
         watch.take(value)
     assert all(parse_device(each.device, observed=True) for each in devices)
     return {each.name: each for each in devices}
+
+
+def examine_text(text: str) -> list[Problem]:
+    """The mistakes of a scenario."""
+    with pytest.raises(ScenarioError) as caught:
+        loads(text)
+    return list(caught.value.problems)
 
 
 MEMORY = """
@@ -140,3 +148,143 @@ def test_a_returning_station_copies_latched_bits_although_it_asks_for_the_error_
     assert running[0][0] <= first_end < running[1][0]
     assert seen["s1.Y10"].between(SECOND * 3 // 2, 10 * SECOND) == []  # it never went off in memory
     assert seen["m.Y15"].at(6 * SECOND) == 1
+
+
+# -- special devices that live by themselves -----------------------------------------------------------------
+
+PLAIN = """
+schema: 1
+name: PLCs without a program
+duration: 90 s
+seed: 1
+buses: [{name: link, nn: true}, {name: b, baud: 19200}]
+plcs:
+  - name: m
+    scan: {mean: 5 ms, jitter: 1 ms}
+    nn: {bus: link, port: COM4, station: 0, slaves: 1, mode: 2}
+    ports: {COM2: {bus: b, protocol: modbus-rtu-slave, station: 1}}
+    registers: {D8013: 50, D8014: 59, D8015: 23, D8016: 31, D8017: 12, D8018: 29}
+  - {name: s, scan: 5 ms, nn: {bus: link, port: COM4, station: 1}}
+devices:
+  - {name: other, model: lx, bus: b, station: 2, scan: 7 ms}
+  - name: pc
+    model: hmi
+    bus: b
+    timeout: 200 ms
+    polls:
+      - {name: run, station: 1, function: 1, address: 8000, count: 15, every: 170 ms, at: 500 ms}
+      - {name: words, station: 1, function: 3, address: 8000, count: 20, every: 170 ms, at: 600 ms}
+      - {name: more, station: 1, function: 3, address: 8101, count: 1, every: 170 ms, at: 600 ms}
+      - {name: lx-run, station: 2, function: 1, address: 8000, count: 15, every: 170 ms, at: 600 ms}
+      - {name: lx-words, station: 2, function: 3, address: 8000, count: 20, every: 170 ms, at: 600 ms}
+"""
+
+
+def replies(text: str) -> dict[str, list[tuple[int, list[int]]]]:
+    """What each poll got: when it was served, and its values (coils as bits)."""
+    record = Recorder()
+    simulate(loads(text), record)
+    frames = {frame.start: frame.chars for frame in record.frames}
+    found: dict[str, list[tuple[int, list[int]]]] = {}
+    for each in record.transactions:
+        assert each.outcome == "ok"
+        assert each.served is not None
+        assert each.answer_start is not None
+        data = frames[each.answer_start][3:-2]
+        if each.function == 1:
+            values = [data[number // 8] >> number % 8 & 1 for number in range(each.quantity)]
+        else:
+            values = [data[at] << 8 | data[at + 1] for at in range(0, len(data), 2)]
+        found.setdefault(each.poll, []).append((each.served, values))
+    return found
+
+
+@pytest.fixture(scope="module")
+def polled() -> dict[str, list[tuple[int, list[int]]]]:
+    return replies(PLAIN)
+
+
+@pytest.mark.parametrize("name", ["run", "lx-run"])
+def test_the_run_bits_and_clocks_of_a_plc_without_a_program(
+    polled: dict[str, list[tuple[int, list[int]]]], name: str
+) -> None:
+    seen = set()
+    for served, bits in polled[name]:
+        assert bits[:4] == [1, 0, 0, 1]
+        for bit, period in zip(bits[11:15], (10, 100, 1000, 60_000), strict=True):
+            # The END that serves a request is the beginning of the scan whose clocks are shown.
+            assert bit == (served % (period * MS) < period * MS // 2)
+        seen.add(tuple(bits[11:15]))
+    assert len(seen) == 16
+
+
+@pytest.mark.parametrize("name", ["words", "lx-words"])
+def test_the_words_of_a_plc_without_a_program(
+    polled: dict[str, list[tuple[int, list[int]]]], name: str
+) -> None:
+    shortest, longest = 1 << 16, 0
+    for served, words in polled[name]:
+        assert words[0:2] == [200, 25010]
+        latest, least, most = words[10:13]
+        if name == "words":
+            # 5 ms ± 1 ms and ten per cent, and 0.2 ms for a transaction; of so many scans the extremes are near.
+            assert 44 <= least <= latest <= most <= 68
+            assert least <= shortest
+            assert most >= longest
+            shortest, longest = least, most
+            clock = [(50 + served // SECOND) % 60, 59, 23, 31, 12, 29, 1]  # a Monday
+            if served >= 10 * SECOND:
+                clock[1:] = [(served - 10 * SECOND) // (60 * SECOND), 0, 1, 1, 30, 2]
+            assert words[13:20] == clock
+        else:
+            assert (latest, least, most) == (70, 70, 70)
+            assert words[13:20] == [served // SECOND % 60, served // SECOND // 60, 0, 1, 1, 0, 6]
+    if name == "words":
+        assert (shortest, longest) == (44, 67)
+    assert {words[0] for _, words in polled["more"]} == {16003}
+
+
+def test_observed_devices_of_a_plc_without_a_program() -> None:
+    text = PLAIN.replace("90 s", "2 s") + "faults: [{at: 1 s, for: 300 ms, stop: s}]\n"
+    seen = watched(text, "s.M8000 s.M8001 s.M8002 s.M8003 s.M8013 s.D8010 s.D8012 s.D8000 s.D8101")
+    values = {name.removeprefix("s."): each.values for name, each in seen.items()}
+    assert values["M8000"] == [1]
+    assert values["M8001"] == []
+    assert values["M8002"] == [1, 0, 1, 0]  # the first scan, after each RUN
+    assert values["M8003"] == [1, 0, 1]
+    assert values["M8013"] == [1, 0, 1, 0]
+    assert values["D8010"] == values["D8012"] == [55, 0, 55]
+    assert (values["D8000"], values["D8101"]) == ([200], [16003])
+
+
+def test_a_bad_clock_is_a_mistake() -> None:
+    found = examine_text(PLAIN.replace("D8017: 12", "D8017: 13"))
+    assert [problem.message for problem in found] == ["m: D8013 to D8018 are no time: month must be in 1..12"]
+
+
+ERRORS = """
+schema: 1
+name: an error in a program
+duration: 1 s
+seed: 1
+plcs:
+  - name: p
+    scan: 10 ms
+    inputs: {X0: {times: [100 ms]}}
+    program: |
+      LD X0
+      DIV K5 D9 D20    ; D9 is 0
+      LD M8004
+      OUT Y1
+      MOV D8004 D0
+      MOV D8013 D1
+      END
+"""
+
+
+def test_m8004_and_d8004_name_the_error_flag_that_is_on() -> None:
+    seen = watched(ERRORS, "p.M8004 p.D8004 p.M8067 p.Y1 p.D0")
+    ticks = {tuple(each.ticks) for each in seen.values()}
+    assert len(ticks) == 1  # all at the END of the scan with the division
+    assert 100 * MS <= seen["p.M8004"].ticks[0] <= 121 * MS
+    assert [each.values for each in seen.values()] == [[1], [8067], [1], [1], [8067]]

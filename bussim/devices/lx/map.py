@@ -23,7 +23,7 @@ from bussim.devices.areas import Area, AreaMap, Part
 from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.pdu import Limits
 from bussim.engines.modbus.server import Space
-from bussim.plc.memory import FIRST_LONG_COUNTER, Device, Memory
+from bussim.plc.memory import FIRST_LONG_COUNTER, FIRST_SPECIAL, Device, Memory
 
 LX_PORT = DevicePort("lx")
 #: 01 03 05 06 0F 10 (LX slave note, chapter 1).
@@ -71,6 +71,8 @@ class LxMap(AreaMap):
     def _fetch(self, part: Part, now: int) -> Sequence[int]:
         memory, width = self.memory, part.area.width
         letter, number = LX_AREAS[part.area]
+        if letter in "MD" and number + part.offset + part.size > FIRST_SPECIAL and memory.refresh_specials:
+            memory.refresh_specials(now)
         numbers = range(number + part.offset // width, number + (part.offset + part.size) // width)
         if part.area.space is Space.COILS:
             return [memory.get(Device(letter, number)) for number in numbers]

@@ -12,9 +12,12 @@ from bussim.devices.lx.map import LX_PORT, LxMap
 from bussim.forms.form import ScanIn
 from bussim.forms.mistakes import EntryView, Reporter
 from bussim.forms.registers import check_registers
-from bussim.plc.memory import Memory, parse_device
+from bussim.plc.link_registers import memory_at_power_on
+from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import PollSpec
+from bussim.plc.profiles import PROFILES
 from bussim.plc.scan import Scan
+from bussim.plc.system_devices import SystemDevices
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +30,11 @@ class LxSettings(SlaveSettings):
     registers: dict[str, int] = field(default_factory=dict)
 
     def register_map(self) -> LxMap:
-        """The PLC's memory."""
-        memory = Memory()
-        for name, value in self.registers.items():
-            memory.set(parse_device(name), value)
+        """The PLC's memory. What lives by itself is as of the END that reads it, in scans of mean length."""
+        registers = {parse_device(name): value for name, value in self.registers.items()}
+        memory, times = memory_at_power_on(PROFILES["pw10"], registers), (self.scan.mean,) * 3
+        system = SystemDevices(memory, 0)
+        memory.refresh_specials = lambda end: system.scan(end, first=False, times=times)
         return LxMap(memory)
 
     def plc_scan(self) -> Scan:

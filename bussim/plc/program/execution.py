@@ -4,12 +4,8 @@ A scan happens at one tick: the caller has sampled the inputs into X before, and
 areas and what else leaves the PLC from the memory afterwards. Timers and clocks read the time
 of the scan.
 
-Special devices (FX programming manual): M8000 on and M8001 off in RUN, M8002 on and M8003 off in the
-first scan, M8011 M8012 M8013 M8014 clocks of 10 ms, 100 ms, 1 s and 1 min (half a period on, then
-half off; they run free from power-on, with the on half first, and change at scans only: assumed), D8000
-the watchdog's time in ms, D8010 D8011 D8012 the time of the latest scan, the shortest and the longest since
-RUN, in 0.1 ms (rounded down: assumed; 0 in the first scan), M8061 and D8061 = 6105 when the watchdog has
-expired. M8038 is on in the first scan if its contact is the program's first step.
+Special devices: those that live by themselves (:mod:`bussim.plc.system_devices`); M8061 and D8061 = 6105 when
+the watchdog has expired; M8038 is on in the first scan if its contact is the program's first step.
 
 What a PLC does after the watchdog has expired is not public. Assumed: its outputs go off and no program
 scan follows until STOP→RUN, while its END goes on serving the link and the ports, with what memory
@@ -23,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from bussim.plc.errors import note_errors
 from bussim.plc.memory import Memory
 from bussim.plc.program.compiled.build import blocks
 from bussim.plc.program.compiled.code import END
@@ -40,21 +37,15 @@ from bussim.plc.program.machine import (
 from bussim.plc.program.program import LINK_SETTINGS, Program
 from bussim.plc.program.text.catalog import Flow
 from bussim.plc.program.text.flow import MAX_CALLS
+from bussim.plc.system_devices import WATCHDOG, SystemDevices
 from bussim.units import TICKS_PER_MS
 
-#: D8000 at power-on, in ms (FX programming manual).
-WATCHDOG = 200
 #: D8061 when the watchdog has expired.
 WATCHDOG_CODE = 6105
 #: Blocks that a scan may go through (a program with a WDT in an endless loop would never end).
 MAX_BLOCKS = 1_000_000
 
 _NS_PER_MS = 1_000_000
-#: D8010, D8011 and D8012, and their unit of 0.1 ms.
-_SCAN_NOW, _SCAN_LEAST, _SCAN_MOST = 8010, 8011, 8012
-_SCAN_UNIT = TICKS_PER_MS // 10
-#: M8000–M8003 in RUN.
-_FIRST_SCAN, _LATER_SCAN = b"\1\0\1\0", b"\1\0\0\1"
 
 
 class ProgramRun:
@@ -89,8 +80,9 @@ class ProgramRun:
         self._m, self._d = memory.bits("M"), memory.words("D")
         self._calls: list[int] = []
         self._watched = 0
-        self._begun = 0  # the latest scan, since power-on
-        self._shortest = self._longest = 0  # scans since RUN, in 0.1 ms
+        self._system = SystemDevices(memory, power_on)
+        self._begun = 0  # the latest scan
+        self._times = (0, 0, 0)  # the scan before it, the shortest and the longest since RUN
         self._blocks = blocks(
             program,
             self._machine,
@@ -119,16 +111,15 @@ class ProgramRun:
             m[flag] = 0
         for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
             self._d[word] = 0
-        for word in (_SCAN_NOW, _SCAN_LEAST, _SCAN_MOST):
-            self._d[word] = 0
-        m[8000:8004] = _FIRST_SCAN
+        self._times = (0, 0, 0)
+        self._system.scan(now, first=True, times=self._times)
         m[LINK_SETTINGS] = self.program.sets_link_at_step_0
         self.halted = 0
 
     def stop(self) -> None:
         """RUN→STOP."""
-        m = self._m
-        m[8000], m[8001], m[8002], m[8003], m[LINK_SETTINGS] = 0, 1, 0, 1, 0
+        self._system.stop()
+        self._m[LINK_SETTINGS] = 0
 
     def on_error(self, failed: Callable[[int, int], None]) -> None:
         """Call ``failed(code, step)`` for every operation error (M8067): D8067 and the program step."""
@@ -142,21 +133,12 @@ class ProgramRun:
         self.halted, self.endless = code, False
         self.halted_after = ticks_of(self._watched) + self._d[8000] * TICKS_PER_MS
         self._m[8061], self._d[8061] = 1, code
+        note_errors(self._m, self._d)
         self._clear_outputs()
 
     def _clear_outputs(self) -> None:
         outputs = self._machine.bits["Y"]
         outputs[:] = bytes(len(outputs))
-
-    def _scan_times(self, time: int, *, first: bool) -> None:
-        """D8010–D8012, when a scan begins: the one before lasted until now."""
-        d, latest = self._d, min((time - self._begun) // _SCAN_UNIT, 0xFFFF)
-        self._begun = time
-        if first:
-            self._shortest, self._longest = 0xFFFF, 0
-            return
-        self._shortest, self._longest = min(self._shortest, latest), max(self._longest, latest)
-        d[_SCAN_NOW], d[_SCAN_LEAST], d[_SCAN_MOST] = latest, self._shortest, self._longest
 
     def scan(self, now: int) -> int:
         """One scan at a tick; returns the time that its instructions take, in ticks.
@@ -166,19 +148,17 @@ class ProgramRun:
         if self.halted:
             return 0
         machine, m = self._machine, self._m
-        machine.now[0] = time = now - self._origin
+        machine.now[0] = now - self._origin
         machine.scan[0] = number = machine.scan[0] + 1
-        self._scan_times(time, first=number == 1)
-        # Written anew each time: an index register may have led a program to them.
-        m[8000:8004] = _FIRST_SCAN if number == 1 else _LATER_SCAN
+        if number > 1:
+            latest, (_, shortest, longest) = now - self._begun, self._times
+            self._times = (latest, min(shortest or latest, latest), max(longest, latest))
+        self._begun = now
+        self._system.scan(now, first=number == 1, times=self._times)
         if number == 2:
             m[LINK_SETTINGS] = 0
         if self._has_masters:
             machine.levels[:] = b"\1" * len(machine.levels)
-        m[8011] = time % (10 * TICKS_PER_MS) < 5 * TICKS_PER_MS
-        m[8012] = time % (100 * TICKS_PER_MS) < 50 * TICKS_PER_MS
-        m[8013] = time % (1000 * TICKS_PER_MS) < 500 * TICKS_PER_MS
-        m[8014] = time % (60_000 * TICKS_PER_MS) < 30_000 * TICKS_PER_MS
         spent = machine.spent
         if self._straight:
             spent[0] = 0

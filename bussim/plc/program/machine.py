@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from bussim.plc.errors import note_errors
 from bussim.plc.memory import Device, Memory
 from bussim.plc.program.instruction_times import InstructionTimes
 
@@ -90,6 +91,7 @@ class Machine:
         flags, words = self.bits["M"], self.words["D"]
         flags[ERROR] = 1
         words[ERROR_CODE], words[ERROR_STEP] = code, step
+        note_errors(flags, words)
         if not flags[ERROR_LATCH]:
             flags[ERROR_LATCH] = 1
             words[LATCHED_STEP] = step

@@ -13,7 +13,7 @@ from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
 from bussim.plc.program.text.ladder import Ladder
 from bussim.plc.program.text.operand_checks import Extent, extents
 from bussim.plc.program.text.source import Source
-from bussim.plc.program.text.specials import not_simulated
+from bussim.plc.program.text.specials import idle_special, not_simulated
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
@@ -107,7 +107,12 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
 
     coils: dict[Device, Instruction] = {}
     idle = not_simulated(instructions)
+    told: set[str] = set()
     for at in instructions:
+        for message in filter(None, map(idle_special, extents(at))):
+            if message not in told:
+                told.add(message)
+                yield warn(at, message)
         if at.name not in ("RST", "ZRST"):
             written = [extent for extent in extents(at) if extent.writes]
             for address in [one for one in idle if any(each.holds("M", one, word=False) for each in written)]:

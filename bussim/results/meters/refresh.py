@@ -48,7 +48,7 @@ class _Source:
         self.others = Refresh()
         self.named: dict[int, Refresh] = {}
         self._pending: list[tuple[int, Sequence[int] | None]] = []
-        self._stale = Spans()
+        self._stale: Spans | None = None  # from the first time on
         self._waiting: set[int] = set()  # receivers whose data of this source are stale
         self._fresh = 0  # blocks that arrive earlier are from before this source's latest RUN
 
@@ -77,11 +77,13 @@ class _Source:
     def _work(self, receiver: int, tick: int) -> None:
         if self.named.get(receiver, self.others).last is not None:
             self._waiting.add(receiver)
+            self._stale = self._stale or Spans()
             self._stale.on(receiver, tick)
 
     def _renewed(self, receiver: int, tick: int) -> None:
         self._waiting.discard(receiver)
-        self._stale.off(receiver, tick)
+        if self._stale is not None:
+            self._stale.off(receiver, tick)
 
     def _count(self) -> None:
         for receiver in list(self._waiting):
@@ -100,8 +102,8 @@ class _Source:
     def pair(self, receiver: int) -> Refresh:
         """The gaps of one receiver."""
         self._count()
-        stale = self._stale.all().get(receiver, [])
-        return replace(self.named.get(receiver, self.others), stale=stale)
+        pair = self.named.get(receiver, self.others)
+        return replace(pair, stale=self._stale.all().get(receiver, [])) if self._stale is not None else pair
 
 
 class RefreshMeter:

@@ -148,10 +148,11 @@ def _gaps(pair: Refresh, duration: int) -> dict[str, Any]:
 def _stale(record: LinkRecord, duration: int) -> dict[str, Any]:
     """How long each receiver worked on data from before one of the two was away, where any was."""
     lasted = {
-        f"{source}->{receiver}": sum((span.end or duration) - span.start for span in pair.stale)
+        f"{source}->{receiver}": ms(sum((span.end or duration) - span.start for span in pair.stale))
         for (source, receiver), pair in record.refresh.items()
+        if pair.stale
     }
-    return {"stale_ms": {pair: ms(ticks) for pair, ticks in lasted.items()}} if any(lasted.values()) else {}
+    return {"stale_ms": lasted} if lasted else {}
 
 
 def _plc(totals: PlcTotals) -> dict[str, Any]:

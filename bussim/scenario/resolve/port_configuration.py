@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
-from bussim.plc.memory import Device, Memory, parse_device
+from bussim.plc.memory import FIRST_SPECIAL, Device, Memory, parse_device
 from bussim.plc.ports import cpavl
 from bussim.scenario.schema.document import PortIn
 from bussim.scenario.yaml.source_map import Path
 from bussim.units import format_time
 
-#: M8000 and D8000 on are special devices.
-FIRST_SPECIAL = 8000
 HMI, FREE = "hmi", "free"
 MASTERS = {"modbus-rtu-master": Mode.RTU, "modbus-ascii-master": Mode.ASCII}
 SLAVES = {"modbus-rtu-slave": Mode.RTU, "modbus-ascii-slave": Mode.ASCII}

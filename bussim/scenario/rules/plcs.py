@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from bussim.forms.registers import check_registers, named_devices
 from bussim.plc.link_registers import TAKE_PART, TIMEOUT_UNIT
-from bussim.plc.memory import Device
+from bussim.plc.memory import FIRST_SPECIAL, Device
+from bussim.plc.system_devices import CLOCK, clock_of
 from bussim.scenario.resolve.members import KEYS_OF_DEVICES, PORT_DEVICE, Member, device_name
-from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.document import PlcIn, SourceIn
 from bussim.scenario.schema.draft import Entry
@@ -23,6 +23,10 @@ def check_plcs(resolved: Resolved, report: Report) -> None:
     for member in resolved.members:
         entry = entries[member.path]
         check_registers((*member.path, "registers"), member.plc.registers, report, link=True)
+        try:
+            clock_of([member.raw.get(f"D{address}", 0) & 0xFFFF for address in CLOCK[:-1]])
+        except ValueError as error:
+            report.mistake((*member.path, "registers"), f"{member.name}: D8013 to D8018 are no time: {error}")
         _check_source_devices(member, report)
         _check_short_levels(member, report)
         if member.plc.nn is not None:

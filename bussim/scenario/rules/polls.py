@@ -9,11 +9,11 @@ from bussim.devices.forms import MasterIn
 from bussim.engines.modbus.adu import BROADCAST
 from bussim.engines.modbus.pdu import FUNCTIONS, READS, STANDARD_LIMITS
 from bussim.engines.modbus.server import SPACES
-from bussim.plc.memory import BIT_RANGES, WORD_RANGES, Device
+from bussim.plc.memory import BIT_RANGES, FIRST_SPECIAL, WORD_RANGES, Device
 from bussim.plc.ports import cpavl
 from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.nodes import Directory
-from bussim.scenario.resolve.port_configuration import FIRST_SPECIAL, FREE, PortConfiguration
+from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of
 from bussim.scenario.rules.responses import Responses

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from bussim.engines.modbus.adu import Mode
 from bussim.plc.errors import serial_error
-from bussim.plc.memory import BIT_RANGES, Device
+from bussim.plc.memory import BIT_RANGES, FIRST_SPECIAL, Device
 from bussim.plc.ports.cpavl import (
     BITS,
     INTERVAL_UNIT,
@@ -21,7 +21,6 @@ from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.port_configuration import (
     CPAVL_PORTS,
-    FIRST_SPECIAL,
     FREE,
     HMI,
     MODES,

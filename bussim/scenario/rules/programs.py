@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
 from bussim.plc.memory import BlockRange, Device
+from bussim.plc.profiles import RS2_FIRMWARE
 from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of, link_of
@@ -91,15 +93,25 @@ def _check_ports(member: Member, report: Report) -> None:
     program = member.logic.program
     if program is None:
         return
+    firmware, needed, told = member.profile.firmware, RS2_FIRMWARE, set[str]()
     for at in program.instructions:
-        if at.spec.name == "CPAVL":
-            port = f"COM{at.operands[2].address}"
-            if port not in member.plc.ports:
-                message = (
-                    f"CPAVL sets {port} up, but ports does not name its bus: it does nothing; "
-                    f"write ports: {{{port}: {{bus: …}}}}"
-                )
-                _warn_at(member, at, message, report)
+        if at.spec.group != "serial":
+            continue
+        if any(map(operator.lt, firmware, needed)) and not told:
+            message = (
+                f"{at.name} exists from D8001 = {needed[0]} and D8101 = {needed[1]} on, here they are "
+                f"{firmware[0]} and {firmware[1]} (firmware of profile {member.profile.name})"
+            )
+            _warn_at(member, at, message, report)
+        port = f"COM{at.operands[-1].constant}"
+        if at.operands[-1].constant is not None and port not in (*member.plc.ports, *told):
+            does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
+            message = (
+                f"{at.name} {does}, but ports does not name its bus: it does nothing; "
+                f"write ports: {{{port}: {{bus: …}}}}"
+            )
+            _warn_at(member, at, message, report)
+        told.add(port)
     for config in member.ports:
         found = member.logic.first.ports.get(config.name)
         if found is None:

@@ -15,15 +15,13 @@ from typing import assert_never
 
 from bussim.engines.nn.frames import MODES
 from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameters, setting_values
-from bussim.plc.memory import BlockRange, Device, block_range
+from bussim.plc.memory import FIRST_SPECIAL, BlockRange, Device, block_range
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Rung, Saved
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
 
-#: Special devices begin here (FX programming manual).
-FIRST_SPECIAL = 8000
 _LAST = 8255
 
 

@@ -58,6 +58,7 @@ class Reference:
         self.held: set[str] = set()  # timers and counters whose latest RST had its contact on
         self.labels = {line[0]: at for at, line in enumerate(self.lines) if re.fullmatch(r"P\d+", line[0])}
         self.scans = 0
+        self.second = -1
         self.lasted: list[int] = []
 
     # -- operands ------------------------------------------------------------------------------
@@ -167,6 +168,13 @@ class Reference:
         first = self.scans == 1
         for number, value in ((8000, 1), (8001, 0), (8002, first), (8003, not first)):
             self.bits["M", number] = int(value)
+        self.note_error()
+        if now // 72_000_000 != self.second:
+            self.second = now // 72_000_000
+            assert self.second < 60
+            # The clock begins with 1 January 2000, a Saturday.
+            for number, value in enumerate((self.second, 0, 0, 1, 1, 0, 6), 8013):
+                self.words["D", number] = value
         for number, period in ((8011, 10), (8012, 100), (8013, 1000), (8014, 60_000)):
             self.bits["M", number] = int(now % (period * 72_000) < period * 36_000)
         self.acc = 0
@@ -276,6 +284,11 @@ class Reference:
     def fail(self) -> None:
         self.bits["M", 8067] = self.bits["M", 8068] = 1
         self.words["D", 8067] = 6706
+        self.note_error()
+
+    def note_error(self) -> None:
+        on = [number for number in range(8060, 8068) if self.bits["M", number]]
+        self.bits["M", 8004], self.words["D", 8004] = int(bool(on)), on[0] if on else 0
 
     # -- outputs -------------------------------------------------------------------------------
 

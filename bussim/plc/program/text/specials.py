@@ -1,4 +1,4 @@
-"""Special bits that change instructions, or the whole PLC, and that are not simulated.
+"""Special devices that are not simulated: bits that change instructions, or the whole PLC, and all others.
 
 From the FX programming manual's (JY992D88101) table of special devices. A bit matters to a program only
 where the program has an instruction that it changes. M8024, which reverses BMOV, is simulated.
@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from bussim.plc.memory import FIRST_SPECIAL
 from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.operand_checks import Extent
 
 
 class _Bit(NamedTuple):
@@ -38,6 +40,47 @@ SPECIAL_BITS: dict[int, _Bit] = {
         instructions=frozenset(["RS2"]),
     ),
 }
+
+
+#: The special devices that do something here: letter, first and last number.
+_ALIVE = [
+    (span[0], int(span[1:5]), int(span[-4:]))
+    for span in [
+        *(
+            "M8000-8004",
+            "M8011-8014",
+            "M8020-8022",
+            "M8024",
+            "M8033",
+            "M8038",
+            "M8061",
+            "M8063",
+            "M8067-8068",
+        ),
+        *(
+            "M8179",
+            "M8183-8191",
+            "M8200-8234",
+            "M8438",
+            "D8000-8001",
+            "D8004",
+            "D8010-8019",
+            "D8061",
+            "D8063",
+        ),
+        *("D8067-8069", "D8101", "D8121", "D8173-8180", "D8201-8218", "D8438"),
+    ]
+]
+
+
+def idle_special(extent: Extent) -> str | None:
+    """What a program hardly expects of the special device that it touches first; None where all is well."""
+    letter, address = extent.letter, extent.first
+    alive = any(letter == each and first <= address <= last for each, first, last in _ALIVE)
+    if alive or letter not in "MD" or address < FIRST_SPECIAL or (letter == "M" and address in SPECIAL_BITS):
+        return None
+    does = "what is written there changes nothing" if extent.writes else "nothing here drives it"
+    return f"{letter}{address} is a special device that is not simulated: {does}"
 
 
 def not_simulated(instructions: Iterable[Instruction]) -> dict[int, str]:
