@@ -17,7 +17,7 @@ from bussim.version import __version__
 #: The commands, in the order of ``--help``, with their one-line descriptions.
 COMMANDS = {
     "run": "Simulate a scenario and write its results.",
-    "check": "Name every mistake of a scenario with its line and column.",
+    "check": "Name every mistake of scenarios with its line and column.",
     "exact": "Work out link scan and poll cycle times.",
     "size": "Recommend retries and timeout.",
     "watch": "Show chosen devices over time.",

@@ -14,7 +14,7 @@ Noise on a line is never an exception: damaged bytes are events of an engine.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 class BussimError(Exception):
@@ -26,13 +26,15 @@ class Problem:
     """One mistake or warning at one position of an input file.
 
     ``file`` is the name as the user gave it; ``line`` and ``column`` count from 1 and are 0 where
-    the input has no such position (a whole file, an object built in Python).
+    the input has no such position (a whole file, an object built in Python). ``path`` is the key that it
+    is about, as ``--set`` takes it, "" for none.
     """
 
     file: str
     line: int
     column: int
     message: str
+    path: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         if self.line == 0:

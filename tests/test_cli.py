@@ -103,8 +103,8 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "message"),
     [
         (["chek"], "no command 'chek'; did you mean check?"),
-        (["check"], "Missing argument 'SCENARIO'"),
-        (["check", "x", "y"], "unexpected extra argument"),
+        (["check"], "Missing argument 'SCENARIO…'"),
+        (["run", "x", "y"], "unexpected extra argument"),
         (["check", "--jsn", "x"], "No such option"),
         (["--nothing"], "No such option"),
     ],

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import sys
+from dataclasses import replace
 
 import click
 
 from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option
 from bussim.devices.contract import MasterSettings
-from bussim.errors import Problem, ScenarioError
+from bussim.errors import Problem
 from bussim.line.protocols import BusProtocol
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
@@ -18,27 +19,37 @@ from bussim.units import format_time
 
 
 @click.command()
-@click.argument("scenario", metavar="SCENARIO")
+@click.argument("scenarios", metavar="SCENARIO…", nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @code_option
-def command(scenario: str, *, as_json: bool, allow_code: bool) -> None:
-    """Name every mistake of a scenario with its line and column.
+def command(scenarios: tuple[str, ...], *, as_json: bool, allow_code: bool) -> None:
+    """Name every mistake of scenarios with its line and column.
 
-    SCENARIO is a file, or the name of a built-in scenario. The exit code is 2 if there is a mistake;
-    warnings leave it at 0.
+    SCENARIO is a file, the name of a built-in scenario, or - for standard input. The exit code is 2 if
+    there is a mistake in one of them; warnings leave it at 0.
     """
-    examined = examine(scenario, allow_code=allow_code)
+    found = []
+    for name in scenarios:
+        shown, source = ("<stdin>", sys.stdin.buffer) if name == "-" else (name, None)
+        found.append((shown, examine(shown, allow_code=allow_code, source=source)))
+    ok = all(examined.scenario is not None for _, examined in found)
     if as_json:
-        print_json(_as_json(examined), indent=1)
-        if examined.scenario is None:
-            raise click.exceptions.Exit(2)
-        return
-    for warning in examined.warnings:
-        click.echo(str(Problem(warning.file, warning.line, warning.column, f"warning: {warning.message}")))
-    if examined.scenario is None:
-        raise ScenarioError(examined.errors)
-    click.echo(f"{scenario}: ok: {describe(examined.scenario)}")
-    for plc in examined.scenario.plcs:
+        files = [{"file": name, **_as_json(examined)} for name, examined in found]
+        print_json({"schema": 2, "ok": ok, "files": files}, indent=1)
+    for name, examined in () if as_json else found:
+        for warning in examined.warnings:
+            click.echo(str(replace(warning, message=f"warning: {warning.message}")))
+        for error in examined.errors:
+            click.echo(str(error), err=True)
+        if examined.scenario is not None:
+            _show(name, examined.scenario)
+    if not ok:
+        raise click.exceptions.Exit(2)
+
+
+def _show(name: str, scenario: Scenario) -> None:
+    click.echo(f"{name}: ok: {describe(scenario)}")
+    for plc in scenario.plcs:
         if plc.program is not None:
             click.echo(f"  {plc.name}: {_program(plc.program)}")
 
@@ -83,7 +94,6 @@ def _count(number: int, one: str, many: str | None = None) -> str:
 def _as_json(examined: Examined) -> dict[str, object]:
     found = examined.scenario
     return {
-        "schema": 1,
         "ok": found is not None,
         "scenario": found.name if found is not None else None,
         "programs": {
@@ -91,6 +101,11 @@ def _as_json(examined: Examined) -> dict[str, object]:
             for plc in (found.plcs if found is not None else ())
             if plc.program is not None
         },
-        "errors": [asdict(problem) for problem in examined.errors],
-        "warnings": [asdict(problem) for problem in examined.warnings],
+        "errors": [_problem(problem) for problem in examined.errors],
+        "warnings": [_problem(problem) for problem in examined.warnings],
     }
+
+
+def _problem(problem: Problem) -> dict[str, object]:
+    keys = {name: getattr(problem, name) for name in ("file", "line", "column", "path")}
+    return {**keys, "text": problem.message}

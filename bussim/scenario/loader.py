@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import BinaryIO
 
 from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.scenario import builtin
@@ -73,11 +74,20 @@ def from_data(
     ).get()
 
 
-def examine(path: str | os.PathLike[str], overrides: Overrides = (), *, allow_code: bool = False) -> Examined:
-    """Like :func:`load`, but mistakes are returned, and warnings with their positions."""
-    file, shown = builtin.locate(os.fspath(path))
+def examine(
+    path: str | os.PathLike[str],
+    overrides: Overrides = (),
+    *,
+    allow_code: bool = False,
+    source: BinaryIO | None = None,
+) -> Examined:
+    """Like :func:`load`, but mistakes are returned, and warnings with their positions.
+
+    ``source`` is read in place of a file, and ``path`` is its name in messages.
+    """
+    file, shown = builtin.locate(os.fspath(path)) if source is None else (Path(), os.fspath(path))
     try:
-        raw = _bytes(file, shown)
+        raw = _bytes(file, shown) if source is None else source.read(yaml.MAX_BYTES + 1)
     except ScenarioError as error:
         return Examined(None, error.problems, ())
     code = Code(allowed=allow_code, folder=file.parent)

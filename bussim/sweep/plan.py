@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from bussim.errors import Problem, ScenarioError, UsageError
@@ -176,9 +177,7 @@ class Plan:
                 where = " / ".join(_at(self.axes, point) for point in points[:_MOST_POINTS])
                 more = len(points) - _MOST_POINTS
                 where = f"at {where}" + (f" and {counted(more, 'more point')}" if more > 0 else "")
-            explained.append(
-                Problem(problem.file, problem.line, problem.column, f"{problem.message} ({where})")
-            )
+            explained.append(replace(problem, message=f"{problem.message} ({where})"))
         if len(explained) > _MOST_MESSAGES:
             more = len(explained) - _MOST_MESSAGES
             explained = sorted(explained)[:_MOST_MESSAGES]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -72,7 +74,9 @@ def test_mistakes_go_to_stderr_with_exit_code_2(capsys: pytest.CaptureFixture[st
 def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "same_number_twice", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["schema"], found["ok"], found["errors"]) == (1, True, [])
+    assert (found["schema"], found["ok"]) == (2, True)
+    (found,) = found["files"]
+    assert (found["file"], found["ok"], found["errors"]) == ("same_number_twice", True, [])
     assert [(w["file"], w["line"], w["column"]) for w in found["warnings"]] == [
         ("same_number_twice.yaml", 17, 53),
         ("same_number_twice.yaml", 25, 42),
@@ -82,20 +86,85 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr()
     assert printed.err == ""
     assert json.loads(printed.out) == {
-        "schema": 1,
+        "schema": 2,
         "ok": False,
-        "scenario": None,
-        "programs": {},
-        "errors": [
+        "files": [
             {
                 "file": "mine.yaml",
-                "line": 8,
-                "column": 7,
-                "message": "seed is 'x', expected a whole number 0..9223372036854775807",
+                "ok": False,
+                "scenario": None,
+                "programs": {},
+                "errors": [
+                    {
+                        "file": "mine.yaml",
+                        "line": 8,
+                        "column": 7,
+                        "path": "seed",
+                        "text": "seed is 'x', expected a whole number 0..9223372036854775807",
+                    }
+                ],
+                "warnings": [],
             }
         ],
-        "warnings": [],
     }
+
+
+PROGRAM = "program: |\n      LD X0\n      OTU Y0\n      END\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path"),
+    [
+        ("retries: 3", "retries: 12", "plcs.press.nn.retries"),
+        ("retries: 3", "retrys: 3", "plcs.press.nn.retrys"),
+        ("  - {name: link, nn: true}", "  - {nme: link, nn: true}", "buses.0.name"),
+        ("plcs:\n", "plcs:\n  - name: alone\n    " + PROGRAM, "plcs.alone.program"),
+    ],
+)
+def test_json_has_the_key_as_set_takes_it(
+    old: str, new: str, path: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert old in GOOD
+    Path("mine.yaml").write_text(GOOD.replace(old, new, 1), encoding="utf-8")
+    assert main(["check", "mine.yaml", "--json"]) == 2
+    errors = json.loads(capsys.readouterr().out)["files"][0]["errors"]
+    assert path in [error["path"] for error in errors]
+
+
+def test_several_files_and_standard_input_are_checked_whatever_is_wrong_with_one(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("mine.yaml").write_text(GOOD.replace("retries: 3", "retries: 12"), encoding="utf-8")
+    piped = io.TextIOWrapper(io.BytesIO(GOOD.replace("duration: ", "duration:").encode()))
+    monkeypatch.setattr(sys, "stdin", piped)
+    assert main(["check", "mine.yaml", "gone.yaml", "-", "two_stations", "bad_parameter"]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.splitlines() == [
+        "mine.yaml:16:74: nn.retries is 12, allowed 0..10",
+        "gone.yaml: no such file, and no built-in scenario of that name; bussim scenarios lists them all",
+        "<stdin>:7:10: duration has no blank after its colon; write duration: 60 s",
+    ]
+    assert [line.split(": ")[0] for line in printed.out.splitlines()] == [
+        "two_stations",
+        "bad_parameter.yaml:16:34",
+        "bad_parameter",
+    ]
+    assert main(["check", "two_stations", "press_line", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [(each["file"], each["ok"]) for each in found["files"]] == [
+        ("two_stations", True),
+        ("press_line", True),
+    ]
+
+
+def test_standard_input_may_name_files_beside_the_user(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("mine.il").write_text("LD X0\nOUT Y0\nEND\n", encoding="utf-8")
+    text = GOOD.replace("plcs:\n", "plcs:\n  - {name: alone, program: mine.il}\n")
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
+    assert main(["check", "-"]) == 0
+    assert "alone: program of 3 steps (3 instructions)" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

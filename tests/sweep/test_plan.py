@@ -105,7 +105,10 @@ def test_keys_that_lead_nowhere_are_all_named(scenario: Path) -> None:
         )
     assert str(caught.value).split("\n") == [
         "--vary plcs.pres.nn.retries=0:2:1: plcs has no pres; did you mean press?",
-        "--vary plcs.press.nn.retrys=0:2:1: plcs.press.nn.retrys is not a key here; did you mean retries?",
+        (
+            "--vary plcs.press.nn.retrys=0:2:1: plcs.press.nn.retrys is not a key here; "
+            "allowed are bus, port, station, slaves, mode, retries, timeout; did you mean retries?"
+        ),
         "--vary noise.7.ber=0: noise has no entry 7; allowed 0..0",
     ]
 

@@ -34,10 +34,10 @@ _LINE = re.compile(r"\bat line ([0-9]+)\b", re.ASCII)
 class Origin:
     """Where the lines of a program stand: in a file of its own, in the scenario, or in no file at all."""
 
-    file: str
+    file: str  # "" for a text whose lines have no marks of their own
+    path: Path
     line: int = 0  # of the scenario, of the text's first line; 0: the text is the file's own
     indent: int = 0
-    path: Path | None = None  # of a text whose lines have no marks of their own
 
     def problem(self, report: Report, found: Problem, *, warning: bool = False) -> Problem:
         """A problem of the program, placed where the user finds it, as are the other lines that it names.
@@ -45,15 +45,16 @@ class Origin:
         What a run says of a warning is the same wherever the program stands: lines of the program.
         """
         plain = _LINE.sub(r"at line \1 of the program", found.message)
-        if self.path is not None:
+        named = report.source_map.full_name(self.path)
+        if not self.file:
             where = "" if warning else f"line {found.line} of the program: "
             placed = report.source_map.remark(self.path, f"{where}{plain}")
         elif self.line == 0:
-            placed = Problem(self.file, found.line, found.column, found.message)
+            placed = Problem(self.file, found.line, found.column, found.message, named)
         else:
             moved = _LINE.sub(lambda match: f"at line {int(match[1]) + self.line - 1}", found.message)
             line, column = self.line + max(found.line, 1) - 1, self.indent + max(found.column, 1)
-            placed = Problem(self.file, line, column, moved)
+            placed = Problem(self.file, line, column, moved, named)
         if warning:
             report.plain[placed] = plain
         return placed
@@ -99,17 +100,17 @@ def _program(
     path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report
 ) -> tuple[Program | None, Origin | None]:
     if given.file is not None:
-        origin = Origin(given.file)
+        origin = Origin(given.file, _inner(path, "file", report))
         try:
             text = files.read(given.file, MAX_PROGRAM)
         except ValueError as error:
-            report.error(_inner(path, "file", report), str(error))
+            report.error(origin.path, str(error))
             return None, origin
     else:
         text = given.text or ""
         at = _inner(path, "text", report)
         block = report.source_map.blocks.get(at)
-        origin = Origin(report.source_map.file, *block) if block is not None else Origin("", path=at)
+        origin = Origin("" if block is None else report.source_map.file, at, *(block or ()))
         if len(text.encode()) > MAX_PROGRAM:
             report.error(at, f"has more than {MAX_PROGRAM >> 10} KiB")
             return None, origin
@@ -170,5 +171,5 @@ def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpe
     except ValueError as error:
         report.error((*path, "csv"), str(error))
         return None
-    times = read_times(text, given.csv, report)
+    times = read_times(text, given.csv, (*path, "csv"), report)
     return Times(times) if times is not None else None

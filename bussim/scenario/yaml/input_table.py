@@ -11,7 +11,7 @@ import re
 from fractions import Fraction
 
 from bussim.errors import Problem
-from bussim.scenario.yaml.source_map import Report
+from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import TICKS_PER_SECOND, round_half_up
 from bussim.wording import show
 
@@ -22,8 +22,11 @@ MAX_TIMES = 10_000
 _MOST_PROBLEMS = 20
 
 
-def read_times(text: str, file: str, report: Report) -> tuple[int, ...] | None:
-    """The ticks at which the level changes; None where the table has mistakes, which are reported."""
+def read_times(text: str, file: str, path: Path, report: Report) -> tuple[int, ...] | None:
+    """The ticks at which the level changes; None where the table has mistakes, which are reported.
+
+    ``path`` is the key that names the file.
+    """
     table = _Table()
     for number, line in enumerate(text.splitlines(), 1):
         cells = [cell.strip().strip('"').strip() for cell in _cells(line)]
@@ -33,7 +36,8 @@ def read_times(text: str, file: str, report: Report) -> tuple[int, ...] | None:
         if len(table.problems) >= _MOST_PROBLEMS or table.full:
             break
     for line_number, message in table.problems or table.lacking():
-        report.add(Problem(file, line_number, 1, message), fatal=True)
+        named = report.source_map.full_name(path)
+        report.add(Problem(file, line_number, 1, message, named), fatal=True)
     return None if table.problems or not table.changes else tuple(table.changes)
 
 

@@ -42,7 +42,7 @@ class SourceMap:
 
     def remark(self, path: Path, text: str, *, key: bool = False) -> Problem:
         """A complete sentence about the value at ``path``."""
-        return Problem(*self._locate(path, key=key), text)
+        return Problem(*self._locate(path, key=key), text, self.full_name(path))
 
     def where(self, path: Path) -> str:
         """The position of a value, for a message about another one: its line, or its path."""

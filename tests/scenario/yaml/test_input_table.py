@@ -13,7 +13,9 @@ from bussim.units import TICKS_PER_SECOND as S
 
 def read(text: str) -> tuple[tuple[int, ...] | None, list[str]]:
     report = Report(SourceMap("x.yaml"))
-    return read_times(text, "e.csv", report), [str(problem) for problem in report.errors]
+    return read_times(text, "e.csv", ("plcs", 0, "inputs", "X0", "csv"), report), [
+        str(problem) for problem in report.errors
+    ]
 
 
 @pytest.mark.parametrize(
