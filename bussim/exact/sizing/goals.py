@@ -116,33 +116,33 @@ class Goals:
 
     def forms(self) -> dict[str, str]:
         """Each goal as a user writes it, by its name."""
-        found = {"errors": f"errors<={Rate.of(self.errors).form}"}
-        if self.onsets is not None:
-            found["onsets"] = f"onsets<={Rate.of(self.onsets).form}"
-        if self.scan is not None:
-            found["scan"] = f"scan<={ms(self.scan[0])}ms@{self.scan[1]:.12g}"
-        if self.dead is not None:
-            found["dead"] = f"dead<={ms(self.dead)}ms"
-        if self.ride:
-            found["ride"] = f"ride>={ms(self.ride)}ms"
-        if self.heartbeat is not None:
-            found["heartbeat"] = f"heartbeat={ms(self.heartbeat[0])}ms@{Rate.of(self.heartbeat[1]).form}"
-        return found
+        return {name: form for name, (form, _) in self._described().items()}
 
     def texts(self) -> dict[str, str]:
         """Each goal in words, by its name, with the user's own figures."""
-        found = {"errors": f"false station errors: at most {Rate.of(self.errors)}"}
+        return {name: words for name, (_, words) in self._described().items()}
+
+    def _described(self) -> dict[str, tuple[str, str]]:
+        every = Rate.of(self.errors)
+        found = {"errors": (f"errors<={every.form}", f"false station errors: at most {every}")}
         if self.onsets is not None:
-            found["onsets"] = f"false station errors that begin: at most {Rate.of(self.onsets)}"
+            rate = Rate.of(self.onsets)
+            found["onsets"] = (f"onsets<={rate.form}", f"false station errors that begin: at most {rate}")
         if self.scan is not None:
-            found["scan"] = f"a scan over {ms(self.scan[0])} ms with probability at most {self.scan[1]:.12g}"
+            limit, chance = ms(self.scan[0]), f"{self.scan[1]:.12g}"
+            words = f"a scan over {limit} ms with probability at most {chance}"
+            found["scan"] = (f"scan<={limit}ms@{chance}", words)
         if self.dead is not None:
-            found["dead"] = f"a scan of at most {ms(self.dead)} ms with one station dead"
+            limit = ms(self.dead)
+            found["dead"] = (f"dead<={limit}ms", f"a scan of at most {limit} ms with one station dead")
         if self.ride:
-            found["ride"] = f"an interruption of the line of {ms(self.ride)} ms without a station error"
+            time = ms(self.ride)
+            words = f"an interruption of the line of {time} ms without a station error"
+            found["ride"] = (f"ride>={time}ms", words)
         if self.heartbeat is not None:
-            preset, missed = self.heartbeat
-            found["heartbeat"] = f"a heartbeat of {ms(preset)} ms missed at most {_times(Rate.of(missed))}"
+            preset, missed = ms(self.heartbeat[0]), Rate.of(self.heartbeat[1])
+            words = f"a heartbeat of {preset} ms missed at most {_times(missed)}"
+            found["heartbeat"] = (f"heartbeat={preset}ms@{missed.form}", words)
         return found
 
 
