@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
 
 from bussim.engines.nn.contract import STORED
@@ -74,9 +75,9 @@ class BridgedLine(PartlyExternalLine):
             return self.kind_of_external(tx.chars)
         return super().kind_name(tx)
 
+    @abstractmethod
     def kind_of_external(self, chars: bytes) -> str:
         """The kind of frame that an external node's characters may be."""
-        raise NotImplementedError
 
     def accepted(self, reading: Reading) -> None:
         """See the line."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 from bussim.engines.contract import RxChar
 from bussim.engines.modbus.adu import Adu, Damage
 from bussim.engines.modbus.codes import Rejection
 
 
-class AduReader:
+class AduReader(ABC):
     """Cuts characters into frames; the roles of stations play no part.
 
     ``immediate``: a frame is complete with its last character, else only with the silence behind it.
@@ -45,17 +47,17 @@ class AduReader:
         """The first error of the open frame so far."""
         return self._reason
 
+    @abstractmethod
     def character(self, char: RxChar, start: int, end: int) -> Adu | Damage | None:
         """Take one character; returns what it, or the silence before it, has ended."""
-        raise NotImplementedError
 
+    @abstractmethod
     def whole(self, adu: Adu, start: int, end: int) -> Adu | Damage | None:
         """Take a whole undamaged frame; returns what the silence before it has ended."""
-        raise NotImplementedError
 
+    @abstractmethod
     def silence(self) -> Adu | Damage | None:
         """The line has been idle for ``quiet`` ticks: the open frame is over."""
-        raise NotImplementedError
 
     def _taken(self) -> tuple[bytes, int, int]:
         """The open frame's characters and its two ends; it is over."""

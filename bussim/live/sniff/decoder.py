@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ class Line(NamedTuple):
     echo: bool | None = None
 
 
-class Decoder:
+class Decoder(ABC):
     """Counts what is heard and records frames. Strays, echoes and what was torn are no frames."""
 
     def __init__(self, line: Line, sink: Sink) -> None:
@@ -47,14 +48,14 @@ class Decoder:
         #: Damage that was the recorder's alone: what followed shows that the line's own receivers had none.
         self.recorder_damage = 0
 
+    @abstractmethod
     def heard(self, heard: Heard) -> None:
         """Take in what was heard next."""
-        raise NotImplementedError
 
-    def lost(self) -> None:
+    def lost(self) -> None:  # noqa: B027 - for decoders to which it matters
         """Something was on the line here that the recording does not tell."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - for decoders to which it matters
         """Nothing more will be heard."""
 
     def _count(self, heard: Heard, kind: str, sender: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Any
 
@@ -124,9 +125,9 @@ class SerialNode(Node):
                 del served[next(iter(served))]
         self.handle_event(item, now)
 
+    @abstractmethod
     def handle_event(self, item: SerialEvent, now: int) -> None:
         """Act on an event of the engine."""
-        raise NotImplementedError
 
     # -- sending -----------------------------------------------------------------------------------
 

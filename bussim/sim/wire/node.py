@@ -6,6 +6,7 @@ here, too. What is peculiar to a protocol stands in the subclasses.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import insort
 from dataclasses import replace
 from fractions import Fraction
@@ -22,7 +23,7 @@ from bussim.sim.wire.receiver import Receiver
 _ASKED = TRANSMIT | DEADLINE | OPEN | EVENTS
 
 
-class Node:
+class Node(ABC):
     """One position of a line, in cable order from 0; ``name`` is unique in the scenario."""
 
     def __init__(self, name: str, line: Line, position: int, kernel: Kernel) -> None:
@@ -56,17 +57,17 @@ class Node:
 
     # -- what differs by protocol ------------------------------------------------------------------
 
+    @abstractmethod
     def quiet(self, timing: LineTiming) -> int:
         """The silence that ends an unfinished frame, in ticks, with a receiver of this timing."""
-        raise NotImplementedError
 
+    @abstractmethod
     def understands(self, sender: LineNode) -> bool:
         """Whether this node's engine can take a whole frame of another node."""
-        raise NotImplementedError
 
+    @abstractmethod
     def report(self, item: Any, now: int) -> None:
         """Take an event of its engine; a transmission is none."""
-        raise NotImplementedError
 
     # -- state -------------------------------------------------------------------------------------
 
@@ -81,9 +82,9 @@ class Node:
         return self.sending is not None or self.tail is not None or self.jabbering
 
     @property
+    @abstractmethod
     def powered(self) -> bool:
         """Whether it has a supply."""
-        raise NotImplementedError
 
     def halt(self, now: int) -> None:
         """STOP or power-off: it sends and receives no more; a frame on the wire is cut at this tick."""
@@ -182,7 +183,7 @@ class Node:
         self.handle(engine.on_deadline(now), now)
         self.arm_deadline()
 
-    def catch_up(self, now: int) -> None:
+    def catch_up(self, now: int) -> None:  # noqa: B027 - of most protocols none does
         """Before a deadline: pass on the characters so far to an engine whose decision depends on them."""
 
     # -- sending -----------------------------------------------------------------------------------
@@ -201,8 +202,9 @@ class Node:
             pending.append((at, 0, counter))
             self._start_timer.chain(at)
 
+    @abstractmethod
     def _on_start(self, now: int) -> None:
-        raise NotImplementedError
+        """Begin the frame that is due."""
 
     def _begin(self, frame: Any, now: int) -> None:
         """Switch the driver on for a frame."""
