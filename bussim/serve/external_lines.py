@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
 
 from bussim.engines.nn.contract import STORED
@@ -22,7 +22,7 @@ _LINK_KINDS = {ENQ: KIND_NAMES[POLL], STX: KIND_NAMES[DATA], SOH: KIND_NAMES[PAR
 _EXTERNAL_STREAM = "outside"
 
 
-class BridgedLine(PartlyExternalLine):
+class BridgedLine(PartlyExternalLine, ABC):
     """What every line with a bridge does otherwise.
 
     What external nodes really sent is unknown: a frame of theirs is never counted as an undetected error.

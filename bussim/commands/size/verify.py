@@ -210,8 +210,8 @@ def _times_wanted(scenario: model.Scenario, bus: str, scans: int) -> float | Non
         grid = evaluate(exact, (exact.attempts,), (exact.timeout,), details=False)
         return scans * float(grid.error_per_scan[0, 0])
 
-    place = bisect_left(_TIMES, _WANTED, key=expected)
-    return _TIMES[place] if place < len(_TIMES) else None
+    index = bisect_left(_TIMES, _WANTED, key=expected)
+    return _TIMES[index] if index < len(_TIMES) else None
 
 
 def compare(scenario: model.Scenario, bus: str, setting: Verification, scans: int = _SCANS) -> Verification:
@@ -224,13 +224,13 @@ def compare(scenario: model.Scenario, bus: str, setting: Verification, scans: in
         return replace(setting, reason="; ".join(figures.reasons))
     rows = api.run(replace(scenario, duration=round(scans * (figures.mean or TICKS_PER_SECOND)))).link_scans
     rows = rows[rows["bus"] == bus][_FIRST:]
-    count, together = len(rows), _together(figures)
+    count, factor = len(rows), _variance_factor(figures)
     mean, half, _ = _batches(rows["duration_ms"].tolist())
     # A sample that saw few of the rare long scans knows their spread badly; the distribution knows it.
-    half = max(half, _WIDTH * (figures.sd or 0.0) / TICKS_PER_MS * math.sqrt(together / max(count, 1)))
+    half = max(half, _WIDTH * (figures.sd or 0.0) / TICKS_PER_MS * math.sqrt(factor / max(count, 1)))
     _, many, errors = _batches((rows["stations_in_error"] - len(exact.dead)).tolist())
     expected = count * sum(figures.error_per_scan.values())
-    spread = _WIDTH * math.sqrt(max(expected * together, 1.0))
+    spread = _WIDTH * math.sqrt(max(expected * factor, 1.0))
     if exact.noise.chains:  # several bursts may belong together
         spread = max(spread, many * count)
     return replace(
@@ -240,14 +240,14 @@ def compare(scenario: model.Scenario, bus: str, setting: Verification, scans: in
         mean=mean,
         half=half,
         expected_errors=expected,
-        independent=expected / together,
+        independent=expected / factor,
         errors=round(errors),
         # For rare errors the normal range is too narrow above: with an expectation of 0.01 one is no wonder.
         allowed=(max(0, math.floor(expected - spread)), math.ceil(expected + spread + 2)),
     )
 
 
-def _together(figures: Figures) -> float:
+def _variance_factor(figures: Figures) -> float:
     """How many errors come together: with bursts at all stations, and for as long as an error lasts.
 
     The variance of a count of errors is so many times that of independent ones; a length that is spread

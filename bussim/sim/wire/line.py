@@ -7,7 +7,6 @@ on the level that the line really has.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable
 
 from bussim.line.characters import LineTiming
@@ -18,7 +17,7 @@ from bussim.sim.wire.disturber import Disturber
 from bussim.trace.records import AFTER_FRAME, IN_FRAME, WITHOUT_FRAME, FrameRecord, Sink
 
 
-class Line(Cable, ABC):
+class Line(Cable):
     """One line with its nodes in cable order. ``frames`` and the other counts are of the whole run."""
 
     #: How trace records name the protocol of this line, where a frame does not name it.
@@ -53,25 +52,25 @@ class Line(Cable, ABC):
 
     # -- what a protocol's line knows of its frames --------------------------------------------------
 
-    @abstractmethod
     def stream_key(self, tx: Transmission) -> Hashable:
         """Frames with equal keys draw their noise from one stream; cheap."""
+        raise NotImplementedError
 
-    @abstractmethod
     def stream_name(self, tx: Transmission) -> str:
         """The name of that stream: sender, kind and receiver."""
+        raise NotImplementedError
 
-    @abstractmethod
     def kind_name(self, tx: Transmission) -> str:
         """The kind of a transmission's frame in a word, as the trace names it."""
+        raise NotImplementedError
 
-    @abstractmethod
     def _numbers(self, frame: WireFrame) -> tuple[int | None, int | None]:
         """Station and counter that a frame carries, where it does."""
+        raise NotImplementedError
 
-    @abstractmethod
     def what(self, frame: WireFrame) -> str:
         """A frame in a word or two, for a note."""
+        raise NotImplementedError
 
     def protocol_of(self, sender: LineNode) -> str:
         """The protocol of a node, for the trace."""
