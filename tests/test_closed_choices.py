@@ -2,7 +2,7 @@
 
 Closed families are the enumerations of bussim and the unions of its classes that a module names. A
 ``match`` or a chain of ``if`` over two or more of their members, also one of early returns, ends in
-``assert_never`` or ``raise``; a table of them has all. Where the remaining kinds are really alike the index
+``assert_never`` or ``raise``; a table of them has all. Where the remaining kinds are really alike the choice
 stands in ``ALIKE``. What a profile leaves open is decided beside its enumeration, nowhere else.
 """
 
