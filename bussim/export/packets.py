@@ -24,6 +24,8 @@ LINK_TYPES: Final = {"modbus-rtu": 147, "nn": 148, "modbus-ascii": 149, "free": 
 ETHERNET: Final = 1
 _NAMES: Final = {"modbus-rtu": "Modbus RTU", "nn": "N:N", "modbus-ascii": "Modbus ASCII", "free": "free"}
 _WRONG: Final = 0x80
+#: The protocol of a bus on which no frame was recorded.
+_USUAL: Final = {BusProtocol.NN: "nn", BusProtocol.SERIAL: "modbus-rtu"}
 #: The dissectors in Lua, by protocol.
 DISSECTORS: Final = {"nn": "nn.lua", "modbus-ascii": "mbascii.lua"}
 
@@ -67,7 +69,7 @@ def write_pcapng(path: Path, job: Job) -> Written:
 def _protocols_of(selection: Selection, name: str) -> list[str]:
     """The protocol of a bus without a frame."""
     bus = selection.trace.header.bus(name)
-    return ["nn"] if bus is not None and bus.protocol is BusProtocol.NN else ["modbus-rtu"]
+    return ["modbus-rtu" if bus is None else _USUAL[bus.protocol]]
 
 
 def _description(bus: BusSurvey, protocol: str) -> str:

@@ -22,7 +22,7 @@ from bussim.line.uart import Sampled, Uart
 from bussim.line.wave import Wave
 from bussim.live.arrival import Arrivals, Timed
 from bussim.live.wire import Wire
-from bussim.serve.external_frames import Journal
+from bussim.serve.external_frames import ExternalFrames
 from bussim.serve.external_node import ExternalNode
 from bussim.sim.kernel import SENDING, Kernel
 from bussim.sim.wire.contract import LineNode, Transmission
@@ -47,14 +47,14 @@ class Bridge:
         self._open = bytearray()  # received since the line was idle, at most a little more than a frame
         self._last = 0  # when the last chunk was over
         self._sent_since = False  # a node of this line has sent since
-        self.journal: Journal | None = None
+        self.frames: ExternalFrames | None = None
 
     def attach(self, line: PartlyExternalLine, kernel: Kernel) -> None:
         """Connect a line, whose nodes are not on its cable yet."""
         self.line = line
         self.external_node = ExternalNode(line, kernel)
         if line.sink.traced:
-            self.journal = Journal(line, self.wire.timing, self.wire.options.tolerance)
+            self.frames = ExternalFrames(line, self.wire.timing, self.wire.options.tolerance)
 
     # -- out ---------------------------------------------------------------------------------------
 
@@ -62,8 +62,8 @@ class Bridge:
         """Write what a node begins to send."""
         if tx.silent:
             return
-        if self.journal is not None:
-            self.journal.cut()
+        if self.frames is not None:
+            self.frames.cut()
         if tx.damaged or not tx.sender.nominal:
             read = read_transmission(tx, self.external_node.position, self.line.timing)
             sound = [char for char in read if char.parity_ok and char.stop_ok]
@@ -125,8 +125,8 @@ class Bridge:
         self._open += data[: RTU_MAX + 1 - len(self._open)]
         if not line.drivers:
             line.busy += len(data) * character
-        if self.journal is not None:
-            self.journal.heard(chars)
+        if self.frames is not None:
+            self.frames.heard(chars)
         damaged = self._disturbed(chars, data)
         extra = 0 if self._whole() else tolerance
         for port in line.ports:

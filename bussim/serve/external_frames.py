@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 from bussim.engines.modbus.adu import Adu, decode_rtu
 from bussim.engines.nn.frames import DATA, Frame
@@ -17,8 +17,10 @@ from bussim.trace.records import FrameRecord
 if TYPE_CHECKING:
     from bussim.serve.partly_external_line import PartlyExternalLine
 
+_PROTOCOLS = {protocol.value: protocol for protocol in LineProtocol}
 
-class Journal:
+
+class ExternalFrames:
     """Cuts what comes into frames and records them. Its memory is bounded whatever comes."""
 
     def __init__(self, line: PartlyExternalLine, timing: LineTiming, tolerance: int) -> None:
@@ -35,16 +37,18 @@ class Journal:
         if protocol != self._protocol:
             self.cut()
             self._protocol = protocol
-        if protocol in (LineProtocol.NN, LineProtocol.ASCII):
-            cutter = self._splitters.get(protocol)
-            if cutter is None:
-                cutter = self._splitters[protocol] = splitter(
-                    LineProtocol(protocol), self._timing, self._tolerance
-                )
-            for heard in cutter.take(chars):
-                self._record(heard.start, heard.end, heard.chars, heard.frame)
-            return
-        # RTU, and free protocol: what comes between two silences, or two frames of this line.
+        match known := _PROTOCOLS.get(protocol):
+            case LineProtocol.NN | LineProtocol.ASCII:
+                cutter = self._splitters.setdefault(protocol, splitter(known, self._timing, self._tolerance))
+                for heard in cutter.take(chars):
+                    self._record(heard.start, heard.end, heard.chars, heard.frame)
+            case LineProtocol.RTU | None:  # None: free protocol
+                self._gather(chars)
+            case _:
+                assert_never(known)
+
+    def _gather(self, chars: list[Timed]) -> None:
+        """Keep what comes between two silences, or two frames of this line."""
         kept = self._chars
         if kept and chars[0][1] - kept[-1][2] > self._timing.characters(2) + self._tolerance:
             self.cut()

@@ -214,8 +214,8 @@ class Session:
         """Counts at the end, and warnings."""
         if self._totals is None:
             for bridge in self.bridges:
-                if bridge.journal is not None:
-                    bridge.journal.close()
+                if bridge.frames is not None:
+                    bridge.frames.close()
             totals = self.simulation.totals()
             self._totals = replace(totals, warnings=(*totals.warnings, *self._warnings()))
         return self._totals
@@ -274,16 +274,14 @@ def session_header(scenario: model.Scenario, targets: Sequence[Target]) -> Trace
         away = {node.node for target in own for node in target.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
         for target in own:
-            nodes = bus.nodes if bus.protocol is BusProtocol.NN else tuple(node.node for node in target.nodes)
-            stations = dict(bus.stations) if bus.protocol is BusProtocol.NN else _only(bus.stations, nodes)
+            nodes = tuple(node.node for node in target.nodes) if bus.protocol.divisible else bus.nodes
+            stations = _only(bus.stations, nodes)
             timing = target.timing
             fmt = str(timing.format)
             buses.append(
                 bus._replace(name=target.name, baud=timing.baud, format=fmt, nodes=nodes, stations=stations)
             )
-        if (
-            left and bus.protocol is not BusProtocol.NN
-        ) or not own:  # after what is served, which is searched first
+        if (left and bus.protocol.divisible) or not own:  # after what is served, which is searched first
             buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
     return header._replace(buses=tuple(buses), duration=None, exact=False)
 

@@ -155,7 +155,7 @@ def _lines(
         taken[url] = bus
         same = [one for one in found if one.bus == bus]
         first = nodes[0]
-        alone = first.protocol is BusProtocol.NN and sum(one == bus for one, _ in groups) == 1
+        alone = not first.protocol.divisible and sum(one == bus for one, _ in groups) == 1
         number = f" {len(same) + 1}" if same else ""
         name = bus if alone or whole[bus] == len(nodes) else f"{bus} outside{number}"
         found.append(Target(name, bus, first.protocol, url, first.timing, tuple(nodes)))

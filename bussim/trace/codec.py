@@ -77,6 +77,9 @@ def _ints(value: Any) -> tuple[int, ...]:
     return tuple(map(_int, _list(value)))
 
 
+#: The key ``nn`` of a bus.
+_FLAGS = {BusProtocol.NN: True, BusProtocol.SERIAL: False}
+_BY_FLAG = {flag: protocol for protocol, flag in _FLAGS.items()}
 #: How a value of each type of field is read. One without an entry raises KeyError on import.
 _READERS: dict[Any, Callable[[Any], Any]] = {
     int: _int,
@@ -84,7 +87,7 @@ _READERS: dict[Any, Callable[[Any], Any]] = {
     str: _text,
     bool: _flag,
     float: lambda value: float(value) if type(value) is int else _float(value),
-    BusProtocol: lambda value: BusProtocol.NN if _flag(value) else BusProtocol.SERIAL,
+    BusProtocol: lambda value: _BY_FLAG[_flag(value)],
     Contention: Contention,
     bytes: lambda value: bytes.fromhex(_text(value)),
     tuple[int, ...]: _ints,
@@ -98,7 +101,7 @@ _READERS: dict[Any, Callable[[Any], Any]] = {
 }
 #: How a value of a type of field is written where it is not written as it is.
 _WRITERS: dict[Any, Callable[[Any], Any]] = {
-    BusProtocol: lambda value: value is BusProtocol.NN,
+    BusProtocol: _FLAGS.__getitem__,
     bytes: bytes.hex,
     tuple[int, ...]: list,
     tuple[str, ...]: list,

@@ -22,7 +22,6 @@ from bussim.commands.common.recording import (
 )
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
-from bussim.line.protocols import BusProtocol
 
 if TYPE_CHECKING:
     from bussim.commands.common.recording import OpenLine
@@ -139,14 +138,14 @@ class _Session:
         """Begin the folder that is written, if one is."""
         from bussim.commands.sniff.tally import Tally
         from bussim.line.characters import NN_LINE
-        from bussim.live.sniff.heard import LineProtocol
+        from bussim.live.sniff.heard import BUS_PROTOCOLS, LineProtocol
         from bussim.live.sniff.link import station_name
         from bussim.results.store.folder import RunFolder
         from bussim.trace.records import TraceBus, TraceHeader
 
         if out is not None:
-            link = self.protocol is LineProtocol.NN or (self.protocol is None and self.timing == NN_LINE)
-            shared = BusProtocol.NN if link else BusProtocol.SERIAL
+            likely = LineProtocol.NN if self.timing == NN_LINE else LineProtocol.RTU
+            shared = BUS_PROTOCOLS[self.protocol or likely]
             stations = {name: number for number, name in sorted(self.names.items())}
             form = str(self.timing.format)
             line = TraceBus(self.bus, shared, self.timing.baud, form, tuple(stations), stations)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from bussim.engines.modbus.adu import Adu
 from bussim.engines.nn.frames import Frame
 from bussim.line.characters import CharFormat
+from bussim.line.protocols import BusProtocol
 from bussim.live.arrival import STOP
 from bussim.trace.records import FrameRecord
 
@@ -18,6 +19,14 @@ class LineProtocol(StrEnum):
     NN = "nn"
     RTU = "modbus-rtu"
     ASCII = "modbus-ascii"
+
+
+#: How the nodes share a bus of each protocol.
+BUS_PROTOCOLS = {
+    LineProtocol.NN: BusProtocol.NN,
+    LineProtocol.RTU: BusProtocol.SERIAL,
+    LineProtocol.ASCII: BusProtocol.SERIAL,
+}
 
 
 class Verdict(StrEnum):

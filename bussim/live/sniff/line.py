@@ -400,7 +400,7 @@ def _scores(
     form = timing.format
     chars = _received(source, channel, timing, inverted=inverted)
     for protocol in [settings.protocol] if settings.protocol else LineProtocol:
-        fitting = form.data_bits == (8 if protocol is LineProtocol.RTU else 7)
+        fitting = form.data_bits == USUAL[protocol].format.data_bits
         if fitting or settings.protocol or (protocol is LineProtocol.ASCII and form.parity == "N"):
             yield protocol, score([Chunk(chars)], protocol, timing, limit=len(chars) + 1)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import assert_never
 
 from bussim.engines.modbus.adu import COLON, LAST_STATION, LF
@@ -48,19 +49,20 @@ class Listener:
         decoders: tuple[type[LinkDecoder], type[ModbusDecoder]] = (LinkDecoder, ModbusDecoder),
     ) -> None:
         self.bus, self.timing, self.protocol = bus, timing, protocol
-        # So short is the silence behind a request before no station begins to reply.
-        closest = silence_of(LineProtocol.NN if protocol is LineProtocol.NN else LineProtocol.RTU, timing)
-        line = Line(bus, timing.baud, str(timing.format), closest, exact, lanes, echo)
+        line = partial(Line, bus, timing.baud, str(timing.format), exact=exact, lanes=lanes, echo=echo)
+        split = partial(splitter, protocol, timing, tolerance)
         self.decoder: LinkDecoder | ModbusDecoder
-        if protocol is LineProtocol.NN:
-            self.decoder = decoders[0](line, sink, names)
-            self.splitters = [splitter(protocol, timing, tolerance, lane=lane) for lane in range(lanes)]
-        else:
-            self.decoder = modbus = decoders[1](line, sink)
-            self.splitters = [
-                splitter(protocol, timing, tolerance, lane=lane, expects=modbus.expected)
-                for lane in range(lanes)
-            ]
+        # The silence of a line: behind a request no station begins to reply before.
+        match protocol:
+            case LineProtocol.NN:
+                self.decoder = decoders[0](line(silence=silence_of(protocol, timing)), sink, names)
+            case LineProtocol.RTU | LineProtocol.ASCII:
+                silence = silence_of(LineProtocol.RTU, timing)
+                self.decoder = modbus = decoders[1](line(silence=silence), sink)
+                split = partial(split, expects=modbus.expected)
+            case _:
+                assert_never(protocol)
+        self.splitters = [split(lane=lane) for lane in range(lanes)]
         self._near = silence_of(protocol, timing) + tolerance
         self._begin = begin
         #: A receiver that is switched on inside a frame has its first character at the latest then.
