@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -141,7 +141,7 @@ class Lanes:
         else:
             yield (sender, *alike), clean
 
-    def _events(self, lanes: tuple[int, ...], lows: list[Interval]) -> Iterator[_Event]:
+    def _events(self, lanes: tuple[int, ...], lows: Sequence[Interval]) -> Iterator[_Event]:
         """When lanes begin (+1) and end (-1) to be pulled low, inside the picture."""
         begin, end, half, whole = self.begin, self.end, TICKS_PER_US // 2, TICKS_PER_US
         for first, last in lows:
@@ -161,12 +161,13 @@ class _Driven:
         self._at = 0
         self.frames: list[list[tuple[tuple[int, ...], Driver]]] = []
 
-    def up_to(self, tick: int | None) -> Iterator[tuple[tuple[int, ...], list[Interval]]]:
+    def up_to(self, tick: int | None) -> Iterator[tuple[tuple[int, ...], Sequence[Interval]]]:
         """Where lanes are low from the last such tick up to this one (None: to the end)."""
         frames, since = self.frames, self._at
         if len(frames) == 1:
             for lanes, driver in frames[0]:
-                yield lanes, clip(driver.lows, since, tick)
+                whole = since <= driver.since and (tick is None or driver.until <= tick)
+                yield lanes, driver.lows if whole else clip(driver.lows, since, tick)
         else:
             drivers: dict[int, list[Driver]] = {}
             for frame in frames:

@@ -78,7 +78,7 @@ class LineTiming:
     @property
     def bit(self) -> Fraction:
         """Ticks of one bit, exact."""
-        return Fraction(TICKS_PER_SECOND, self.baud) / (1 + self.ppm / 1_000_000)
+        return _bit(self.baud, self.ppm)
 
     @property
     def character(self) -> Fraction:
@@ -92,6 +92,11 @@ class LineTiming:
     def characters(self, count: int | Fraction) -> int:
         """Ticks of ``count`` characters, which need not be whole (gaps of 3.5, 1.5, 4.5)."""
         return round_half_up(self.character * count)
+
+
+@cache
+def _bit(baud: int, ppm: Fraction) -> Fraction:
+    return Fraction(TICKS_PER_SECOND, baud) / (1 + ppm / 1_000_000)
 
 
 #: The N:N line: 38400 bps, 7 data bits, even parity, 1 stop bit; 10 bits a character, one bit

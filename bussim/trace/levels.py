@@ -41,7 +41,8 @@ def driver_of(frame: FrameRecord, flips: Sequence[int]) -> Driver:
     """The driver of a frame's sender if these of its bits are inverted; the part cut off left out."""
     timing = timing_of_frame(frame)
     lows = low_intervals(frame.chars, timing, frame.start, flips, frame.pauses)
-    lows = clip(lows, frame.start, frame.end)
+    if lows and lows[-1][1] > frame.end:
+        lows = clip(lows, frame.start, frame.end)
     begun, pieces = (frame.start, frame.sender), pieces_of_frame(frame)
     return Driver(begun, frame.start, frame.driven_until, lows, pieces, timing.bit)
 
