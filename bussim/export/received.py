@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from bussim.export.selection import BusSurvey, Survey
 from bussim.line.characters import LineTiming
-from bussim.line.wave import character_at
-from bussim.trace.levels import characters_of, is_plain, pieces_of_frame, timing_of_frame
+from bussim.line.wave import paused_by
+from bussim.trace.levels import characters_of, is_plain, timing_of_frame
 from bussim.trace.records import FrameRecord
 from bussim.units import format_time
 from bussim.wording import counted
@@ -135,7 +135,8 @@ def remarks(received: Received, timing: LineTiming) -> list[str]:
     found += [f"a pause of {format_time(ticks)} after character {index + 1}" for index, ticks in frame.pauses]
     own = timing_of_frame(frame)
     if frame.cut:
-        left = min(len(frame.chars), character_at(pieces_of_frame(frame), own, frame.end))
+        took = frame.end - frame.start - paused_by(frame.end, own, frame.start, frame.pauses)
+        left = min(len(frame.chars), int(took / own.character))
         found.append(f"cut off after {left} of {counted(len(frame.chars), 'character')}")
     if (own.baud, own.format) != (timing.baud, timing.format):
         found.append(f"sent at {frame.baud} {frame.format}, the bus has {timing.baud} {timing.format}")

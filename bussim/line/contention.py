@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
-from fractions import Fraction
 from hashlib import blake2b
 from itertools import chain, pairwise
 from typing import NamedTuple, assert_never
 
-from bussim.line.wave import Interval, Piece, Wave
+from bussim.line.characters import LineTiming
+from bussim.line.wave import Interval, Pause, Wave, edge_of, paused_by
 
 
 class Contention(StrEnum):
@@ -43,26 +42,26 @@ def disputed_level(contention: Contention, seed: int, bus: str) -> Disputed:
 class Driver(NamedTuple):
     """A driver for one frame: on from ``since`` to before ``until``, high but for ``lows`` between the two.
 
-    ``begun`` are the frame's first edge and its sender, ``pieces`` those of it in full, ``bit`` its ticks.
+    ``begun`` are the frame's first edge and its sender.
     """
 
     begun: tuple[int, str]
     since: int
     until: int
     lows: Sequence[Interval]
-    pieces: Sequence[Piece]
-    bit: Fraction
+    timing: LineTiming
+    pauses: Sequence[Pause] = ()
 
     def bit_at(self, tick: int) -> Interval:
         """The bit of its frame that a tick lies in; in a pause and after the frame bits go on as before."""
-        place = bisect_right(self.pieces, tick, key=lambda piece: piece.start)
-        start = self.pieces[max(0, place - 1)].start
+        start = self.begun[0]
+        start += paused_by(tick, self.timing, start, self.pauses)
         # In whole numbers, because each bit of a collision asks: the last edge, rounded half up, that is not
         # behind the tick.
-        ticks, parts = self.bit.numerator, self.bit.denominator
+        ticks, parts = self.timing.bit.as_integer_ratio()
         number = -((-2 * (tick - start) - 1) * parts // (2 * ticks)) - 1
         edge, following = (start + (2 * n * ticks + parts) // (2 * parts) for n in (number, number + 1))
-        return edge, following if place == len(self.pieces) else min(following, self.pieces[place].start)
+        return edge, following
 
 
 def line_lows(drivers: Sequence[Driver], disputed: Disputed) -> list[Interval]:
@@ -74,6 +73,11 @@ def line_lows(drivers: Sequence[Driver], disputed: Disputed) -> list[Interval]:
         return [low for driver in drivers for low in driver.lows]
     waves = [(driver, Wave([driver.lows])) for driver in drivers]
     marks = {tick for driver in drivers for tick in (driver.since, driver.until, *chain(*driver.lows))}
+    marks |= {
+        edge_of(after + 1, driver.timing, driver.begun[0], driver.pauses)
+        for driver in drivers
+        for after, _ in driver.pauses
+    }
     found: list[Interval] = []
     for tick, until in pairwise(sorted(marks)):
         on = [(driver, wave.level(tick)) for driver, wave in waves if driver.since <= tick < driver.until]

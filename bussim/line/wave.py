@@ -10,7 +10,6 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import groupby
-from typing import NamedTuple
 
 from bussim.line.characters import CharFormat, LineTiming
 
@@ -19,50 +18,35 @@ Interval = tuple[int, int]
 Pause = tuple[int, int]
 
 
-class Piece(NamedTuple):
-    """Characters of a frame back to back: from ``first`` to before ``behind``, from tick to tick."""
-
-    first: int
-    behind: int
-    start: int
-    end: int
+def paused(pauses: Iterable[Pause], index: int) -> int:
+    """Ticks of the pauses before the character at an index."""
+    return sum(ticks for after, ticks in pauses if after < index)
 
 
-def pieces_of(count: int, timing: LineTiming, start: int, pauses: Iterable[Pause] = ()) -> list[Piece]:
-    """The pieces into which pauses cut a frame of ``count`` characters; one after its last does not.
-
-    The characters after a pause are timed from its end.
-    """
-    found: list[Piece] = []
-    first = 0
-    for index, ticks in (*sorted(pauses), (count - 1, 0)):
-        if first <= index < count:
-            end = start + timing.characters(index + 1 - first)
-            found.append(Piece(first, index + 1, start, end))
-            first, start = index + 1, end + ticks
-    return found or [Piece(0, 0, start, start)]
+def edge_of(index: int, timing: LineTiming, start: int, pauses: Iterable[Pause] = ()) -> int:
+    """The first edge of the character at an index of a frame that begins at ``start``."""
+    return start + timing.characters(index) + paused(pauses, index)
 
 
-def character_at(pieces: Sequence[Piece], timing: LineTiming, tick: int) -> int:
-    """The number of the character that is on the line at a tick, in a pause as if it went on before it."""
-    piece = next((piece for piece in reversed(pieces) if piece.start <= tick), pieces[0])
-    return piece.first + (tick - piece.start) // timing.character
+def paused_by(tick: int, timing: LineTiming, start: int, pauses: Iterable[Pause]) -> int:
+    """Ticks of the pauses of a frame that are over at a tick."""
+    return sum(ticks for after, ticks in pauses if edge_of(after + 1, timing, start, pauses) <= tick)
 
 
 @cache
 def _low_runs(fmt: CharFormat) -> tuple[tuple[Interval, ...], ...]:
     """For every character value the runs of low bits, as (first bit, bit after the last)."""
-    return tuple(tuple(_runs(fmt.encode(value))) for value in range(1 << fmt.data_bits))
+    return tuple(_runs(fmt.encode(value)) for value in range(1 << fmt.data_bits))
 
 
-def _runs(bits: Sequence[int]) -> list[Interval]:
+def _runs(bits: Sequence[int]) -> tuple[Interval, ...]:
     runs: list[Interval] = []
     end = 0
     for bit, same in groupby(bits):
         begin, end = end, end + len(list(same))
         if bit == 0:
             runs.append((begin, end))
-    return runs
+    return tuple(runs)
 
 
 def encode_bits(chars: bytes, fmt: CharFormat) -> list[int]:
@@ -79,26 +63,26 @@ def low_intervals(
     numbers beyond the frame are ignored.
     """
     fmt = timing.format
-    if pauses:
-        found: list[Interval] = []
-        for first, behind, at, _ in pieces_of(len(chars), timing, start, pauses):
-            before, after = first * fmt.bits, behind * fmt.bits
-            own = [number - before for number in inverted if before <= number < after]
-            found += low_intervals(chars[first:behind], timing, at, own)
-        return found
-    flips = set(inverted)
+    width, flips = fmt.bits, set(inverted)
     if flips:
         bits = encode_bits(chars, fmt)
         for number in flips:
             if number < len(bits):
                 bits[number] ^= 1
-        runs = _runs(bits)
+        each = [_runs(bits[first : first + width]) for first in range(0, len(bits), width)]
     else:
-        table, width, mask = _low_runs(fmt), fmt.bits, (1 << fmt.data_bits) - 1
-        runs = [
-            (index * width + first, index * width + last)
-            for index, value in enumerate(chars)
-            for first, last in table[value & mask]
+        table, mask = _low_runs(fmt), (1 << fmt.data_bits) - 1
+        each = [table[value & mask] for value in chars]
+    runs = [
+        (index * width + first, index * width + last)
+        for index, runs in enumerate(each)
+        for first, last in runs
+    ]
+    if pauses:
+        starts = [start + paused(pauses, index) for index in range(len(chars))]
+        return [
+            (starts[first // width] + timing.bits(first), starts[first // width] + timing.bits(last))
+            for first, last in runs
         ]
     bit = timing.bit
     if bit.denominator == 1:

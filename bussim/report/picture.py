@@ -69,7 +69,7 @@ BOX_STYLES = {
     DAMAGE: BoxStyle(IN_ERROR, 0.8, meaning="damaged character"),
     HEARD_DAMAGE: BoxStyle(IN_ERROR, 0.3, filled=False, meaning="damaged in this receiver only"),
     LOST: BoxStyle(IN_ERROR, 0.8, "xxxx", filled=False, meaning="frame that collided or was cut off"),
-    DRIVEN: BoxStyle(IN_ERROR, 0.3, "////", filled=False, meaning="driver still on after a frame"),
+    DRIVEN: BoxStyle(IN_ERROR, 0.3, "////", filled=False, meaning="driver on, nothing sent"),
     ACTING: BoxStyle(FAULT, 0.5, meaning="a fault acts"),
     FLAG: BoxStyle(IN_ERROR, 0.5, meaning="the master has a station in error"),
     LEVEL: BoxStyle("#eeeeee", 0.62, meaning="value of a device"),

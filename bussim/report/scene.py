@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from bussim.line.characters import CharFormat
+from bussim.line.wave import edge_of, paused
 from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan
 from bussim.results.meters.timeline import Span
-from bussim.trace.levels import pieces_of_frame
+from bussim.trace.levels import timing_of_frame
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import seconds
 from bussim.wording import counted
@@ -176,11 +177,15 @@ class _Painter:
         text += ms(frame.end - frame.start) + (f"; {', '.join(faults)}" if faults else "")
         plain = frame.station is None or frame.kind == "parameters"
         label = frame.kind if plain else f"{frame.kind} {frame.station}"
-        for first, (start, end) in _pieces(frame):
-            self.box(lane, start, end, frame.kind, "" if first else label, text)
-        if frame.released is not None:
-            on = f"driver of {frame.sender} on for {ms(frame.released - frame.end)} after its frame"
-            self.box(lane, frame.end, frame.released, DRIVEN, "", on)
+        self.box(lane, frame.start, frame.end, frame.kind, label, text)
+        idle = [(frame.end, frame.driven_until)]
+        for index, ticks in frame.pauses:
+            edge = edge_of(index + 1, timing_of_frame(frame), frame.start, frame.pauses)
+            idle.append((edge - ticks, min(edge, frame.end)))
+        for start, end in idle:
+            if start < end:
+                on = f"driver of {frame.sender} on for {ms(end - start)}, nothing sent"
+                self.box(lane, start, end, DRIVEN, "", on)
         for start, end, what in _damage(frame, frame.damaged_bits):
             self.box(
                 lane, start, end, DAMAGE, "", f"{what} of {frame.sender}'s {frame.kind} frame is damaged"
@@ -292,23 +297,11 @@ def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int,
     if not bits or not number:
         return
     per_char = CharFormat.parse(frame.format).bits
-    pieces = dict(_pieces(frame))
+    length = frame.end - frame.start - paused(frame.pauses, number - 1)
     for char in sorted({min(bit // per_char, number - 1) for bit in bits}):
-        first = max(each for each in pieces if each <= char)
-        behind = min((each for each in pieces if each > char), default=number)
-        begin, over = pieces[first]
-        start, end = (
-            begin + (over - begin) * edge // (behind - first) for edge in (char - first, char - first + 1)
-        )
+        begin = frame.start + paused(frame.pauses, char)
+        start, end = (begin + length * edge // number for edge in (char, char + 1))
         yield start, end, f"character {char + 1} of {number}"
-
-
-def _pieces(frame: FrameRecord) -> Iterable[tuple[int, tuple[int, int]]]:
-    """What a frame's pauses leave of it: the number of the first character, and from when until when."""
-    pieces = pieces_of_frame(frame)
-    for piece in pieces:
-        if piece.start <= frame.end:
-            yield piece.first, (piece.start, frame.end if piece is pieces[-1] else min(piece.end, frame.end))
 
 
 def _why(window: TraceWindow) -> Iterable[str]:

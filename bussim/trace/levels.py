@@ -10,7 +10,7 @@ from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.contention import Disputed, Driver, disputed_level, line_lows
 from bussim.line.uart import Sampled, Uart
-from bussim.line.wave import Piece, Wave, clip, low_intervals, pieces_of
+from bussim.line.wave import Wave, clip, low_intervals
 from bussim.trace.records import FrameRecord, TraceHeader
 
 
@@ -32,19 +32,14 @@ def timing_of_frame(frame: FrameRecord) -> LineTiming:
     return timing_of(frame.baud, frame.format, frame.ppm)
 
 
-def pieces_of_frame(frame: FrameRecord) -> list[Piece]:
-    """A frame's characters as its pauses divide them."""
-    return pieces_of(len(frame.chars), timing_of_frame(frame), frame.start, frame.pauses)
-
-
 def driver_of(frame: FrameRecord, flips: Sequence[int]) -> Driver:
     """The driver of a frame's sender if these of its bits are inverted; the part cut off left out."""
     timing = timing_of_frame(frame)
     lows = low_intervals(frame.chars, timing, frame.start, flips, frame.pauses)
     if lows and lows[-1][1] > frame.end:
         lows = clip(lows, frame.start, frame.end)
-    begun, pieces = (frame.start, frame.sender), pieces_of_frame(frame)
-    return Driver(begun, frame.start, frame.driven_until, lows, pieces, timing.bit)
+    begun = frame.start, frame.sender
+    return Driver(begun, frame.start, frame.driven_until, lows, timing, frame.pauses)
 
 
 def is_plain(frame: FrameRecord, timing: LineTiming) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import count, takewhile
 from math import floor, sqrt
 
 import pytest
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.contention import Contention, Driver, disputed_level, line_lows
-from bussim.line.wave import Wave, clip, low_intervals, pieces_of
+from bussim.line.wave import Wave, clip, low_intervals
 from bussim.units import TICKS_PER_SECOND
 
 #: 10 ticks a bit; 10 2/7; 26; so that a test can go through every tick.
@@ -32,35 +31,35 @@ def drivers(draw: st.DrawFn) -> list[Driver]:
         timing, start = draw(st.sampled_from(FORMATS)), draw(st.integers(0, 200))
         chars = draw(st.binary(min_size=1, max_size=3))
         pauses = tuple(draw(st.dictionaries(st.integers(0, 1), st.integers(1, 60))).items())
-        pieces = pieces_of(len(chars), timing, start, pauses)
         lows = low_intervals(chars, timing, start, draw(st.sets(st.integers(0, 30))), pauses)
         since = start + draw(st.sampled_from([0, 0, 25]))
         until = max(since + 1, lows[-1][1] if lows else 0) + draw(st.integers(0, 300))
-        found.append(
-            Driver((start, f"n{number}"), since, until, clip(lows, since, until), pieces, timing.bit)
-        )
+        found.append(Driver((start, f"n{number}"), since, until, clip(lows, since, until), timing, pauses))
     return found
 
 
 def edges(driver: Driver) -> list[int]:
-    """The edges of all bits of a frame, and of those that would follow: each piece has its own."""
+    """The edges of all bits of a frame, and of those that would follow; after a pause they begin anew."""
     found: set[int] = set()
-    for piece, behind in zip(driver.pieces, [*driver.pieces[1:], None], strict=True):
-        end = SPAN if behind is None else behind.start
-        ticks = (piece.start + floor(driver.bit * number + Fraction(1, 2)) for number in count())
-        found.update(takewhile(lambda tick, end=end: tick < end, ticks))  # type: ignore[misc] # a default
+    (start, _), timing, over, begin = driver.begun, driver.timing, 0, driver.begun[0]
+    for after, ticks in (*sorted(driver.pauses), (SPAN, 0)):
+        end = start + timing.characters(after + 1) + over + ticks
+        numbers = range(int((min(end, SPAN) - start - over) / timing.bit) + 2)
+        grid = (start + over + floor(timing.bit * number + Fraction(1, 2)) for number in numbers)
+        found.update(edge for edge in grid if begin <= edge < min(end, SPAN))
+        begin, over = end, over + ticks
     return sorted(found)
 
 
 def test_a_bit_begins_at_an_edge_and_ends_at_the_next() -> None:
     for timing in FORMATS:
-        pieces = pieces_of(3, timing, 17, [(1, 33)])
-        driver = Driver((17, "a"), 17, SPAN, [], pieces, timing.bit)
-        found = edges(driver)
-        for tick in range(17, 900):
-            edge, following = driver.bit_at(tick)
-            assert edge == max(each for each in found if each <= tick)
-            assert following == min(each for each in found if each > tick)
+        for pauses in ((), ((1, 33),)):
+            driver = Driver((17, "a"), 17, SPAN, [], timing, pauses)
+            found = edges(driver)
+            for tick in range(17, 900):
+                edge, following = driver.bit_at(tick)
+                assert edge == max(each for each in found if each <= tick)
+                assert pauses or following == min(each for each in found if each > tick)
 
 
 @given(several=drivers(), seed=st.integers(0, 2**63 - 1), order=st.randoms(use_true_random=False))
@@ -103,8 +102,8 @@ def test_an_idle_driver_that_is_on_spoils_the_zeros_of_a_frame_and_no_ones() -> 
     chars = bytes(range(1, 100))
     lows = low_intervals(chars, timing, 1000)
     end = 1000 + timing.characters(len(chars))
-    frame = Driver((1000, "later"), 1000, end, lows, pieces_of(len(chars), timing, 1000), timing.bit)
-    tail = Driver((900, "tail"), 990, end, [], pieces_of(1, timing, 900), timing.bit)
+    frame = Driver((1000, "later"), 1000, end, lows, timing)
+    tail = Driver((900, "tail"), 990, end, [], timing)
     clean = Wave([lows])
     heard = Wave([line_lows([tail, frame], disputed_level(Contention.UNDEFINED, 1, "b"))])
     zeros = [tick for tick in range(1005, end, 10) if clean.level(tick) == 0]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
-from bussim.line.wave import Wave, character_at, clip, encode_bits, low_intervals, pieces_of
+from bussim.line.wave import Wave, clip, edge_of, encode_bits, low_intervals, paused, paused_by
 
 ODD = LineTiming(115200, CharFormat(8, "O", 2), Fraction(-7_300))
 
@@ -88,25 +88,23 @@ def test_clipping_leaves_what_lies_between(
 def test_a_pause_moves_what_comes_after_it(
     timing: LineTiming, chars: bytes, start: int, flips: set[int], pauses: dict[int, int]
 ) -> None:
-    found = Wave([low_intervals(chars, timing, start, flips, tuple(pauses.items()))])
-    pieces = pieces_of(len(chars), timing, start, pauses.items())
-    width, at = timing.format.bits, start
+    given = tuple(pauses.items())
+    found = Wave([low_intervals(chars, timing, start, flips, given)])
+    width = timing.format.bits
     bits = encode_bits(chars, timing.format)
     for number in flips:
         if number < len(bits):
             bits[number] ^= 1
-    for place in range(len(chars)):
-        assert character_at(pieces, timing, at + timing.characters(1) // 2) == place
-        for number, bit in enumerate(bits[place * width : (place + 1) * width]):
-            # A tick beside the middle: where bits are no whole ticks, a piece is rounded from its own edge.
-            assert found.level(at + timing.bits(number) + timing.bits(1) // 2) == bit
-        at += timing.characters(1)
-        if place in pauses and place < len(chars) - 1:
-            for tick in (at + 1, at + pauses[place] - 2):
-                assert found.level(tick) == 1 or pauses[place] < 4
-            at += pauses[place]
-    assert abs(pieces[-1].end - at) <= len(chars)
-    whole = pieces_of(len(chars), timing, start, [(len(chars) - 1, 500), (len(chars), 500)])
-    assert whole == [
-        (0, len(chars), start, start + timing.characters(len(chars)))
-    ]  # behind the last character it is no pause inside
+    over = 0
+    for index in range(len(chars)):
+        edge = start + over + timing.bits(index * width)
+        assert (edge_of(index, timing, start, given), paused(given, index)) == (edge, over)
+        assert paused_by(edge, timing, start, given) == over
+        for number, bit in enumerate(bits[index * width : (index + 1) * width], index * width):
+            first, behind = start + over + timing.bits(number), start + over + timing.bits(number + 1)
+            assert {found.level(first), found.level((first + behind) // 2), found.level(behind - 1)} == {bit}
+        if index in pauses and index < len(chars) - 1:
+            behind = start + over + timing.bits((index + 1) * width)
+            assert {found.level(behind), found.level(behind + pauses[index] - 1)} == {1}
+            assert paused_by(behind + pauses[index] - 1, timing, start, given) == over
+            over += pauses[index]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 from bussim.engines.contract import RxChar
 from bussim.line.characters import LineTiming
 from bussim.line.contention import Disputed
-from bussim.line.wave import Interval, Pause, Piece, low_intervals, pieces_of
+from bussim.line.wave import Interval, Pause, low_intervals, paused
 
 Bits = tuple[int, ...]
 #: An engine's ``receive_frame``. What it takes is a frame of its own protocol; a line passes it no other.
@@ -234,12 +234,7 @@ class Transmission:
         if chars is not self.chars:
             self.chars = chars
             self.damaged = True
-        self.end = self.pieces[-1].end
-
-    @property
-    def pieces(self) -> list[Piece]:
-        """Its characters as its pauses divide them."""
-        return pieces_of(len(self.chars), self.timing, self.start, self.pauses)
+        self.end = self.start + self.timing.characters(len(chars)) + paused(self.pauses, len(chars) - 1)
 
     @property
     def driven_until(self) -> int:

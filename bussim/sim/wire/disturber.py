@@ -6,6 +6,7 @@ from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 
 from bussim.line.noise import BitNoise
+from bussim.line.wave import edge_of
 from bussim.sim.wire.contract import DisturbedLine, Transmission
 
 
@@ -134,7 +135,8 @@ class Disturber:
             name = self._names[key] = self._line.stream_name(tx)
         width, bit = tx.timing.format.bits, tx.timing.bit
         bits = len(tx.chars) * width
-        pieces = [(at, (behind - first) * width) for first, behind, at, _ in tx.pieces] if tx.pauses else ()
+        indices = range(len(tx.chars) if tx.pauses else 0)
+        pieces = [(edge_of(index, tx.timing, tx.start, tx.pauses), width) for index in indices]
         for noise in self._noises:
             if noise.position is not None and (noise.position == sender.position) is noise.receiver:
                 continue  # tx noise: not the sender; rx noise: the receiver is itself the sender

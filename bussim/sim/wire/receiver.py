@@ -14,7 +14,7 @@ from bussim.engines.contract import OPEN, RxChar
 from bussim.line.characters import LineTiming
 from bussim.line.contention import Driver, line_lows
 from bussim.line.uart import Sampled, Uart
-from bussim.line.wave import Wave, character_at, clip
+from bussim.line.wave import Wave, clip, paused_by
 from bussim.sim.kernel import HEARING, Kernel
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 
@@ -134,7 +134,7 @@ class Receiver:
         tx, until = part.tx, self._until(part)
         off = tx.driven_until if part.until is None else min(part.until, tx.driven_until)
         lows = clip(tx.lows(self._port.position), part.since, until)
-        return Driver((tx.start, tx.sender.name), part.since, off, lows, tx.pieces, tx.timing.bit)
+        return Driver((tx.start, tx.sender.name), part.since, off, lows, tx.timing, tx.pauses)
 
     @staticmethod
     def _until(part: _Part) -> int:
@@ -191,7 +191,9 @@ class Receiver:
         if tx is None or fault is None:
             return heard
         index, value = fault
-        if character_at(tx.pieces, tx.timing, char.start + self._half_character) != index:
+        at = char.start + self._half_character
+        at -= tx.start + paused_by(at, tx.timing, tx.start, tx.pauses)
+        if at // tx.timing.characters(1) != index:
             return heard
         return [] if value is None else [RxChar(value), *heard]
 
