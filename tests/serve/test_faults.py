@@ -104,6 +104,17 @@ def test_a_wrong_format_is_heard_and_spoken(controlled: Serving, client: Any) ->
     controlled.wait_for(lambda: read(client))
 
 
+def test_a_pause_keeps_the_rest_of_a_reply_back(client: Any) -> None:
+    import time
+
+    assert read(client)
+    assert main(["inject", "v80", "pause", "--index", "3", "--by", "200 ms", "--count", "1"]) == 0
+    begun = time.monotonic()
+    assert read(client)
+    assert time.monotonic() - begun >= 0.2
+    assert read(client)
+
+
 def test_slow_is_slow(client: Any) -> None:
     import time
 
