@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import NamedTuple
 
 from matplotlib.artist import Artist
@@ -11,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.text import Text
 
 from bussim.report.scene import (
     ACTING,
@@ -48,7 +46,7 @@ from bussim.wording import counted
 _WIDTH = 13.0
 _LANE_HEIGHT = 0.36
 _MOST_EVENTS = 6
-_LINE = 150  # characters of a line under the picture
+_CROWDED = 70  # numbers that this part of the axis has room for
 
 
 class BoxStyle(NamedTuple):
@@ -88,26 +86,28 @@ def style_of(kind: str) -> BoxStyle:
 
 def timeline_picture(scene: Scene, description: str) -> Picture:
     """The picture of a timeline; ``description`` is what it rests on (scenario, seed, version)."""
-    texts = _texts(scene)
-    lines = sum(text.count("\n") + 1 for text in texts)
     with style():
-        height = _LANE_HEIGHT * len(scene.lanes) + 1.6 + 0.17 * lines
+        height = _LANE_HEIGHT * len(scene.lanes) + 1.6
         picture = new_picture(_WIDTH, height, description)
+        label = f"ms after {seconds(scene.begin):.6f} s"
+        names = [shorten(lane, 30) for lane in scene.lanes]
+        room = _WIDTH - 0.6 - max(picture.width_of(name, 9) for name in names)
+        label = "\n".join([label, *(picture.wrapped(text, 9, room) for text in _texts(scene))])
+        picture.set_figheight(height + 0.17 * label.count("\n"))
         axes = picture.add_subplot()
         _draw_boxes(axes, scene)
         _draw_marks(axes, scene)
-        axes.set_yticks(range(len(scene.lanes)), [shorten(lane, 30) for lane in scene.lanes])
+        axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(scene.lanes) - 0.45, -0.6)
         axes.set_xlim(0, milliseconds(scene.end - scene.begin))
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
-        label = f"ms after {seconds(scene.begin):.6f} s"
-        axes.set_xlabel("\n".join([label, *texts]) if texts else label, loc="left", fontsize=9)
+        axes.set_xlabel(label, loc="left", fontsize=9)
         heading = f"{scene.bus}, {seconds(scene.begin):.3f} s to {seconds(scene.end):.3f} s"
         finish_picture(picture, heading, _legend(scene), columns=4)
         # Only now is it known how wide a box is on paper.
         picture.draw_without_rendering()
-        _label_boxes(axes, scene)
+        _label_boxes(picture, axes, scene)
     return picture
 
 
@@ -151,31 +151,29 @@ def _draw_marks(axes: Axes, scene: Scene) -> None:
             markersize=size,
             zorder=4,
         )
-    for number, mark in enumerate(_events(scene), 1):
-        if number <= _MOST_EVENTS:
-            at = milliseconds(mark.tick - scene.begin)
-            axes.annotate(
-                f"{number}", (at, mark.lane), xytext=(5, -3), textcoords="offset points", fontsize=8, zorder=5
-            )
+    last, level = scene.begin, 0
+    for number, mark in enumerate(_events(scene)[:_MOST_EVENTS], 1):
+        # Numbers that would lie on each other stand on lines of their own.
+        level = (level + 1) % 3 if _CROWDED * (mark.tick - last) < scene.end - scene.begin else 0
+        at, last = (milliseconds(mark.tick - scene.begin), mark.lane), mark.tick
+        offset = (5, (-3, 5, -11)[level])
+        axes.annotate(f"{number}", at, offset, textcoords="offset points", fontsize=8, zorder=5)
 
 
 def _events(scene: Scene) -> list[Mark]:
     return [mark for mark in scene.marks if mark.kind != END]
 
 
-def _label_boxes(axes: Axes, scene: Scene) -> None:
+def _label_boxes(picture: Picture, axes: Axes, scene: Scene) -> None:
     """Write each box's label into it where it fits."""
-    renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined] # Agg's
     per_ms = axes.transData.transform((1, 0))[0] - axes.transData.transform((0, 0))[0]
     widths: dict[str, float] = {}
-    probe = Text(0, 0, "", fontsize=7, figure=axes.figure)
     for box in scene.boxes:
         if not box.label:
             continue
         start, width = _extent(scene, box)
         if box.label not in widths:
-            probe.set_text(box.label)
-            widths[box.label] = probe.get_window_extent(renderer).width
+            widths[box.label] = picture.width_of(box.label, 7) * picture.dpi
         if widths[box.label] + 4 > width * per_ms:
             continue
         drawn = style_of(box.kind)
@@ -204,8 +202,7 @@ def _texts(scene: Scene) -> list[str]:
         events[_MOST_EVENTS:] = [f"… and {counted(len(events) - _MOST_EVENTS, 'more event')}"]
     if scene.left_out:
         events.append(f"{counted(scene.left_out, 'more device')} changed")
-    texts = [*events, *scene.why]
-    return [shorten("\n".join(wrap(text, _LINE)), 1200) for text in texts]
+    return [*events, *scene.why]
 
 
 def _legend(scene: Scene) -> Sequence[Artist]:

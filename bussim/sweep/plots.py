@@ -69,6 +69,7 @@ _MOST_TICKS = 12
 _MOST_WRITTEN = 10
 _MOST_SHAPES = 1000
 _LONGEST_TICK, _LONGEST_NUMBER = 14, 6
+_WIDE, _HIGH = 3.8, 2.4  # a panel in inches
 _MAP = "viridis"
 #: Where the repeats are too few: the least run, the mean and the greatest run; in a cell without a number.
 _HOLLOW: Any = {"c": SIMULATED, "ls": ":", "lw": 1, "marker": "o", "mfc": "w", "markevery": [1], "zorder": 3}
@@ -134,7 +135,7 @@ def lines(plan: Plan, runs: Table, points: Table, bus: str) -> Picture:
                 panel.set_ylim(0, 1)  # an axis of nothing would show hundredths of an event
             elif min((value for value in (*mean, *low) if isfinite(value)), default=0) >= 0:
                 panel.set_ylim(bottom=max(0, panel.get_ylim()[0]))
-            panel.set_xlabel(_axis_label(axis))
+            panel.set_xlabel(_axis_label(picture, axis, _WIDE))
         key = _line_key(plan, band=axis.unit is not None, bounded=bounded, few=few)
         finish_picture(picture, _heading(plan, bus), key)
     return picture
@@ -169,8 +170,8 @@ def heat_maps(plan: Plan, runs: Table, points: Table, bus: str) -> Picture:
                 panel.plot([x + 0.5 for x, _ in few], [y + 0.5 for _, y in few], **_DOT)
             _label_positions(panel, across, "x", 0.5)
             _label_positions(panel, up, "y", 0.5)
-            panel.set_xlabel(_axis_label(across))
-            panel.set_ylabel(_axis_label(up))
+            panel.set_xlabel(_axis_label(picture, across, _WIDE))
+            panel.set_ylabel(_axis_label(picture, up, _HIGH))
         finish_picture(picture, _heading(plan, bus), _map_key(plan, written, _NO_LINE if numbered else _DOT))
     return picture
 
@@ -247,8 +248,8 @@ def _tick(axis: Axis, index: int) -> str:
     return shorten(value.text, _LONGEST_TICK)
 
 
-def _axis_label(axis: Axis) -> str:
-    return shorten(axis.key, 50) + (f" ({axis.unit})" if axis.unit else "")
+def _axis_label(picture: Picture, axis: Axis, inches: float) -> str:
+    return picture.wrapped(axis.key + (f" ({axis.unit})" if axis.unit else ""), 10, inches)
 
 
 def _colours(values: Sequence[float]) -> Normalize:

@@ -132,6 +132,23 @@ def test_where_repeats_are_too_few_there_is_no_interval(scenario: Path) -> None:
     assert_legible(picture)
 
 
+@pytest.mark.slow
+def test_long_keys_cover_nothing(tmp_path: Path) -> None:
+    name = "一台名字很长的压机它的名字由很有时间的人写成"
+    path = noisy(tmp_path)
+    text = (
+        path.read_text(encoding="utf-8")
+        .replace("name: press\n", f"name: {name}\n")
+        .replace("name: noisy pair", f"name: {name * 3}")
+    )
+    assert name in text
+    path.write_text(text, encoding="utf-8")
+    keys = [f"plcs.{name}.nn.retries=0:3:1", f"plcs.{name}.nn.timeout=50ms:70ms:10ms"]
+    two, one = Plan(path, keys, repeat=3), Plan(path, keys[:1], repeat=3)
+    assert_legible(heat_maps(two, *results(two), "link"))
+    assert_legible(lines(one, *results(one), "link"))
+
+
 def test_an_axis_of_events_that_never_occurred_goes_to_one(scenario: Path) -> None:
     plan = Plan(scenario, [f"{RETRIES}=0,1"], repeat=2)
     picture = lines(plan, *results(plan, rare=True), "link")

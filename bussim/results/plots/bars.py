@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isqrt
 from typing import Literal
 
 from matplotlib.axes import Axes
@@ -13,7 +14,9 @@ from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width
 from bussim.results.plots.style import RUNS
 from bussim.units import milliseconds
 
-_MOST_BARS = 160
+_MOST_BARS, _FEW_BARS = 160, 20
+#: Marks are apart where at least this part of the axis lies between them.
+_APART = 80
 #: Shortest range of times on an axis, in ms.
 _LEAST_SHOWN = 0.1
 #: The whole range is so many times the usual one before that has an axis of its own.
@@ -71,7 +74,9 @@ def draw(
     black marks, of several each has its colour of :data:`RUNS`.
     """
     first, last = shown
-    width = bar_width(last - first + 1, _MOST_BARS)
+    samples = max(sum(histogram.bars(last + 1, first, last).values()) for histogram in histograms)
+    # Bars of less than a few samples each would be a comb.
+    width = bar_width(last - first + 1, min(_MOST_BARS, max(_FEW_BARS, 3 * isqrt(samples))))
     alone = len(histograms) == 1
     for number, histogram in enumerate(histograms):
         _draw_bars(axes, histogram.bars(width, first, last), width, RUNS[number], alone=alone)
@@ -81,10 +86,15 @@ def draw(
     axes.set_xlim(low - missing / 2, high + missing / 2)
     if axes.get_yscale() == "linear":
         axes.yaxis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
+    near = (last - first + 1) * BIN_TICKS / _APART
     for number, histogram in enumerate(histograms):
-        for name, value in marked(histogram).items():
+        marks = marked(histogram)
+        for name, value in marks.items():
+            # Marks that would lie on each other share the height, in the order of their names.
+            same = [other for other in marks if abs(marks[other] - value) < near]
+            low, high = (place / len(same) for place in (same.index(name), same.index(name) + 1))
             colour = "black" if alone else RUNS[number]
-            axes.axvline(milliseconds(value), color=colour, linestyle=MARKS[name], linewidth=1.2)
+            axes.axvline(milliseconds(value), low, high, color=colour, linestyle=MARKS[name], linewidth=1.2)
     axes.set_xlabel(times)
     axes.set_ylabel(f"{counted} per {_width_text(width)}")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from textwrap import fill
 from typing import Literal
 
 from matplotlib.axes import Axes
@@ -50,8 +49,6 @@ from bussim.units import TICKS_PER_MS, milliseconds
 
 #: Longest label of a run beside its bars.
 _LONGEST_LABEL = 22
-#: Characters in a line of what must be said beside the bounds.
-_CAVEAT_WIDTH = 60
 #: The columns of a picture where a few latencies lie far from the others.
 _USUAL, _ALL = "the usual ones", "all"
 
@@ -139,7 +136,7 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
         if len(shown) > 1:
             grid[1, 1].tick_params(axis="y", labelleft=False)
         if several is None:
-            words = shorten(counts_in_words(runs[0].summary["latency"][name]), 100)
+            words = picture.wrapped(counts_in_words(runs[0].summary["latency"][name]), 9, 7)
             grid[0, 0].set_title(words if len(shown) == 1 else f"{words}\n{_USUAL}", fontsize=9)
         heading = _heading(name, records)
         if several is None:
@@ -195,7 +192,7 @@ def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
 def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
     """Lines of text: what must be said beside the bounds, each once."""
     found = dict.fromkeys(said for summary in summaries for said in caveats(summary))
-    return [_Mark(0.0, fill(said, _CAVEAT_WIDTH), DISTRIBUTION, "", 0) for said in found]
+    return [_Mark(0.0, said, DISTRIBUTION, "", 0) for said in found]
 
 
 def _bound_mark(

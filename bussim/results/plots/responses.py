@@ -20,7 +20,6 @@ from bussim.results.plots.style import (
     finish_picture,
     legend_of_runs,
     new_picture,
-    shorten,
     style,
     too_many,
 )
@@ -30,8 +29,8 @@ from bussim.wording import counted
 
 #: Most panels; the polls with the fewest attempts share the last one.
 _MOST_PANELS = 8
-#: A timeout is on the axis up to so many times the longest response.
-_BEYOND = 20
+#: A timeout is on the axis up to so many times the longest response; a further one would leave these no room.
+_BEYOND = 1.5
 _TIMES = "end of the request to end of its response (ms)"
 
 
@@ -54,10 +53,10 @@ def response_time_histogram(
 ) -> Picture:
     """The histograms of a master's response times: a row for each poll, on one axis of time.
 
-    Counts are logarithmic, so that rare slow responses are seen, and the timeout is marked. Where a few
-    responses or the timeout lie far from the usual ones, these have an axis of their own beside the
-    whole range. Several runs share the panels, each in its colour; ``labels`` names them (default:
-    the scenarios' names).
+    Counts are logarithmic, so that rare slow responses are seen. Where a few responses lie far from the usual
+    ones, these have an axis of their own beside the whole range. The timeout is marked, or where it is far
+    said beside, with the attempts that got no response. Several runs share the panels, each in its colour;
+    ``labels`` names them (default: the scenarios' names).
 
     Raises UsageError if a run has no such master or it had no response, or for too many runs.
     """
@@ -82,13 +81,17 @@ def response_time_histogram(
             if beside:
                 bars.draw(axes, panel.responses, usual, "the usual responses (ms)", "responses")
                 axes.locator_params(axis="x", nbins=5)
-            axes.set_title(shorten(_in_words(panel), 100), fontsize=9)
+            axes.set_title(picture.wrapped(_in_words(panel), 9, 4.8), fontsize=9)
         for axes, panel in zip(columns[-1], panels, strict=True):
             axes.set_yscale("log")
             bars.draw(axes, panel.responses, whole, _TIMES, "responses")
             axes.set_ylim(0.6, max(12, axes.get_ylim()[1]))  # a whole decade: whole numbers on the axis
             for timeout in near:
                 axes.axvline(milliseconds(timeout), color=IN_ERROR, linewidth=2, alpha=0.8)
+            missing = sum(panel.attempts) - sum(histogram.count for histogram in panel.responses)
+            if missing and len(near) < len(timeouts):
+                text = f"{missing:,} without a response →"
+                axes.set_title(text, loc="right", fontsize=8, color=IN_ERROR)
         for axes in (*columns[0], *columns[-1]):
             axes.yaxis.label.set_size(8)
         for column, shown in zip(columns, (usual, whole) if beside else (whole,), strict=True):

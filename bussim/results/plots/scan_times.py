@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 
 from matplotlib.lines import Line2D
 
@@ -15,7 +14,6 @@ from bussim.results.plots.style import (
     finish_picture,
     legend_of_runs,
     new_picture,
-    shorten,
     style,
     too_many,
 )
@@ -107,10 +105,4 @@ def _explain_one(link: LinkRecord) -> list[Line2D]:
         texts["max"] += f" at {seconds(times.longest_at):.2f} s"
         if times.longest_cause:
             texts["max"] += f": {times.longest_cause}"
-    return bars.legend_of_marks({name: _wrapped(text) for name, text in texts.items()})
-
-
-def _wrapped(text: str) -> str:
-    """A text on at most two lines of the legend."""
-    first, *rest = wrap(text, 92)
-    return "\n".join([shorten(first, 92), shorten(" ".join(rest), 92)] if rest else [shorten(first, 92)])
+    return bars.legend_of_marks(texts)

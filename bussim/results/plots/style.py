@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 from bussim.errors import UsageError
 from bussim.files import written_whole
+from bussim.results.plots.fonts import FONT, use_fonts
 from bussim.version import __version__
 
 # The palette of Okabe and Ito, which colour-blind people can distinguish; yellow, too pale for
@@ -56,6 +60,8 @@ PARTS_OF_LATENCY = {
 }
 
 _DPI = 150
+#: Inches of a column of a legend beside its labels.
+_SWATCH = 0.6
 _SOFTWARE = f"bussim {__version__}"
 # Any, since the type of matplotlib's setting names differs between its versions.
 _SETTINGS: Any = {
@@ -69,7 +75,7 @@ _SETTINGS: Any = {
     "axes.titlelocation": "left",
     "axes.titlesize": 11,
     "figure.dpi": 100,
-    "font.family": ["DejaVu Sans"],  # comes with matplotlib: the same picture everywhere
+    "font.family": [FONT],
     "font.size": 9,
     "grid.color": "#dddddd",
     "grid.linewidth": 0.6,
@@ -92,6 +98,15 @@ def style() -> Iterator[None]:
             yield
 
 
+@contextmanager
+def _fonts_for(texts: Iterable[Text]) -> Iterator[None]:
+    """Fonts for texts that are measured or drawn meanwhile."""
+    use_fonts(texts)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # use_fonts has said so
+        yield
+
+
 class Picture(Figure):
     """A matplotlib figure that needs no pyplot and that a notebook shows by itself.
 
@@ -100,6 +115,31 @@ class Picture(Figure):
 
     title = ""
     description = ""
+
+    def draw(self, renderer: Any) -> None:
+        """Draw everything, each text in fonts that have its characters."""
+        with _fonts_for(self.findobj(Text)):
+            super().draw(renderer)
+
+    def width_of(self, text: str, points: float) -> float:
+        """The width in inches of a line of text of so many points."""
+        # As many dots as in the file: the grid of these makes small letters up to 6 % wider.
+        probe = Text(0, 0, text, fontsize=points * _DPI / self.dpi, parse_math=False, figure=self)
+        with _fonts_for([probe]):
+            renderer = self.canvas.get_renderer()  # type: ignore[attr-defined] # Agg's
+            return float(probe.get_window_extent(renderer).width) / _DPI
+
+    def wrapped(self, text: str, points: float, inches: float) -> str:
+        """A text on lines of at most so many inches, without what matplotlib would take for a formula."""
+        lines = [""]
+        for word in text.split(" "):
+            for place, part in enumerate([word] if self.width_of(word, points) <= inches else word):
+                joined = f"{lines[-1]} {part}" if lines[-1] and not place else lines[-1] + part
+                if lines[-1] and self.width_of(joined, points) > inches:
+                    lines.append(part)
+                else:
+                    lines[-1] = joined
+        return "\n".join(lines).replace("$", r"\$")
 
     def save(self, path: Path) -> Path:
         """Write the picture as PNG or SVG, after the path's ending, and return the path.
@@ -146,7 +186,7 @@ def new_picture(width: float, height: float, description: str) -> Picture:
 def legend_of_runs(labels: Sequence[str], texts: Sequence[str]) -> list[Line2D]:
     """A line for each of several runs, in its colour, and what the marks of all of them mean."""
     handles = [
-        Line2D([], [], color=RUNS[number], linewidth=3, label=f"{shorten(label, 40)}: {text}")
+        Line2D([], [], color=RUNS[number], linewidth=3, label=f"{label}: {text}")
         for number, (label, text) in enumerate(zip(labels, texts, strict=True))
     ]
     return [*handles, Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted")]
@@ -161,19 +201,30 @@ def too_many(runs: Sequence[object]) -> None:
 def finish_picture(picture: Picture, heading: str, handles: Sequence[Artist], *, columns: int = 1) -> None:
     """Heading and legend above the axes, where they hide no data; the description under them.
 
-    The heading, whole, is the title of the picture's files.
+    All are whole, however long: the picture becomes so much higher. The heading is the title of its files.
     """
     picture.title = heading
+    room = 0.96 * picture.get_figwidth()
+    title, about = picture.wrapped(heading, 11, room), picture.wrapped(picture.description, 7, room)
+    more = 11.0 * title.count("\n") + 7.0 * about.count("\n")
+    widths = [_SWATCH + picture.width_of(str(handle.get_label()), 9) for handle in handles]
+    # As the legend shares its entries among its columns, each as wide as its widest entry.
+    fits = sum(max(part, default=0) for part in np.array_split(widths, columns)) <= room
+    for handle in handles:
+        label = picture.wrapped(str(handle.get_label()), 9, room if fits else room / columns - _SWATCH)
+        handle.set_label(label)
+        more += 9.0 * label.count("\n") / columns
+    picture.set_figheight(picture.get_figheight() + 1.3 * more / 72)
     picture.legend(
         handles=handles,
         ncols=columns,
-        title=shorten(heading, 90),
+        title=title,
         title_fontsize=11,
         loc="outside upper left",
         alignment="left",
         borderaxespad=0.2,
     )
-    picture.supxlabel(shorten(picture.description, 150), x=0.99, ha="right", fontsize=7, color=GREY)
+    picture.supxlabel(about, x=0.99, ha="right", fontsize=7, color=GREY)
 
 
 def shorten(text: str, length: int) -> str:

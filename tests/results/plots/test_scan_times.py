@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -19,6 +20,7 @@ from bussim.results.plots.bars import is_far, usual_range, whole_range
 from bussim.results.plots.over_run import scan_times_over_run
 from bussim.results.plots.scan_times import run_labels, scan_time_histogram
 from bussim.results.plots.style import (
+    _DPI,
     DISTRIBUTION,
     FAULT,
     FRAMES,
@@ -59,6 +61,7 @@ def drawn_texts(picture: Figure) -> list[tuple[str, Bbox]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "draw", watched)
+        picture.set_dpi(_DPI)  # of the files, whose dots round the widths of letters
         picture.canvas.draw()
     return list(found.values())
 
@@ -108,6 +111,52 @@ def test_far_outliers_get_a_logarithmic_axis_beside_the_usual_scans() -> None:
     assert usual.get_xlim()[1] < 51
     assert whole.get_xlim()[1] > 349
     assert has(picture, "station 1 (press2): 6 attempts, all 01")
+
+
+def marks_of(axes: Axes) -> dict[str, tuple[float, float, float]]:
+    """Where each mark stands (ms), and from where to where it goes of the height, by its style."""
+    found = {}
+    for line in axes.get_lines():
+        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        found[str(line.get_linestyle())] = (float(x[0]), float(y[0]), float(y[1]))
+    return found
+
+
+def test_marks_that_coincide_do_not_cover_each_other() -> None:
+    picture = scan_time_histogram([quiet(jitter=0, duration=TICKS_PER_SECOND * 60).run()], "link")
+    marks = marks_of(picture.axes[0])
+    assert set(marks) == {"-", "--", ":"}
+    assert {at for at, _, _ in marks.values()} == {50.0}
+    heights = sorted((low, high) for _, low, high in marks.values())
+    assert heights == [
+        (0, pytest.approx(1 / 3)),
+        (pytest.approx(1 / 3), pytest.approx(2 / 3)),
+        (pytest.approx(2 / 3), 1),
+    ]
+    apart = marks_of(scan_time_histogram([NARROW], "link").axes[0])
+    assert apart["-"][1:] == (0, 1)
+
+
+def test_the_mark_of_p99_does_not_lie_over_the_maximum() -> None:
+    """p99 and the maximum of the first picture of the README are a tenth of a ms apart, of 300 ms."""
+    usual, whole = scan_time_histogram([OUTLIERS], "link").axes
+    marks = marks_of(whole)
+    p99, most = marks["--"], marks[":"]
+    times = OUTLIERS.summary["links"]["link"]["scan_time_ms"]
+    assert (p99[0], most[0]) == (pytest.approx(times["p99"]), pytest.approx(times["max"]))
+    assert 0 < most[0] - p99[0] < 1
+    assert (p99[2], most[1]) == (0.5, 0.5)
+    del usual
+
+
+def test_a_few_samples_are_no_comb() -> None:
+    run = quiet(duration=3 * TICKS_PER_SECOND).run()
+    (axes,) = scan_time_histogram([run], "link").axes
+    (bars,) = axes.patches
+    counts, edges, _ = bars.get_data()  # type: ignore[attr-defined] # of a StepPatch
+    assert counts.sum() == 60
+    assert len(counts) <= 3 * 60**0.5
+    assert edges[1] - edges[0] == pytest.approx(0.02)
 
 
 def test_a_hill_of_many_scans_is_among_the_usual_ones() -> None:
