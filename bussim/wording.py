@@ -150,9 +150,7 @@ def about(value: float) -> str:
 
 def counted(number: float, what: str) -> str:
     """A number with its noun: ``1 frame``, ``2,000 frames``, ``0 retries``, ``3 addresses``."""
-    ending = ""
     if number != 1:
-        ending = "es" if what.endswith("s") else "s"
-        if what.endswith("y") and what[-2] not in "aeiou":
-            what, ending = what[:-1], "ies"
-    return f"{number:,.15g} {what}{ending}"
+        what = f"{what[:-1]}ie" if what.endswith("y") and what[-2] not in "aeiou" else what
+        what += "es" if what.endswith("s") else "s"
+    return f"{number:,.15g} {what}"

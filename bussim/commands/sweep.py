@@ -10,7 +10,6 @@ import click
 
 from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
-from bussim.line.protocols import BusProtocol
 from bussim.wording import counted
 
 if TYPE_CHECKING:
@@ -20,29 +19,8 @@ if TYPE_CHECKING:
 
 #: Most points that are printed; the table in the folder has all.
 _MOST_ROWS = 40
-#: The figures of a link that are printed, and the headings of their columns.
-_SHOWN = {
-    "scan_time_mean_ms": "mean scan\n(ms)",
-    "scan_time_max_ms": "longest scan\n(ms)",
-    "station_errors": "station\nerrors",
-    "station_error_onsets": "onsets",
-    "refresh_gap_max_ms": "longest gap\n(ms)",
-}
-#: Those of a Modbus master.
-_SHOWN_OF_MASTER = {
-    "response_ms.mean": "mean response\n(ms)",
-    "response_ms.max": "longest response\n(ms)",
-    "timeouts": "timeouts",
-    "cycle_ms.mean": "mean poll cycle\n(ms)",
-}
-#: Those of a latency; of the age of a word nothing is ever lost.
-_SHOWN_OF_LATENCY = {
-    "ms.p50": "median\n(ms)",
-    "ms.p95": "p95\n(ms)",
-    "ms.p99": "p99\n(ms)",
-    "ms.max": "longest\n(ms)",
-    "lost_share": "share\nlost",
-}
+#: Characters in a line of a heading.
+_HEAD = 14
 
 
 @click.command()
@@ -133,7 +111,7 @@ def command(
 
 def _show(result: SweepResult) -> None:
     from bussim.commands.common.console import wide_console
-    from bussim.sweep.figures import LATENCY, latencies_in, masters_in
+    from bussim.sweep.figures import kinds_in
 
     console = wide_console()
     plan = result.plan
@@ -141,16 +119,8 @@ def _show(result: SweepResult) -> None:
     if result.already_there:
         runs += f", {result.already_there:,} of them were there already"
     click.echo(f"{plan.title}: {runs}")
-    for bus in plan.base.buses:
-        if bus.protocol is BusProtocol.NN and f"{bus.name}.scans" in result.figures:
-            _show_table(console, result, bus.name, f"link {bus.name}", _SHOWN)
-    for node in masters_in(result.figures):
-        _show_table(console, result, node, f"Modbus master {node}", _SHOWN_OF_MASTER)
-    for name in latencies_in(result.figures):
-        shown = {
-            figure: head for figure, head in _SHOWN_OF_LATENCY.items() if f"{name}.{figure}" in result.figures
-        }
-        _show_table(console, result, name, f"latency {name.removeprefix(LATENCY)}", shown)
+    for name, kind in kinds_in(result.figures, [bus.name for bus in plan.base.buses]).items():
+        _show_table(console, result, name, kind)
     if len(plan.points) > _MOST_ROWS:
         console.print(f"the first {_MOST_ROWS} points; points.csv has all")
     if plan.repeat == 1:
@@ -162,25 +132,29 @@ def _show(result: SweepResult) -> None:
         click.echo(f"picture: {picture}")
 
 
-def _show_table(console: Console, result: SweepResult, name: str, title: str, shown: dict[str, str]) -> None:
+def _show_table(console: Console, result: SweepResult, name: str, kind: str) -> None:
+    from textwrap import fill
+
     from rich.text import Text
 
     from bussim.commands.common.console import plain_table
+    from bussim.sweep.figures import LATENCY, SHOWN
     from bussim.sweep.text import footnotes, with_interval
 
-    plan = result.plan
-    keys = _short([axis.key for axis in plan.axes])
-    table = plain_table((), [*keys, *shown.values()], title=title, gap=1)
+    plan, shown = result.plan, SHOWN[kind]
+    heads = [*_short([axis.key for axis in plan.axes]), *(fill(title, _HEAD) for title in shown.values())]
+    table = plain_table((), heads, title=f"{kind} {name.removeprefix(LATENCY)}", gap=1)
     for column in table.columns:
         column.no_wrap, column.vertical = True, "bottom"
-    texts, needed = "", {head.partition("(")[0].replace("\n", " ").strip(): 0 for head in shown.values()}
+    texts, needed = "", dict[str, int]()
     for number, point in enumerate(plan.points[:_MOST_ROWS]):
         cells = [Text(value.text) for value in point]
-        for figure, label in zip((f"{name}.{figure}" for figure in shown), needed, strict=True):
-            mean = result.mean(figure, number)
-            cells.append(Text(with_interval(mean, result.values(figure, number))))
+        for figure, title in shown.items():
+            mean = result.mean(f"{name}.{figure}", number)
+            cells.append(Text(with_interval(mean, result.values(f"{name}.{figure}", number))))
             if mean.needed is not None and mean.too_few(plan.repeat):
-                needed[label] = max(needed[label], mean.needed)
+                label = title.removesuffix(" (ms)")
+                needed[label] = max(needed.get(label, 0), mean.needed)
         table.add_row(*cells)
         texts += "".join(map(str, cells))
     console.print(table)

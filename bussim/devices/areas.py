@@ -11,7 +11,6 @@ from typing import NamedTuple
 from bussim.engines.modbus.codes import ExceptionCode
 from bussim.engines.modbus.pdu import FUNCTIONS, STANDARD_LIMITS, Limits
 from bussim.engines.modbus.server import Space
-from bussim.wording import counted
 
 ADDRESSES = 0x10000
 #: The address spaces by the keys of a scenario file.
@@ -147,9 +146,7 @@ def _check(areas: Sequence[Area]) -> None:
         if area.count < 1 or area.start < 0 or area.end > ADDRESSES:
             raise ValueError(f"{area.name}: addresses {area.start}…{area.end - 1}, allowed 0…65535")
         if area.count % area.width:
-            raise ValueError(
-                f"{area.name}: {counted(area.count, 'address')} cannot hold items of {area.width}"
-            )
+            raise ValueError(f"{area.name}: items of {area.width} do not fill {area.count}")
         if area.start < end:
             raise ValueError(f"{area.name} overlaps {before} at address {area.start}")
         end, before = area.end, area.name

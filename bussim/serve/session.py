@@ -228,9 +228,8 @@ class Session:
             if counts.losses:
                 warnings.append(f"{target.url} was lost {counted(counts.losses, 'time')}")
             if counts.dropped:
-                warnings.append(
-                    f"{target.url} did not take {counted(counts.dropped, 'byte')}: no program read them"
-                )
+                lost = counted(counts.dropped, "byte")
+                warnings.append(f"{target.url} did not take {lost}: no program reads there")
         late = self.loop.lateness
         if late.worst > _LATE:
             warnings.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 Number = int | float
@@ -70,18 +70,50 @@ def rare_count_of(name: str) -> str | None:
     return None if found is None else found[1]
 
 
-def masters_in(names: Iterable[str]) -> list[str]:
-    """The Modbus masters (ports, and HMI devices) whose figures are among these names."""
-    return [name.removesuffix(_MASTER) for name in names if name.endswith(_MASTER) and ".polls." not in name]
+#: What tables and pictures show of each kind of subject: figures and their titles.
+SHOWN: Mapping[str, Mapping[str, str]] = {
+    "link": {
+        "scan_time_mean_ms": "mean link scan time (ms)",
+        "scan_time_max_ms": "longest link scan of a run (ms)",
+        "station_errors": "station errors (link scans) in a run",
+        "station_error_onsets": "onsets of station errors in a run",
+        "refresh_gap_max_ms": "longest refresh gap of a run (ms)",
+    },
+    "Modbus master": {
+        "response_ms.mean": "mean response time (ms)",
+        "response_ms.max": "longest response of a run (ms)",
+        "timeouts": "timeouts in a run",
+        "cycle_ms.mean": "mean poll cycle (ms)",
+    },
+    "latency": {
+        "ms.p50": "median latency (ms)",
+        "ms.p95": "p95 of the latency (ms)",
+        "ms.p99": "p99 of the latency (ms)",
+        "ms.max": "longest latency of a run (ms)",
+        "lost_share": "share of changes that never arrived",
+    },
+    "data age": {
+        "ms.p50": "median age (ms)",
+        "ms.p95": "p95 of the age (ms)",
+        "ms.p99": "p99 of the age (ms)",
+        "ms.max": "greatest age of a run (ms)",
+    },
+}
 
 
-def latencies_in(names: Iterable[str]) -> list[str]:
-    """The entries of ``latency`` whose figures are among these names, each with what they begin with."""
-    return [
-        name.removesuffix(_DELIVERED)
-        for name in names
-        if name.startswith(LATENCY) and name.endswith(_DELIVERED)
-    ]
+def kinds_in(names: Collection[str], buses: Iterable[str]) -> dict[str, str]:
+    """Those of ``buses`` that are links, the Modbus masters and the entries of ``latency``, with their kinds.
+
+    A subject is what the names of its figures begin with.
+    """
+    found = {bus: "link" for bus in buses if f"{bus}.scans" in names}
+    for name in names:
+        if name.startswith(LATENCY) and name.endswith(_DELIVERED):
+            entry = name.removesuffix(_DELIVERED)
+            found[entry] = "latency" if f"{entry}.lost" in names else "data age"
+        elif name.endswith(_MASTER) and ".polls." not in name:
+            found[name.removesuffix(_MASTER)] = "Modbus master"
+    return found
 
 
 def figures_of(summary: Mapping[str, Any], masters: Mapping[str, str]) -> dict[str, Number | None]:

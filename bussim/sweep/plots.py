@@ -24,7 +24,7 @@ from bussim.results.plots.style import (
     style,
 )
 from bussim.results.store.safe_names import file_names
-from bussim.sweep.figures import LATENCY, latencies_in, masters_in
+from bussim.sweep.figures import SHOWN, kinds_in
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, Table, at_point, mean_at
 from bussim.sweep.text import TOO_FEW, footnotes, with_interval
@@ -33,33 +33,8 @@ from bussim.units import seconds
 from bussim.version import __version__
 from bussim.wording import counted
 
-#: The figures of a link that are drawn, and what their panels are called.
-PANELS = {
-    "scan_time_mean_ms": "mean link scan time (ms)",
-    "scan_time_max_ms": "longest link scan of a run (ms)",
-    "station_errors": "station errors (link scans) in a run",
-    "refresh_gap_max_ms": "longest refresh gap of a run (ms)",
-}
-#: Those of a Modbus master.
-MASTER_PANELS = {
-    "response_ms.mean": "mean response time (ms)",
-    "response_ms.max": "longest response of a run (ms)",
-    "timeouts": "timeouts in a run",
-    "cycle_ms.mean": "mean poll cycle (ms)",
-}
-#: Those of a latency of bits, and of the age of a word.
-LATENCY_PANELS = {
-    "ms.p50": "median latency (ms)",
-    "ms.p99": "p99 of the latency (ms)",
-    "ms.max": "longest latency of a run (ms)",
-    "lost_share": "share of changes that never arrived",
-}
-AGE_PANELS = {
-    "ms.p50": "median age (ms)",
-    "ms.p95": "p95 of the age (ms)",
-    "ms.p99": "p99 of the age (ms)",
-    "ms.max": "greatest age of a run (ms)",
-}
+#: Left out of the four panels of a picture where there are more figures.
+_ONLY_IN_TABLES = ("station_error_onsets", "ms.p95")
 #: What is drawn beside a figure, over one key.
 _BOUNDS = {"ms.max": "bound_ms.no error"}
 #: Values over so many decades get a logarithmic axis or colour.
@@ -85,9 +60,8 @@ def draw(plan: Plan, runs: Table, points: Table, folder: Path) -> list[Path]:
     """
     if len(plan.axes) > 2:
         return []
-    buses = [bus.name for bus in plan.base.buses if f"{bus.name}.scans" in points]
     paths: list[Path] = []
-    for bus, stem in file_names([*buses, *masters_in(points), *latencies_in(points)]).items():
+    for bus, stem in file_names(kinds_in(points, [bus.name for bus in plan.base.buses])).items():
         shape = heat_maps if len(plan.axes) == 2 else lines
         paths += shape(plan, runs, points, bus).save_both(folder / f"sweep_{stem}")
     return paths
@@ -185,15 +159,11 @@ def _new(plan: Plan) -> Picture:
     return new_picture(10.5, 8, about)
 
 
-def _panels_of(points: Table, bus: str) -> dict[str, str]:
-    if bus.startswith(LATENCY) and f"{bus}.delivered" in points:
-        return LATENCY_PANELS if f"{bus}.lost" in points else AGE_PANELS
-    return PANELS if f"{bus}.scans" in points else MASTER_PANELS
-
-
 def _panels(picture: Picture, points: Table, bus: str) -> list[tuple[Axes, str]]:
     """A panel with its title for each figure."""
-    panels = _panels_of(points, bus)
+    panels = SHOWN[kinds_in(points, [bus])[bus]]
+    if len(panels) > 4:
+        panels = {figure: title for figure, title in panels.items() if figure not in _ONLY_IN_TABLES}
     grid = picture.subplots(2, 2).flatten()
     for panel, title in zip(grid, panels.values(), strict=True):
         panel.set_title(title)

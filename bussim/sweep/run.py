@@ -114,8 +114,7 @@ def _run_once(plan: Plan, journal: Journal, executor: Executor, progress: Progre
 
 
 def _kept(plan: Plan, journal: Journal) -> str:
-    kept = f"{len(journal.done):,} of {counted(plan.runs, 'run')}"
-    return f"{kept} are kept, the same command goes on with the others"
+    return f"kept: {len(journal.done):,} of {counted(plan.runs, 'run')}; the same command goes on from there"
 
 
 def _write(plan: Plan, journal: Journal, folder: Path) -> None:

@@ -39,13 +39,13 @@ def _plain(value: float) -> str:
 
 
 def footnotes(texts: str, repeats: int, needed: Mapping[str, int] | None = None) -> list[str]:
-    """What the marks in texts mean; ``needed`` is how many repeats are enough, by figure (0: those are).
+    """What the marks in texts mean; ``needed`` is how many repeats are enough, by figure.
 
     Of n runs (1 − p)^n is the chance that an event which a run has with the chance p is in none.
     """
     found = []
     if TOO_FEW in texts:
-        more = ", ".join(f"{number:,} ({name})" for name, number in (needed or {}).items() if number)
+        more = ", ".join(f"{number:,} ({title})" for title, number in (needed or {}).items())
         text = f"{repeats} repeats are too few for a mean within ±{100 * WITHIN:g} %"
         found.append(f"{TOO_FEW} least and greatest run: {text}{more and f'; it takes at least {more}'}")
     if NEVER in texts:

@@ -62,7 +62,7 @@ def test_a_sweep_from_the_command_line(here: Path, capsys: pytest.CaptureFixture
     assert said.out.startswith("noisy pair: 18 runs at 6 points\n")
     assert re.search(r"retries +timeout", said.out)
     assert re.search(r"\n +2 +100ms +(\d+\.\d+ ± \d|\d+\.\d\d–\d+\.\d\d\*)", said.out)
-    assert re.search(r"errors +onsets +\(ms\)\n", said.out)
+    assert re.search(r"station errors +onsets of", said.out)
     assert (
         "* least and greatest run: 3 repeats are too few for a mean within ±10 %; it takes at least "
         in said.out

@@ -86,7 +86,7 @@ def test_writes_are_all_or_nothing() -> None:
         ([Area(HOLDING, 0, 4, "a"), Area(HOLDING, 3, 1, "b")], "b overlaps a at address 3"),
         ([Area(HOLDING, 65530, 7, "a")], "a: addresses 65530…65536, allowed 0…65535"),
         ([Area(HOLDING, 0, 0, "a")], "a: addresses 0…-1, allowed"),
-        ([Area(HOLDING, 0, 3, "a", width=2)], "a: 3 addresses cannot hold items of 2"),
+        ([Area(HOLDING, 0, 3, "a", width=2)], "a: items of 2 do not fill 3"),
     ],
 )
 def test_maps_that_cannot_be(areas: list[Area], message: str) -> None:

@@ -78,7 +78,7 @@ def test_workers_that_die_again_and_again_are_reported(
         yield
 
     monkeypatch.setattr(executors.DaskExecutor, "_outcomes", killed)
-    with pytest.raises(RunError, match="died again and again; 0 of 2 runs are kept"):
+    with pytest.raises(RunError, match="died again and again; kept: 0 of 2 runs"):
         run_sweep(
             noisy(tmp_path), [f"{RETRIES}=0,1"], out=tmp_path / "out", scheduler=cluster.scheduler_address
         )

@@ -8,8 +8,7 @@ from bussim.sweep.figures import (
     figures_of,
     in_order,
     is_event_count,
-    latencies_in,
-    masters_in,
+    kinds_in,
     rare_count_of,
 )
 from bussim.sweep.jobs import masters_of
@@ -107,7 +106,7 @@ def test_latencies_give_their_times_and_shares() -> None:
     assert found["latency.door-to-run.parts_ms.turn.mean"] == entry["parts_ms"]["turn"]["mean"] > 0
     assert "latency.door-to-run.max_at_s" not in found
     names = ["latency.door-to-press1", "latency.door-to-feeder", "latency.door-to-run"]
-    assert latencies_in(found) == names
+    assert kinds_in(found, ["link"]) == {"link": "link", **dict.fromkeys(names, "latency")}
 
 
 def test_shares_are_of_the_changes_whose_outcome_is_known() -> None:
@@ -124,7 +123,8 @@ def test_shares_are_of_the_changes_whose_outcome_is_known() -> None:
         "latency.age.delivered": 700,
         "latency.age.ms.max": 60.5,
     }
-    assert latencies_in(found) == ["latency.a.b", "latency.age", "latency.none"]
+    kinds = {"latency.a.b": "latency", "latency.age": "data age", "latency.none": "latency"}
+    assert kinds_in(found, []) == kinds
     for name in ("lost", "lost_share", "unseen", "unseen_share"):
         assert is_event_count(f"latency.a.b.{name}")
     for name in ("latency.a.delivered", "latency.lost", "latency.a.lost.ms.max", "p.COM3.lost"):
@@ -151,4 +151,4 @@ def test_a_run_with_ports_gives_their_metrics_by_name() -> None:
     assert found["press.COM3.cycle_ms.count"] == port["cycle_ms"]["count"]
     assert found["axis.bus_load"] == summary["buses"]["axis"]["bus_load"]
     assert found["drive.requests"] == summary["devices"]["drive"]["requests"]
-    assert masters_in(found) == ["press.COM3"]
+    assert kinds_in(found, ["axis"]) == {"press.COM3": "Modbus master"}

@@ -12,11 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
 from bussim.results.plots.style import DISTRIBUTION, Picture
+from bussim.sweep.figures import SHOWN
 from bussim.sweep.plan import Plan
-from bussim.sweep.plots import AGE_PANELS, LATENCY_PANELS, MASTER_PANELS, PANELS, draw, heat_maps, lines
+from bussim.sweep.plots import draw, heat_maps, lines
 from bussim.sweep.tables import Table, points_table, runs_table
 from tests.results.plots.test_scan_times import assert_legible, has
 from tests.sweep.samples import BER, RETRIES, TIMEOUT, noisy
+
+PANELS = SHOWN["link"]
 
 
 def results(plan: Plan, *, rare: bool = False) -> tuple[Table, Table]:
@@ -56,7 +59,7 @@ def test_a_heat_map_has_each_mean_at_its_point(scenario: Path) -> None:
     runs, points = results(plan)
     picture = heat_maps(plan, runs, points, "link")
     axes = panels(picture)
-    assert set(axes) == set(PANELS.values())
+    assert set(axes) == set(PANELS.values()) - {PANELS["station_error_onsets"]}
     mean = axes[PANELS["scan_time_mean_ms"]]
     mesh = next(artist for artist in mean.collections if isinstance(artist, QuadMesh))
     cells = mesh.get_array()
@@ -217,7 +220,7 @@ def test_a_modbus_master_has_a_picture_of_its_own(scenario: Path, tmp_path: Path
         paths = draw(plan, runs, points, tmp_path)
         assert {path.stem for path in paths} == {"sweep_link", "sweep_press.COM3"}
         picture = (lines if len(vary) == 1 else heat_maps)(plan, runs, points, "press.COM3")
-        assert set(panels(picture)) == set(MASTER_PANELS.values())
+        assert set(panels(picture)) == set(SHOWN["Modbus master"].values())
         assert has(picture, "not known at any point")  # the poll cycle
         assert_legible(picture)
 
@@ -239,18 +242,23 @@ def test_latencies_have_pictures_of_their_own(scenario: Path, tmp_path: Path) ->
         runs, points = tables(plan, figures)
         paths = draw(plan, runs, points, tmp_path)
         assert {path.stem for path in paths} == {"sweep_link", "sweep_latency.door", "sweep_latency.age"}
-        for name, expected in (("latency.door", LATENCY_PANELS), ("latency.age", AGE_PANELS)):
+        for name, expected in (("latency.door", "latency"), ("latency.age", "data age")):
             picture = (lines if len(vary) == 1 else heat_maps)(plan, runs, points, name)
-            assert set(panels(picture)) == set(expected.values())
+            drawn = {
+                title
+                for figure, title in SHOWN[expected].items()
+                if expected != "latency" or figure != "ms.p95"
+            }
+            assert set(panels(picture)) == drawn
             assert has(picture, "not known at any point")  # p99
             assert_legible(picture)
     plan = Plan(scenario, [f"{RETRIES}=0:4:1"], repeat=2)
     runs, points = tables(plan, figures)
     picture = lines(plan, runs, points, "latency.door")
-    share = panels(picture)[LATENCY_PANELS["lost_share"]]
+    share = panels(picture)[SHOWN["latency"]["lost_share"]]
     assert list(share.lines[0].get_ydata()) == pytest.approx([0.005, 0.025, 0.045, 0.065, 0.085])
     bounds = [
-        line for line in panels(picture)[LATENCY_PANELS["ms.max"]].lines if line.get_color() == DISTRIBUTION
+        line for line in panels(picture)[SHOWN["latency"]["ms.max"]].lines if line.get_color() == DISTRIBUTION
     ]
     assert [list(line.get_ydata()) for line in bounds] == [[70.5] * 5]
     assert has(picture, "at worst with no error")

@@ -153,8 +153,8 @@ def test_a_run_that_fails_is_named_and_the_others_are_kept(
     with pytest.raises(RunError) as caught:
         run_sweep(scenario, [f"{RETRIES}=0:2:1"], out=tmp_path / "out", repeat=2)
     assert str(caught.value) == (
-        f"{RETRIES}=1, repeat 2: the run failed: KeyError: 3; 3 of 6 runs are kept, the same command goes "
-        "on with the others"
+        f"{RETRIES}=1, repeat 2: the run failed: KeyError: 3; kept: 3 of 6 runs; the same command goes "
+        "on from there"
     )
     monkeypatch.setattr(run, "open_executor", lambda *_: HereExecutor(real=False))
     assert run_sweep(scenario, [f"{RETRIES}=0:2:1"], out=tmp_path / "out", repeat=2).already_there == 3
@@ -189,7 +189,7 @@ def test_a_lost_worker_is_no_reason_to_stop_unless_nothing_comes_of_it(
             result = run_sweep(scenario, [f"{RETRIES}=0:9:1"], out=out)
             assert len(result.runs) == 10
         else:
-            with pytest.raises(RunError, match="a worker died; 0 of 10 runs are kept"):
+            with pytest.raises(RunError, match="a worker died; kept: 0 of 10 runs"):
                 run_sweep(scenario, [f"{RETRIES}=0:9:1"], out=out)
         assert dying.starts == starts
 
@@ -204,7 +204,9 @@ def test_a_killed_process_of_the_pool_is_noticed(tmp_path: Path, monkeypatch: py
         return pool
 
     monkeypatch.setattr(joblib, "Parallel", broken)
-    with pytest.raises(RunError, match=r"a worker process died \(is there enough memory\?\); 0 of 2 runs"):
+    with pytest.raises(
+        RunError, match=r"a worker process died \(is there enough memory\?\); kept: 0 of 2 runs"
+    ):
         run_sweep(noisy(tmp_path), [f"{RETRIES}=0,1"], out=tmp_path / "out", workers=2)
 
 

@@ -68,7 +68,7 @@ def test_no_printed_interval_is_narrower_than_the_true_one_or_wider_than_a_tenth
 
 def test_marks_are_explained_where_they_are() -> None:
     assert footnotes("50.4 ± 0.1", 3) == []
-    few, never = footnotes(f"1–2{TOO_FEW} 0{NEVER}", 3, {"longest scan": 1234, "mean scan": 0})
+    few, never = footnotes(f"1–2{TOO_FEW} 0{NEVER}", 3, {"longest scan": 1234})
     assert few == (
         "* least and greatest run: 3 repeats are too few for a mean within ±10 %; it takes at least 1,234 "
         "(longest scan)"

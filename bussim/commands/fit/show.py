@@ -170,10 +170,8 @@ def show(fitted: Fitted, comparison: Comparison | None) -> None:
     if fitted.link is not None:
         slaves, mode, retries, timeout = _settings(fitted.link)
         origin = "by a parameter frame" if fitted.link.settings_received else "as observed"
-        click.echo(
-            f"  {counted(slaves, 'slave')}, mode {mode}, {counted(retries, 'retry')}, "
-            f"timeout {timeout} ms ({origin})"
-        )
+        settings = f"{counted(slaves, 'slave')}, mode {mode}, {counted(retries, 'retry')}"
+        click.echo(f"  {settings}, timeout {timeout} ms ({origin})")
     table = plain_table(["  estimate"], ["value", "95 % confidence", "from"])
     for row in _rows(fitted):
         table.add_row(*map(Text, row))
@@ -237,9 +235,8 @@ def _add_distribution(
     if distribution is None:
         return
     text = f"± {milliseconds(distribution.jitter):.4f} ms"
-    what = (
-        f"measured law of {counted(len(distribution.values), 'value')}" if distribution.values else "uniform"
-    )
+    number = len(distribution.values)
+    what = f"measured law of {counted(number, 'value')}" if number else "uniform"
     rows.append((f"    {what}", text, f"p {distribution.fit.p:.2g}", ""))
 
 

@@ -233,6 +233,4 @@ def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
         click.echo(f"frames that were no responses: {count} × {reason}")
     port = summary["port"]
     if port["losses"] or port["dropped"]:
-        click.echo(
-            f"port: lost {counted(port['losses'], 'time')}, {counted(port['dropped'], 'byte')} not sent"
-        )
+        click.echo(f"port: lost {counted(port['losses'], 'time')}, {counted(port['dropped'], 'byte')} unsent")

@@ -12,7 +12,6 @@ from struct import pack, unpack_from
 from typing import Final, NamedTuple
 
 from bussim.engines.modbus.codes import ExceptionCode
-from bussim.wording import counted
 
 #: Longest PDU (Modbus over serial line, section 2.5.1: 256 bytes less station and CRC).
 MAX_PDU: Final = 253
@@ -214,7 +213,7 @@ def encode_request(request: Request) -> bytes:
     if function in READS:
         return b"%c%b" % (function, pack_words((address, quantity)))
     if len(values) != quantity:
-        raise ValueError(f"{counted(len(values), 'value')} for {counted(quantity, 'address')}")
+        raise ValueError(f"a quantity of {quantity} has so many values: {len(values)}")
     _check_words(*values)
     if function in _WRITE_ONE:
         return b"%c%b" % (function, pack_words((address, *values)))

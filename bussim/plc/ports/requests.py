@@ -8,7 +8,6 @@ from bussim.engines.modbus.pdu import COIL_OFF, COIL_ON, WRITES, Function, Reque
 from bussim.engines.modbus.polls import Poll
 from bussim.plc.ports.device_layout import is_bits
 from bussim.plc.ports.spec import PollSpec
-from bussim.wording import counted
 
 
 def make_request(function: int, address: int, count: int, values: Sequence[int] = ()) -> Request:
@@ -32,8 +31,6 @@ def poll_of(spec: PollSpec) -> Poll:
     Raises ValueError for a write whose values are not as many as its items.
     """
     if spec.function in WRITES and len(spec.values) != spec.count:
-        raise ValueError(
-            f"poll {spec.name}: {counted(len(spec.values), 'value')} for {counted(spec.count, 'address')}"
-        )
+        raise ValueError(f"poll {spec.name} of {spec.count} has so many values: {len(spec.values)}")
     request = make_request(spec.function, spec.address, spec.count, spec.values)
     return Poll(spec.station, request, spec.every, spec.retries, spec.at, spec.times, spec.name)

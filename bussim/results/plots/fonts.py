@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
-from typing import Any
 from unicodedata import name
 
 from matplotlib.font_manager import FontProperties, findfont, findSystemFonts, fontManager, get_font
@@ -25,6 +24,7 @@ _CJK = (
 _CJK_NAMES = ("CJK", "HIRAGANA", "KATAKANA", "HANGUL", "BOPOMOFO", "IDEOGRAPHIC", "FULLWIDTH", "HALFWIDTH")
 #: A font of matplotlib's that has an empty box for every character.
 _BOXES = "Last Resort High-Efficiency"
+_TOLD: set[str] = set()
 
 
 def use_fonts(texts: Iterable[Text]) -> None:
@@ -33,21 +33,16 @@ def use_fonts(texts: Iterable[Text]) -> None:
     Characters that no font has are drawn as boxes; a note on standard error says so, once for a script.
     """
     for text in texts:
-        wanted = text.get_text()
-        if not wanted.isascii():
-            families, missing = _families(wanted)
-            text.set_fontfamily([FONT, *families])
-            if missing:
-                _tell(missing, wanted)
+        if not text.get_text().isascii():
+            text.set_fontfamily(list(_families(text.get_text())))
 
 
 @cache
-def _families(text: str) -> tuple[tuple[str, ...], frozenset[str]]:
-    """The families that a text needs beside :data:`FONT`, and what of it none has."""
-    own = get_font(findfont(FontProperties(family=[FONT])))
-    missing = {each for each in text if each.isprintable() and not own.get_char_index(ord(each))}
-    found: list[str] = []
-    for family, path in _others() if missing else ():
+def _families(text: str) -> tuple[str, ...]:
+    """The families that a text needs, :data:`FONT` first; says which characters none has."""
+    missing = set(filter(str.isprintable, text))
+    found = []
+    for family, path in (font for fonts in (_own, _others) for font in fonts()):
         with suppress(OSError, RuntimeError):  # a file that is no sound font
             font = get_font(path)
             if font.scalable and (covered := {each for each in missing if font.get_char_index(ord(each))}):
@@ -55,34 +50,6 @@ def _families(text: str) -> tuple[tuple[str, ...], frozenset[str]]:
                 missing -= covered
         if not missing:
             break
-    return tuple(found), frozenset(missing)
-
-
-@cache
-def _others() -> tuple[tuple[str, str], ...]:
-    """Family and file of every other font of this machine, those of :data:`_CJK` and upright ones first."""
-    known = {font.fname for font in fontManager.ttflist}
-    for path in findSystemFonts():  # matplotlib keeps its list where a font is installed later
-        if path not in known:
-            with suppress(OSError, RuntimeError):
-                fontManager.addfont(path)
-    ranks = {family: rank for rank, family in enumerate(_CJK)}
-
-    def rank(font: Any) -> tuple[int, bool, bool]:
-        return ranks.get(font.name, len(ranks)), font.style != "normal", font.weight != 400
-
-    return tuple(
-        (font.name, font.fname)
-        for font in sorted(fontManager.ttflist, key=rank)
-        if font.name not in (FONT, _BOXES)
-    )
-
-
-_TOLD: set[str] = set()
-
-
-def _tell(missing: Iterable[str], text: str) -> None:
-    """Say, once for a script, that no font has these characters of a text, and which fonts would do."""
     for character in sorted(missing):
         word = name(character, "Symbols").split()[0]
         script = "CJK" if word.startswith(_CJK_NAMES) else word.title()
@@ -93,3 +60,23 @@ def _tell(missing: Iterable[str], text: str) -> None:
                 f"instead. Fonts that would do: {would}\n"
             )
             _TOLD.add(script)
+    return tuple(found) or (FONT,)
+
+
+def _own() -> list[tuple[str, str]]:
+    return [(FONT, findfont(FontProperties(family=[FONT])))]
+
+
+@cache
+def _others() -> list[tuple[str, str]]:
+    """Family and file of every other font of this machine, those of :data:`_CJK` and upright ones first."""
+    known = {font.fname for font in fontManager.ttflist}
+    # matplotlib keeps its list where a font is installed later.
+    for path in sorted(set(findSystemFonts()) - known):
+        with suppress(OSError, RuntimeError):
+            fontManager.addfont(path)
+    fonts = [font for font in fontManager.ttflist if font.name not in (FONT, _BOXES)]
+    # Stable: the last order counts most.
+    fonts.sort(key=lambda font: (font.style != "normal", font.weight != 400))
+    fonts.sort(key=lambda font: _CJK.index(font.name) if font.name in _CJK else len(_CJK))
+    return [(font.name, font.fname) for font in fonts]

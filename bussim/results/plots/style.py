@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -92,19 +92,11 @@ _SETTINGS: Any = {
 @contextmanager
 def style() -> Iterator[None]:
     """The settings under which pictures are drawn and saved, whatever the user's own are."""
-    with mpl.rc_context():
+    with mpl.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # use_fonts says it in its own words
         mpl.rcdefaults()
         with mpl.rc_context(_SETTINGS):
             yield
-
-
-@contextmanager
-def _fonts_for(texts: Iterable[Text]) -> Iterator[None]:
-    """Fonts for texts that are measured or drawn meanwhile."""
-    use_fonts(texts)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # use_fonts has said so
-        yield
 
 
 class Picture(Figure):
@@ -118,16 +110,17 @@ class Picture(Figure):
 
     def draw(self, renderer: Any) -> None:
         """Draw everything, each text in fonts that have its characters."""
-        with _fonts_for(self.findobj(Text)):
+        use_fonts(self.findobj(Text))
+        with style():
             super().draw(renderer)
 
     def width_of(self, text: str, points: float) -> float:
         """The width in inches of a line of text of so many points."""
         # As many dots as in the file: the grid of these makes small letters up to 6 % wider.
         probe = Text(0, 0, text, fontsize=points * _DPI / self.dpi, parse_math=False, figure=self)
-        with _fonts_for([probe]):
-            renderer = self.canvas.get_renderer()  # type: ignore[attr-defined] # Agg's
-            return float(probe.get_window_extent(renderer).width) / _DPI
+        use_fonts([probe])
+        renderer = self.canvas.get_renderer()  # type: ignore[attr-defined] # Agg's
+        return float(probe.get_window_extent(renderer).width) / _DPI
 
     def wrapped(self, text: str, points: float, inches: float) -> str:
         """A text on lines of at most so many inches, without what matplotlib would take for a formula."""

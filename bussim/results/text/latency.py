@@ -99,11 +99,10 @@ def edge_in_words(entry: Mapping[str, Any]) -> str:
 
 def counts_in_words(entry: Mapping[str, Any]) -> str:
     """What became of the changes of an entry of the summary."""
+    changes = counted(entry["changes"], "change")
     if entry["edge"] is None:
-        return (
-            f"{counted(entry['changes'], 'change')} of the source; read {counted(entry['delivered'], 'time')}"
-        )
-    found = [f"{counted(entry['changes'], 'change')}: {entry['delivered']:,} arrived"]
+        return f"{changes} of the source; read {counted(entry['delivered'], 'time')}"
+    found = [f"{changes}: {entry['delivered']:,} arrived"]
     words = {"lost": "never arrived", "unseen": "too short to be seen", "open": "under way at the end"}
     found += [f"{entry[key]:,} {word}" for key, word in words.items() if entry[key]]
     return ", ".join(found)

@@ -55,26 +55,22 @@ SENTENCES: Mapping[str, Sentence] = {
     "no_master": _fault("{bus} has no working master (station number 0), so there was no link scan."),
     "no_scan": _fault(
         "{bus}: no link scan was completed; no station received anything of the master {master}: it was "
-        "without "
-        "supply or in STOP, or the cable beside it was interrupted."
+        "without supply or in STOP, or the cable beside it was interrupted."
     ),
     "too_short": Sentence("{bus}: the run is too short for a complete link scan."),
     "master_lost": _fault(
-        "{bus}: {stations:list} lost the master {master} at {from_s:.2f} s for {for_s:.2f} s (in each "
-        "D8211 = 11H "
-        "and D8203 counted, M8183 on meanwhile); link scans not made: {scans_missed:n}. {master} was without "
-        "supply or in STOP."
+        "{bus}: {stations:list} lost the master {master} at {from_s:.2f} s for {for_s:.2f} s (in each D8211 "
+        "= 11H and D8203 counted, M8183 on meanwhile); link scans not made: {scans_missed:n}. {master} was "
+        "without supply or in STOP."
     ),
     "master_still_lost": _fault(
         "{bus}: {stations:list} lost the master {master} at {from_s:.2f} s and had not found it again when "
-        "the run "
-        "ended, {for_s:.2f} s later (in each D8211 = 11H, D8203 counted, M8183 on); link scans not "
+        "the run ended, {for_s:.2f} s later (in each D8211 = 11H, D8203 counted, M8183 on); link scans not "
         "made: {scans_missed:n}. {master} was without supply or in STOP."
     ),
     "master_not_received": _fault(
         "{bus}: {stations:list} lost the master {master} at {from_s:.2f} s for {for_s:.2f} s (D8211 = 11H, "
-        "D8203 "
-        "counted, M8183 on meanwhile), while it went on with link scans."
+        "D8203 counted, M8183 on meanwhile), while it went on with link scans."
     ),
     "master_paused": _fault(
         "{bus}: the master {master} made no link scan from {from_s:.3f} s for {for_s:.3f} s; no station "
@@ -99,9 +95,8 @@ SENTENCES: Mapping[str, Sentence] = {
         "{bus}: frames that began while another station was sending (collisions): {frames:n}."
     ),
     "collisions_with": _fault(
-        "{bus}: frames that began while {nodes:list} still sent (collisions): {frames:n}; a reply came "
-        "after the "
-        "timeout, or a station sent that was not polled."
+        "{bus}: frames that began while {nodes:list} still sent (collisions): {frames:n}; a reply came after "
+        "the timeout, or a station sent that was not polled."
     ),
     "undetected": _fault(
         "{bus}: damaged frames taken as good: {frames:n}; how often that happens rests on the assumed "
@@ -115,8 +110,7 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "station_still_in_error": _fault(
         "{station} on {bus} was in error for {for_s:.3f} s in all and still is at the end: station errors "
-        "(link "
-        "scans in which every attempt failed) {errors:n}, onsets {onsets:n}; {codes:codes}."
+        "(link scans in which every attempt failed) {errors:n}, onsets {onsets:n}; {codes:codes}."
     ),
     "cause_missing": _fault("No PLC with the number of {station} is on {bus}."),
     "cause_refused": _fault("{station} refuses its parameters (D8063 = {code:d}), so it sends no reply."),
@@ -129,8 +123,7 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "cause_unreached": _fault(
         "{station} runs but never received the master's parameters: the cable to it, its port, speed or "
-        "format "
-        "is wrong."
+        "format is wrong."
     ),
     "cause_cut": _fault(
         "{station} received nothing of the master either (D8211 = 11H): the cable between them was "
@@ -138,21 +131,18 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "cause_format": _fault(
         "{station} received the master's frames damaged and lost the master (D8211 = 14H, then 11H): its "
-        "speed or "
-        "format is not that of {bus}, or the bus is disturbed there."
+        "speed or format is not that of {bus}, or the bus is disturbed there."
     ),
     "cause_damaged": _fault(
         "The replies of {station} arrived damaged (04): noise, or another sender on {bus}."
     ),
     "cause_late": _fault(
-        "{station} replied too late: its reply takes longer than the timeout of {timeout_ms:g} ms and "
-        "meets a "
-        "later attempt or another frame."
+        "{station} replied too late: its reply takes longer than the timeout of {timeout_ms:g} ms and meets "
+        "a later attempt or another frame."
     ),
     "cause_no_reply": _fault(
-        "{station} received the master and gave no reply in time (01): its replies were lost, or take "
-        "longer than "
-        "the timeout of {timeout_ms:g} ms."
+        "{station} received the master and gave no reply in time (01): its replies were lost, or take longer "
+        "than the timeout of {timeout_ms:g} ms."
     ),
     # -- Modbus masters
     "own_data": Sentence("{node}: requests answered with their own data: all of {requests:n}."),
@@ -167,14 +157,12 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "no_own_data": _fault("{node}: requests answered with their own data: none of {requests:n}."),
     "mistaken": _fault(
-        "{node} took responses to other requests for its own, {responses:n} in all: the values are those "
-        "of other "
-        "registers, and no error shows it."
+        "{node} took responses to other requests for its own, {responses:n} in all: the values are those of "
+        "other registers, and no error shows it."
     ),
     "late": _fault(
-        "{node}: responses that came after its timeout of {timeout_ms:g} ms, when the request had been "
-        "given up: "
-        "{responses:n}."
+        "{node}: responses that came after its timeout of {timeout_ms:g} ms, when the request had been given "
+        "up: {responses:n}."
     ),
     "no_response": _fault("{node}: requests without any response: {requests:n} ({polls:list})."),
     "damaged_responses": _fault("{node}: responses that arrived damaged: {reasons:counts}."),

@@ -153,12 +153,8 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
         _warn_at(member, at, message, report)
     if len(found) > MAX_FOREIGN:
         more = len(found) - MAX_FOREIGN
-        _warn_at(
-            member,
-            found[MAX_FOREIGN][0],
-            f"{counted(more, 'more write')} into blocks of other stations",
-            report,
-        )
+        text = f"{counted(more, 'more write')} into blocks of other stations"
+        _warn_at(member, found[MAX_FOREIGN][0], text, report)
 
 
 def _check_guards(member: Member, members: list[Member], report: Report) -> None:

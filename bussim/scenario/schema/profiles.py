@@ -56,9 +56,8 @@ class TurnaroundIn(Model):
             if self.mean is not None or self.jitter is not None:
                 raise fail("excludes mean and jitter", "values")
             if self.weights is not None and len(self.weights) != len(self.values):
-                raise fail(
-                    f"has {counted(len(self.weights), 'entry')}, values has {len(self.values)}", "weights"
-                )
+                found = counted(len(self.weights), "entry")
+                raise fail(f"has {found}, values has {len(self.values)}", "weights")
         elif self.weights is not None:
             raise fail("needs values", "weights")
         elif self.mean is None:

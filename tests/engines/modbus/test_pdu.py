@@ -161,7 +161,7 @@ def test_standard_limits_fill_a_pdu() -> None:
     [
         (Request(3, 0x10000, 1), "65536 does not fit into 16 bits"),
         (Request(6, 0, 1, (-1,)), "-1 does not fit into 16 bits"),
-        (Request(16, 0, 2, (1,)), "1 value for 2 addresses"),
+        (Request(16, 0, 2, (1,)), "a quantity of 2 has so many values: 1"),
         (Request(8, 0, 1, (1,)), "function 8 is not one of 01, 02, 03, 04, 05, 06, 0F, 10"),
     ],
 )

@@ -32,7 +32,7 @@ def test_requests(function: int, count: int, values: tuple[int, ...], carried: t
 def test_the_poll_of_an_hmi() -> None:
     spec = PollSpec("run", "", 3, 5, 7, 1, None, (1,), every=100, at=20, times=4, retries=2)
     assert poll_of(spec) == Poll(3, Request(5, 7, 1, (0xFF00,)), 100, 2, 20, 4, "run")
-    with pytest.raises(ValueError, match="poll run: 1 value for 2 addresses"):
+    with pytest.raises(ValueError, match="poll run of 2 has so many values: 1"):
         poll_of(PollSpec("run", "", 3, 15, 7, 2, None, (1,)))
 
 
