@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -288,3 +289,76 @@ def test_m8004_and_d8004_name_the_error_flag_that_is_on() -> None:
     assert len(ticks) == 1  # all at the END of the scan with the division
     assert 100 * MS <= seen["p.M8004"].ticks[0] <= 121 * MS
     assert [each.values for each in seen.values()] == [[1], [8067], [1], [1], [8067]]
+
+
+# -- timers and counters -------------------------------------------------------------------------------------
+
+COUNTER = """
+schema: 1
+name: a 32-bit counter beyond its preset
+duration: 1 s
+seed: 1
+plcs:
+  - name: p
+    profile: fx3u
+    scan: 10 ms
+    inputs: {X0: {pulse: {width: 30 ms, at: 200 ms, every: 60 ms, times: 2}}, X1: {times: [100 ms]}}
+    program: |
+      LD X0
+      OUT C200 K10
+      LDP X1
+      DMOV K20 C200
+      END
+"""
+
+TIMERS = """
+schema: 1
+name: timers of a subroutine that is called once
+duration: 2 s
+seed: 1
+plcs:
+  - name: p
+    profile: fx3u
+    scan: 10 ms
+    inputs: {X0: {pulse: {width: 100 ms, at: 100 ms}}, X1: {times: [1500 ms]}}
+    program: |
+      LDP X0
+      ORP X1
+      CALL P1
+      LD T192
+      OUT Y1
+      LD T246
+      OUT Y2
+      FEND
+      P1
+      LD M8000
+      OUT T192 K3
+      LD M8000
+      OUT T246 K300
+      SRET
+      END
+"""
+
+
+def test_a_32_bit_counter_beyond_its_preset_does_not_close() -> None:
+    seen = watched(COUNTER, "p.CN200 p.C200")
+    assert seen["p.CN200"].values == [20, 21, 22]
+    assert seen["p.C200"].values == []
+
+
+def test_timers_of_a_subroutine_go_on_without_a_call() -> None:
+    """T192 closes at END; T246 closes at its next coil, which comes with the call at 1.5 s."""
+    seen = watched(TIMERS, "p.TN192 p.T192 p.TN246 p.T246 p.Y1 p.Y2")
+    assert seen["p.TN192"].values == [1, 2, 3]
+    assert seen["p.TN246"].values[-1] == 300
+    assert all(0 < after - before <= 13 for before, after in pairwise(seen["p.TN246"].values))
+    (closed,) = seen["p.T192"].ticks
+    assert closed == seen["p.TN192"].ticks[-1]
+    assert 300 * MS < closed <= 420 * MS
+    (lamp,) = seen["p.Y1"].ticks
+    assert closed < lamp <= closed + 12 * MS
+    reached = seen["p.TN246"].ticks[-1]
+    assert 400 * MS <= reached <= 425 * MS
+    (late,) = seen["p.T246"].ticks
+    assert 1500 * MS < late <= 1521 * MS
+    assert late < seen["p.Y2"].ticks[0] <= late + 12 * MS or seen["p.Y2"].ticks[0] == late

@@ -24,6 +24,7 @@ from bussim.plc.memory import Memory
 from bussim.plc.program.compiled.build import blocks
 from bussim.plc.program.compiled.code import END
 from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes, ticks_of
+from bussim.plc.program.instructions import coils
 from bussim.plc.program.machine import (
     CALLS_TOO_DEEP,
     ERROR,
@@ -107,6 +108,7 @@ class ProgramRun:
             memories[:] = bytes(len(memories))
         machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 256
         machine.scan[0] = 0
+        machine.going.clear()
         for flag in (ERROR, ERROR_LATCH, 8061):
             m[flag] = 0
         for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
@@ -166,6 +168,8 @@ class ProgramRun:
             self.unwatched = spent[0]
         else:
             self._run_blocks()
+        if machine.going:
+            coils.end(machine)
         total = spent[0]
         if self.unwatched > self._d[8000] * _NS_PER_MS and not self.halted:
             self.halt()

@@ -79,6 +79,8 @@ class Machine:
         #: Of each timer: the scan in which it was last driven (0: not), and the clock pulses by then.
         self.timer_scan = [0] * 256
         self.timer_pulse = [0] * 256
+        #: Of each timer that goes on until END without its OUT: counts, and closes it if 1 is given.
+        self.going: dict[int, Callable[[int], None]] = {}
         #: Of each counter: the condition of its OUT when last carried out.
         self.counter_input = bytearray(256)
         #: Called for every operation error with its code and the program step.

@@ -214,7 +214,7 @@ class Writer:
             shown = f"{number:o}" if letter == "Y" else str(number)
             return f"K{rng.randint(1, 8 if wide else 4)}{letter}{shown}{self.index()}"
         if kind < 0.86:
-            return rng.choice(("T0", "T1", "T250"))
+            return rng.choice(("T0", "T1", "T192", "T246", "T250"))
         if kind < 0.92:
             return rng.choice(("C200", "C201") if wide else ("C0", "C1", "C100"))
         if registers and kind < 0.94:
@@ -255,7 +255,9 @@ class Writer:
         if kind < 0.83:
             return f"SET {self.bit(index=False)}"
         if kind < 0.93:
-            device = rng.choice(("T0", "T250", "C0", "C100", "C200", "D3", "Z0", "V0", self.bit(index=False)))
+            device = rng.choice(
+                ("T0", "T192", "T246", "T250", "C0", "C100", "C200", "D3", "Z0", "V0", self.bit(index=False))
+            )
             return f"RST {device}"
         letter = rng.choice(("Y3", "M7", "M8", "M9"))
         return f"{rng.choice(('PLS', 'PLF'))} {letter}"

@@ -22,6 +22,7 @@ TESTS = {
 LAST = {"X": 255, "Y": 255, "S": 999, "D": 8255, "T": 255, "Z": 7, "V": 7}
 LOGIC = {"AND": operator.and_, "OR": operator.or_, "XOR": operator.xor}
 UNIT = 720_000  # 10 ms
+GOING_ON = {*range(192, 200), *range(246, 250)}
 BASES = (
     *(
         "MOV",
@@ -55,6 +56,7 @@ class Reference:
         self.words: dict[tuple[str, int], int] = defaultdict(int)
         self.before: dict[Any, int] = defaultdict(int)
         self.timers: dict[int, tuple[int, int]] = {}
+        self.presets: dict[int, str] = {}  # of the OUT that was carried out last
         self.held: set[str] = set()  # timers and counters whose latest RST had its contact on
         self.labels = {line[0]: at for at, line in enumerate(self.lines) if re.fullmatch(r"P\d+", line[0])}
         self.scans = 0
@@ -188,6 +190,7 @@ class Reference:
             line = self.lines[at]
             name = line[0]
             if name in ("END", "FEND"):
+                self.end()
                 return
             jump = None
             if name == "SRET":
@@ -296,7 +299,7 @@ class Reference:
         on = self.on()
         letter, address, _ = self.split(operands[0])
         if name == "OUT" and letter == "T":
-            self.timer(address, on, self.read(operands[1], 16))
+            self.timer(address, on, operands[1])
         elif name == "OUT" and letter == "C":
             self.counter(address, on, operands[1])
         elif name == "OUT":
@@ -321,29 +324,41 @@ class Reference:
         if letter == "T":
             self.timers.pop(address, None)
 
-    def timer(self, number: int, on: int, preset: int) -> None:
+    def end(self) -> None:
+        """T192–T199 and T246–T249 that are driven go on; only the former close."""
+        for number in list(self.timers):
+            if number in GOING_ON and not self.bits["T", number]:
+                self.advance(number, self.presets[number], closes=number < 200)
+
+    def advance(self, number: int, preset: str, *, closes: bool) -> None:
+        pulse, limit = self.pulse(number), self.read(preset, 16)
+        reached = self.words["T", number] + pulse - self.timers[number][0]
+        self.timers[number] = (pulse, self.scans)
+        if reached >= limit:
+            reached = max(self.words["T", number], limit, 0)
+            self.bits["T", number] = int(closes)
+        self.words["T", number] = reached
+
+    def pulse(self, number: int) -> int:
         unit = UNIT // 10 if 246 <= number <= 249 else UNIT if 200 <= number <= 245 else 10 * UNIT
+        return self.now // unit
+
+    def timer(self, number: int, on: int, preset: str) -> None:
         if not on:
             self.timers.pop(number, None)
             if number < 246:
                 self.bits["T", number] = self.words["T", number] = 0
             return
-        pulse = self.now // unit
         if f"T{number}" in self.held:
             self.timers.pop(number, None)
             return
-        since, scan = self.timers.get(number, (pulse, self.scans))
-        if scan < self.scans - 1 and not 192 <= number <= 199:
-            since = pulse  # a jump had left it out
-        self.timers[number] = (pulse, self.scans)
         if self.bits["T", number]:
             return
-        reached = self.words["T", number] + pulse - since
-        if reached >= preset:
-            self.words["T", number] = max(self.words["T", number], preset, 0)
-            self.bits["T", number] = 1
-        else:
-            self.words["T", number] = reached
+        _, scan = self.timers.get(number, (0, -1))
+        if scan < 0 or (scan < self.scans - 1 and number not in GOING_ON):
+            self.timers[number] = (self.pulse(number), self.scans)  # it begins, or a jump had left it out
+        self.presets[number] = preset
+        self.advance(number, preset, closes=True)
 
     def counter(self, number: int, on: int, preset: str) -> None:
         before, self.before["C", number] = self.before["C", number], on
@@ -360,9 +375,10 @@ class Reference:
         down = self.bits["M", 8000 + number]
         value = self.signed(self.words["C", number] + (-1 if down else 1), 32)
         self.words["C", number] = value & 0xFFFFFFFF
-        if down and value < self.read(preset, 32):
+        limit = self.read(preset, 32)
+        if down and value == limit - 1:
             self.bits["C", number] = 0
-        if not down and value >= self.read(preset, 32):
+        if not down and value == limit:
             self.bits["C", number] = 1
 
     # -- applied instructions ------------------------------------------------------------------

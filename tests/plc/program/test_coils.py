@@ -235,3 +235,48 @@ def test_a_jump_into_a_master_control_finds_it_on() -> None:
     assert rig.bit("Y0") == 0
     assert rig.scan(X1=1).bit("Y0") == 1
     assert rig.scan(X1=0).bit("Y0") == 0
+
+
+# -- timers that go on without their OUT ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("timer", [192, 199, 246, 249])
+def test_timers_that_go_on_stop_where_they_are_reset_or_carried_out_with_their_contact_off(
+    timer: int,
+) -> None:
+    unit = 100 if timer < 200 else 1
+    text = f"LD X1 / CJ P0 / LD X0 / OUT T{timer} K90 / LD X2 / RST T{timer} / P0"
+    rig = Rig(text).scan(4, every=unit, X0=1)
+    assert rig.scan(5, every=unit, X1=1).word(f"T{timer}") == 8
+    off = 0 if timer < 200 else 8
+    assert rig.scan(every=unit, X1=0, X0=0).scan(5, every=unit, X1=1).word(f"T{timer}") == off
+    rig = Rig(text).scan(4, every=unit, X0=1).scan(every=unit, X2=1)
+    assert rig.scan(5, every=unit, X1=1, X2=0).word(f"T{timer}") == 0
+    rig = Rig(text.replace("RST ", "ZRST T192 ")).scan(4, every=unit, X0=1).scan(every=unit, X2=1)
+    assert rig.scan(5, every=unit, X1=1, X2=0).word(f"T{timer}") == 0
+
+
+def test_a_preset_that_changes_while_a_timer_goes_on_counts_at_end() -> None:
+    rig = Rig("LD X1 / CJ P0 / LD X0 / OUT T192 D0 / P0").put(D0=90).scan(4, every=100, X0=1)
+    assert rig.scan(2, every=100, X1=1).bit("T192") == 0
+    assert rig.put(D0=4).scan(every=100).bit("T192") == 1
+    assert rig.word("T192") == 6 - 1
+
+
+@pytest.mark.parametrize(
+    ("value", "down", "contact", "after"),
+    [
+        (9, 0, 0, 1),  # up to the preset
+        (10, 0, 0, 0),  # away from it
+        (20, 0, 0, 0),
+        (10, 1, 1, 0),  # down from it
+        (9, 1, 1, 1),  # below it already
+        (11, 1, 0, 0),  # down to it
+    ],
+)
+def test_the_contact_of_a_32_bit_counter_changes_where_it_crosses(
+    value: int, down: int, contact: int, after: int
+) -> None:
+    rig = Rig("LD X0 / OUT C200 K10").scan(M8200=down, C200=contact)
+    rig.memory.set_word("C", 200, value)
+    assert rig.scan(X0=1).bit("C200") == after

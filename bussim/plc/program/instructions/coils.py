@@ -2,11 +2,12 @@
 
 Timers count the pulses of a clock that runs free from power-on: the first unit after they are driven
 is cut short, so that a timer of K n units takes between n - 1 and n, and up to a scan more. They are
-brought up to date where their OUT stands, as is their contact. One that a jump leaves out pauses,
-but T192–T199 (the timers of subroutines) go on.
+brought up to date where their OUT stands, as is their contact. One that a jump leaves out pauses. T192–T199
+and T246–T249, once driven, go on, also without a further call of the subroutine where their OUT stands:
+T192–T199 close at END as well, T246–T249 at their first OUT after the preset (FX programming manual, 4.9.4).
 Counters count rising edges of their OUT's condition. A 16-bit counter stops at its preset; a 32-bit
-one runs on (and round, at ±2³¹), its contact going on where it comes up to the preset and off where it
-goes down below it.
+one runs on (and round, at ±2³¹), its contact going on where it counts up to the preset and off where it
+counts down from it; what is written beyond the preset does not close it.
 RST of a timer or counter is a coil too: while its condition is on, and where a jump then leaves it out,
 the timer or counter is held: it neither counts nor closes. The hold lasts until an RST of it is
 carried out with its condition off (FX3 programming manual, 7.13 and 8.1.1), of what is not latched also no
@@ -29,8 +30,9 @@ from bussim.units import TICKS_PER_MS
 #: The first timer of each kind and its unit in ms; T246 and up keep their value (FX programming manual).
 _UNITS = ((250, 100), (246, 1), (200, 10), (0, 100))
 FIRST_RETENTIVE_TIMER = 246
-#: Timers for subroutines, which go on while a jump leaves them out.
+#: Timers for subroutines, which close at END; those that go on while their OUT is left out.
 SUBROUTINE_TIMERS = range(192, 200)
+_GOING_ON = (*SUBROUTINE_TIMERS, *range(246, 250))
 #: The special bit that makes counter C200 count down; C201's follows, and so on.
 DOWN_FLAGS = 8200 - FIRST_LONG_COUNTER
 _LONG = 1 << 32
@@ -67,7 +69,7 @@ def _reset_coil(machine: Machine, letter: str, number: int) -> Take:
 def reset(machine: Machine, letter: str, first: int, last: int) -> Act:
     """Clears timers or counters: value and contact. A timer that stays driven begins anew."""
     contacts, values = machine.bits[letter], machine.words[letter]
-    starts = machine.timer_scan
+    starts, going = machine.timer_scan, machine.going
 
     def act() -> None:
         for number in range(first, last + 1):
@@ -75,6 +77,7 @@ def reset(machine: Machine, letter: str, first: int, last: int) -> Act:
             values[number] = 0
             if letter == "T":
                 starts[number] = 0
+                going.pop(number, None)
 
     return act
 
@@ -85,37 +88,49 @@ def reset(machine: Machine, letter: str, first: int, last: int) -> Act:
 def _timer(machine: Machine, number: int, preset: Operand) -> Take:
     contacts, values = machine.bits["T"], machine.words["T"]
     driven, pulses, held = machine.timer_scan, machine.timer_pulse, machine.held["T"]
-    now, scan = machine.now, machine.scan
+    now, scan, going = machine.now, machine.scan, machine.going
     presets, index = word_of(machine, preset)
     unit = unit_of(number)
     retentive = number >= FIRST_RETENTIVE_TIMER
-    # A timer that was driven less than so many scans ago has not paused.
-    patience = 1 << 62 if number in SUBROUTINE_TIMERS else 1
+    goes_on = number in _GOING_ON
+
+    def count(closes: int) -> None:
+        pulse = now[0] // unit
+        value = values[number] + pulse - pulses[number]
+        pulses[number] = pulse
+        limit = (presets[index] ^ 0x8000) - 0x8000
+        if value >= limit:
+            # What a program wrote beyond the preset stays; the clock stops at the preset.
+            value = max(values[number], limit, 0)
+            contacts[number] = closes
+        values[number] = value
 
     def take(on: int) -> None:
         if not on or held[number]:
             driven[number] = 0
+            going.pop(number, None)
             if not (on or retentive):
                 contacts[number] = 0
                 values[number] = 0
             return
         if contacts[number]:
             return  # until it is reset, which begins it anew
-        pulse = now[0] // unit
-        last = driven[number]
-        driven[number] = this = scan[0]
-        gone = pulse - pulses[number] if last and this - last <= patience else 0
-        pulses[number] = pulse
-        limit = (presets[index] ^ 0x8000) - 0x8000
-        value = values[number] + gone
-        if value >= limit:
-            # What a program wrote beyond the preset stays; the clock stops at the preset.
-            values[number] = max(values[number], limit, 0)
-            contacts[number] = 1
-        elif gone:
-            values[number] = value
+        last, driven[number] = driven[number], scan[0]
+        if not last or (scan[0] - last > 1 and not goes_on):
+            pulses[number] = now[0] // unit  # it begins, or has paused
+        count(1)
+        if goes_on:
+            going[number] = count
 
     return take
+
+
+def end(machine: Machine) -> None:
+    """END of a scan: what goes on without its OUT is brought up to date."""
+    contacts = machine.bits["T"]
+    for number, count in machine.going.items():
+        if not contacts[number]:
+            count(int(number in SUBROUTINE_TIMERS))
 
 
 def _counter(machine: Machine, number: int, preset: Operand) -> Take:
@@ -148,10 +163,8 @@ def _long_counter(machine: Machine, number: int, preset: Operand) -> Take:
             pattern = (values[number] + step) % _LONG
             values[number] = pattern
             value = (pattern ^ _LONG_HALF) - _LONG_HALF
-            if step > 0 and value >= limit_of():
-                contacts[number] = 1
-            elif step < 0 and value < limit_of():
-                contacts[number] = 0
+            if value == limit_of() + (step - 1) // 2:  # the preset, or what is below it on the way down
+                contacts[number] = step > 0
         earlier[number] = on
 
     return take
