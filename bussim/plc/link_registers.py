@@ -109,11 +109,11 @@ def mode_numbers(modes: tuple[int, ...]) -> str:
     return ", ".join(map(str, ordered))
 
 
-def refusal(name: str, reasons: list[str], port: str) -> str:
+def refusal(profile: Profile, name: str, reasons: list[str], port: str) -> str:
     """What a PLC with bad N:N parameters does, as a sentence."""
-    code = serial_error(port, BAD_PARAMETERS)
+    device, code = serial_error(profile.error_codes, port, BAD_PARAMETERS)
     return (
-        f"{name} refuses its N:N settings ({'; '.join(reasons)}): M8063 on, D8063 = {code}, "
+        f"{name} refuses its N:N settings ({'; '.join(reasons)}): M{device} on, D{device} = {code}, "
         "and it sends nothing"
     )
 
@@ -170,13 +170,16 @@ class LinkRegisters:
 
     # -- settings in -----------------------------------------------------------------------------
 
-    def take_over(self, longest_scan: int, *, traced: bool) -> LinkEngine | None:
-        """STOP→RUN: read the settings, clear the status, make the engine.
+    def take_over(
+        self, longest_scan: int, *, traced: bool, values: dict[int, int] | None = None
+    ) -> LinkEngine | None:
+        """STOP→RUN: take D8176–D8180 over (or ``values`` in their place), clear the status, make the engine.
 
-        Returns None, with M8063 and D8063 set to 7348 or 7448, if the PLC refuses the settings.
+        Returns None, with the serial error of bad parameters, if the PLC refuses the settings.
         """
         memory, profile = self._memory, self._profile
-        values = {address: memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
+        if values is None:
+            values = {address: memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
         self.engine, self.block, self.mode = None, None, None
         self._publish_status(LinkStatus())
         station = values[D_STATION]
@@ -204,7 +207,7 @@ class LinkRegisters:
         return self.engine
 
     def refuse(self) -> None:
-        """Bad parameters: M8063 on, D8063 = 7348 (COM3) or 7448 (COM4), no link."""
+        """Bad parameters: a serial error (of a PW10 7348 on COM3, 7448 on COM4), no link."""
         self._errors.report(_REFUSAL, selected_port(self._memory), BAD_PARAMETERS)
         self.block, self.mode = None, None
 
@@ -276,15 +279,16 @@ class LinkRegisters:
     def registers(self) -> dict[str, int]:
         """Every link-related special device, by the PW10's name for it.
 
-        Families that keep some elsewhere (FX1S: D201–D218, M503–M511) are read there and reported
-        under the common name, so that a result can be compared between families.
+        Families that keep some elsewhere (FX1S: D201–D218, M503–M511; FX3U: D8438, M8438) are read there and
+        reported under the common name, so that a result can be compared between families.
         """
         memory, devices = self._memory, self._registers
         found = {f"D{address}": memory.word("D", address) for address in range(8173, 8181)}
         for number in range(2 + 2 * STATIONS):
             found[f"D{8201 + number}"] = memory.word("D", devices.first_word + number)
-        found[f"D{SERIAL_ERROR}"] = memory.word("D", SERIAL_ERROR)
-        found[f"M{SERIAL_ERROR}"] = memory.get(Device("M", SERIAL_ERROR))
+        port_error, _ = serial_error(self._profile.error_codes, selected_port(memory), BAD_PARAMETERS)
+        found[f"D{SERIAL_ERROR}"] = memory.word("D", port_error)
+        found[f"M{SERIAL_ERROR}"] = memory.get(Device("M", port_error))
         found[f"M{M_PORT}"] = memory.get(Device("M", M_PORT))
         for number in range(STATIONS):
             found[f"M{8183 + number}"] = memory.get(Device("M", devices.first_flag + number))

@@ -44,6 +44,8 @@ OBSERVED_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
 _NAME = re.compile(r"([XYMSTCD]|TN|CN|V|Z)([0-9]{1,5})")
 _SLIPS = str.maketrans("OIL", "011")  # letters that are taken for digits
 _LETTERS = "XYMSTCD"
+#: An FX3U has M and D to 8511.
+_WITH_SPECIALS = 8512
 _OCTAL = "XY"
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
 #: The eight bits of every byte, lowest first.
@@ -170,8 +172,9 @@ class Memory:
 
     def __init__(self) -> None:
         self._bits = {letter: bytearray(ranges[-1][1] + 1) for letter, ranges in BIT_RANGES.items()}
+        self._bits["M"] = bytearray(_WITH_SPECIALS)
         self._words = {
-            "D": array("H", bytes(2 * (WORD_RANGES["D"][0][1] + 1))),
+            "D": array("H", bytes(2 * _WITH_SPECIALS)),
             "T": array("H", bytes(512)),
             "C": array("L" if array("L").itemsize == 4 else "I", bytes(4 * 256)),
             "V": array("H", bytes(2 * INDEX_REGISTERS)),

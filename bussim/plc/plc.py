@@ -11,7 +11,7 @@ from bussim.engines.nn.master import Master
 from bussim.line.random_streams import Streams
 from bussim.plc.errors import SerialErrors
 from bussim.plc.inputs import Stimulus
-from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power_on
+from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power_on, setting_values
 from bussim.plc.logic import Logic
 from bussim.plc.memory import FIRST_SPECIAL, OWN_DEVICES, Device, Memory, parse_device
 from bussim.plc.observer import PlcObserver
@@ -127,7 +127,7 @@ class Plc:
     def power_on(self, now: int = 0) -> None:
         """The supply comes (back): memory at its power-on values, but what is latched, then STOP."""
         self.memory = memory_at_power_on(self.profile, self._registers, self._kept)
-        self.errors = SerialErrors(self.memory)
+        self.errors = SerialErrors(self.memory, self.profile.error_codes)
         self.link_registers = LinkRegisters(self.profile, self.memory, self.errors)
         for port, code in self._board_errors:
             self.errors.report((port, code), port, code)
@@ -153,11 +153,15 @@ class Plc:
         The engine is None where the PLC takes no part in N:N or refuses its parameters (then M8063
         and D8063 say so). The other ports' engines are those of :attr:`port_registers`, to be started too.
         """
-        # The first scan begins; settings that its program writes are in force from here on.
-        logic = self.logic
+        # The first scan begins; settings that its program writes are in force from here on, if they may be.
+        logic, program, profile = self.logic, self._program, self.profile
         spent = logic.run(now) if logic is not None else 0
+        given = None
+        if program is not None and not program.sets_link(profile.link_settings):
+            given = setting_values(profile, {str(device): at for device, at in self._registers.items()})
         mean, jitter = self.scan_under_link()
-        engine = self.link_registers.take_over(self.longest_scan(), traced=traced) if self._linked else None
+        take_over = self.link_registers.take_over
+        engine = take_over(self.longest_scan(), traced=traced, values=given) if self._linked else None
         if engine is None:
             mean, jitter = self._scan
         self.state = PlcState.RUN

@@ -82,6 +82,21 @@ class Reply(StrEnum):
                 assert_never(self)
 
 
+class ErrorCodes(StrEnum):
+    """How a family numbers its serial errors (FX: from memory, assumed)."""
+
+    PW10 = "7xyy"  # M8063 and D8063; x is the port, yy the PW10's code
+    FX = "63xx"  # M8063 and D8063
+    FX3U = "63xx and 38xx"  # COM4, the second channel, has M8438 and D8438
+
+
+class LinkSetup(StrEnum):
+    """Where a program's link settings are taken over from (FX; what becomes of others: assumed)."""
+
+    FIRST_SCAN = "first_scan"  # all that it writes in its first scan
+    STEP_0 = "step_0"  # only where M8038 is the contact of its first step
+
+
 @dataclass(frozen=True, slots=True)
 class Turnaround:
     """A slave's time from the end of its poll to its reply's first edge, in ticks.
@@ -206,6 +221,9 @@ class Profile:
     ``devices``               addresses of the special devices                               PW10, FX
     ``firmware``              D8001 and D8101                                                PW10;
                                                                                              FX: assumed
+    ``error_codes``           numbers of serial errors                                       PW10;
+                                                                                             FX: assumed
+    ``link_settings``         where a program may set the link                               PW10, FX
     ``latched``               what stays over a power loss and RUN→STOP                      FX programming;
                                                                                              PW10: assumed
     ``transaction_time``      what each active transaction of a port adds to a PLC scan      assumed
@@ -238,6 +256,8 @@ class Profile:
     word_spacing: Annotated[int, Number(4, 1000)] = 32
     devices: LinkDevices = _PW10_DEVICES
     firmware: Annotated[tuple[int, int], Number(0, 32767)] = RS2_FIRMWARE
+    error_codes: ErrorCodes = ErrorCodes.PW10
+    link_settings: LinkSetup = LinkSetup.FIRST_SCAN
     latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED
     transaction_time: Annotated[int, Ticks(0, TICKS_PER_SECOND)] = TICKS_PER_MS // 5
     broadcast_turnaround: Annotated[int, Ticks(0, 60 * TICKS_PER_SECOND)] = 100 * TICKS_PER_MS
@@ -260,13 +280,17 @@ _FX2N = replace(
     modes=(0, 1, 2),
     word_spacing=10,
     firmware=(24300, 0),
+    error_codes=ErrorCodes.FX,
+    link_settings=LinkSetup.STEP_0,
 )
 
 #: The built-in profiles by name.
 PROFILES: dict[str, Profile] = {
     "pw10": _PW10,
     "fx2n": _FX2N,
-    "fx3u": replace(_FX2N, name="fx3u", firmware=(24300, 16300), latched=_FX3U_LATCHED),
+    "fx3u": replace(
+        _FX2N, name="fx3u", firmware=(24300, 16300), latched=_FX3U_LATCHED, error_codes=ErrorCodes.FX3U
+    ),
     "fx1s": replace(
         _FX2N,
         name="fx1s",

@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import pytest
 
+import bussim
 from bussim.errors import Problem, ScenarioError
 from bussim.plc.memory import parse_device
 from bussim.results.meters.watch import Watch, Watched
 from bussim.scenario.loader import loads
 from bussim.sim.runner import simulate
-from tests.sim.build import MS, SECOND, Recorder
+from tests.sim.build import MS, SECOND, Recorder, run
 
 
 def watched(text: str, names: str) -> dict[str, Watched]:
@@ -362,3 +363,82 @@ def test_timers_of_a_subroutine_go_on_without_a_call() -> None:
     (late,) = seen["p.T246"].ticks
     assert 1500 * MS < late <= 1521 * MS
     assert late < seen["p.Y2"].ticks[0] <= late + 12 * MS or seen["p.Y2"].ticks[0] == late
+
+
+# -- link settings and codes of the families -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("profile", "master", "runs"),
+    [
+        ("fx3u", "M8038", True),
+        ("fx3u", "M8002", False),
+        ("fx2n", "M8002", False),
+        ("{base: fx3u, link_settings: first_scan}", "M8002", True),
+        ("pw10", "M8002", True),
+        ("pw10", "M8038", True),
+    ],
+)
+def test_where_a_program_sets_the_link(profile: str, master: str, runs: bool) -> None:
+    text = link(profile, master)
+    done = run(loads(text))
+    assert (len(done.of("m")) > 100) is runs
+    assert (len(done.of("s1")) > 100) is runs
+    found = [text for text in loads(text).warnings if "M8038" in text]
+    assert len(found) == (not runs)
+    for warning in found:
+        assert warning == (
+            "m: MOV writes D8176, but not under M8038 as the contact of the program's first step: profile "
+            f"{profile} does not take that over (assumed), and m takes no part in the link"
+        )
+
+
+def test_settings_of_the_scenario_stay_where_a_program_may_not_set_them() -> None:
+    keys = "nn: {bus: link, station: 0, slaves: 2, mode: 0, timeout: 50 ms}"
+    text = link("fx3u", "M8002").replace("ports: {COM3: {bus: link}}", keys, 1)
+    for _ in range(2):
+        done = run(loads(text + "  - {at: 2 s, for: 1 s, stop: m}\n"))
+        frames = done.of("m")
+        assert {len(frame.chars) for frame in frames} == {22}  # mode 0, not 1
+        assert frames[-1].start > 9 * SECOND
+    (found,) = [text for text in loads(text).warnings if "M8038" in text]
+    assert found.endswith("profile fx3u does not take that over (assumed)")
+
+
+BAD = """
+schema: 1
+name: a bad parameter
+duration: 1 s
+seed: 1
+buses: [{name: link, nn: true}]
+plcs:
+  - name: m
+    profile: PROFILE
+    scan: 5 ms
+    registers: {M8179: 0, D8176: 0, D8177: 9, D8178: 1, D8179: 3, D8180: 5}
+    ports: {COM3: {bus: link}, COM4: {bus: link}}
+  - {name: s, profile: PROFILE, scan: 5 ms, registers: {D8176: 1}, ports: {COM3: {bus: link}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("profile", "com4", "device", "code"),
+    [
+        ("fx3u", 0, "8063", 6308),
+        ("fx3u", 1, "8438", 3808),
+        ("fx2n", 1, "8063", 6308),
+        ("{base: fx3u, error_codes: 7xyy}", 1, "8063", 7448),
+        ("pw10", 0, "8063", 7348),
+    ],
+)
+def test_a_refused_parameter_has_the_number_of_the_family(
+    profile: str, com4: int, device: str, code: int
+) -> None:
+    scenario = loads(BAD.replace("PROFILE", profile).replace("M8179: 0", f"M8179: {com4}"))
+    assert any(
+        f"M{device} on, D{device} = {code}, and it sends nothing" in text for text in scenario.warnings
+    )
+    result = bussim.run(scenario, rows=False).summary
+    registers = result["plcs"]["m"]["registers"]
+    assert (registers["M8063"], registers["D8063"]) == (1, code)  # by the common name
+    assert any(f"= {code} (bad parameters)" in item["text"] for item in result["verdict"])

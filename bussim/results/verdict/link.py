@@ -18,8 +18,8 @@ _MOSTLY = 0.5
 #: What explains the errors of any station, and those that it explains.
 _OF_THE_BUS = ("two_masters", "same_number", "no_frame", "late_release")
 _EXPLAINED = ("cause_cut", "cause_format", "cause_damaged", "cause_late", "cause_no_reply")
-#: The last two digits of D8063 after bad parameters (PW10 board manual, section 8).
-_BAD_PARAMETERS = 48
+#: D8063 after bad parameters: of a PW10 on each port (its manual, section 8), of an FX (assumed).
+_BAD_PARAMETERS = (7348, 7448, 7548, 7648, 6308, 3808)
 
 
 def link_findings(
@@ -121,7 +121,7 @@ def _gaps(link: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 def _has_refused(summary: Mapping[str, Any], refused: Mapping[str, int], plc: str) -> bool:
     registers = _registers(summary, plc)
-    bad = registers.get("M8063") and registers.get("D8063", 0) % 100 == _BAD_PARAMETERS
+    bad = registers.get("M8063") and registers.get("D8063") in _BAD_PARAMETERS
     return plc in refused or bool(bad)
 
 
@@ -197,7 +197,7 @@ class _Stations:
             return "cause_missing", {}
         plc = plcs[0]
         registers = _registers(self._summary, plc)
-        if registers.get("M8063") and registers.get("D8063", 0) % 100 == _BAD_PARAMETERS:
+        if registers.get("M8063") and registers.get("D8063") in _BAD_PARAMETERS:
             return "cause_refused", {"code": registers["D8063"]}
         damaged = sum(codes.values()) * _MOSTLY <= codes.get("04", 0)
         if plc in self._cut_off and not damaged:

@@ -85,7 +85,7 @@ def _check_settings(member: Member, report: Report) -> None:
     settings, name = member.settings, member.name
     if member.refused:
         first = next(address for address in NN_KEYS.values() if member.refused[0].startswith(f"D{address} "))
-        report.warn(member.setting_path(first), refusal(name, member.refused, member.port))
+        report.warn(member.setting_path(first), refusal(member.profile, name, member.refused, member.port))
         return
     if member.station:
         ignored = [

@@ -17,6 +17,7 @@ from bussim.plc.ports.cpavl import (
     BadSettings,
     format_word,
 )
+from bussim.plc.profiles import Profile
 from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.port_configuration import (
@@ -164,18 +165,18 @@ def _check_config(
     if line is not None and not line.is_link and sure and not line.entry.lost("baud", "format"):
         _check_line(config, member, line, report)
     if sure and len(report.errors) == before:
-        _check_settings(config, report)
+        _check_settings(config, member.profile, report)
 
 
-def _check_settings(config: PortConfiguration, report: Report) -> None:
+def _check_settings(config: PortConfiguration, profile: Profile, report: Report) -> None:
     """What becomes of words that the PLC refuses, or that set up nothing that is simulated."""
     settings = config.settings
     if isinstance(settings, BadSettings):
-        code = serial_error(config.name, settings.error)
+        device, code = serial_error(profile.error_codes, config.name, settings.error)
         report.warn(
             config.path,
-            f"{config.plc} refuses the parameters of {config.name} ({settings.text}): M8063 on, "
-            f"D8063 = {code}, and the port stays silent",
+            f"{config.plc} refuses the parameters of {config.name} ({settings.text}): M{device} on, "
+            f"D{device} = {code}, and the port stays silent",
         )
     elif settings.protocol is None:
         word = config.register("protocol")

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
-from bussim.plc.memory import BlockRange, Device
+from bussim.plc.link_registers import TAKE_PART
+from bussim.plc.memory import BlockRange, Device, parse_device
 from bussim.plc.profiles import RS2_FIRMWARE
 from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
@@ -60,7 +61,21 @@ def _warn_at(member: Member, at: Instruction, message: str, report: Report, *, i
 
 def _check_settings(member: Member, report: Report) -> None:
     """What the scenario says of the link and the program says otherwise."""
-    name, friendly, raw = member.name, member.friendly, member.raw
+    name, friendly, raw, program = member.name, member.friendly, member.raw, member.logic.program
+    if program is not None and not program.sets_link(member.profile.link_settings):
+        from bussim.plc.program.text.operand_checks import extents
+
+        settings = {parse_device(device) for device in TAKE_PART}
+        for at in program.instructions:
+            written = {Device(each.letter, each.first) for each in extents(at) if each.writes} & settings
+            if written:
+                out = "" if member.takes_part else f", and {name} takes no part in the link"
+                message = (
+                    f"{at.name} writes {written.pop()}, but not under M8038 as the contact of the program's "
+                    f"first step: profile {member.profile.name} does not take that over (assumed){out}"
+                )
+                _warn_at(member, at, message, report)
+                break
     for device, value in member.logic.first.link.items():
         if device in friendly and friendly[device] != value:
             key = KEYS_OF_DEVICES[device]

@@ -24,7 +24,6 @@ from bussim.engines.nn.master import Master
 from bussim.plc.link_registers import (
     D_STATION,
     D_TIMEOUT,
-    SERIAL_ERROR,
     bad_parameters,
     refusal,
     selected_port,
@@ -180,8 +179,8 @@ class LinkReporter(Notes):
     def refused(self, now: int, plc: Plc) -> None:
         """A PLC went to RUN without an engine: its parameters are bad."""
         values = {address: plc.memory.word("D", address) for address in range(D_STATION, D_TIMEOUT + 1)}
-        text = refusal(plc.name, bad_parameters(plc.profile, values), selected_port(plc.memory))
-        self.note(now, "refused", plc.name, text, D8063=plc.memory.word("D", SERIAL_ERROR))
+        text = refusal(plc.profile, plc.name, bad_parameters(plc.profile, values), selected_port(plc.memory))
+        self.note(now, "refused", plc.name, text, D8063=plc.link_registers.registers()["D8063"])
         self.warn(text)
 
     # -- totals ------------------------------------------------------------------------------------

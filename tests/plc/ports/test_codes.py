@@ -15,6 +15,7 @@ from bussim.plc.errors import SerialErrors
 from bussim.plc.memory import Device, Memory
 from bussim.plc.ports.cpavl import COMMUNICATION_ERROR, TIMED_OUT
 from bussim.plc.ports.spec import PollSpec
+from bussim.plc.profiles import PROFILES
 from tests.plc.ports.bench import LINE, MS, PHASE, Bench
 
 RTU = Framing.rtu(LINE)
@@ -202,6 +203,33 @@ def test_one_ports_recovery_does_not_hide_anothers_error() -> None:
     assert shown() == (1, 7304)
     errors.over("COM3")
     assert shown() == (0, 7304)
+
+
+@pytest.mark.parametrize(
+    ("profile", "port", "device", "numbers"),
+    [
+        ("pw10", "COM4", 8063, (7448, 7409)),
+        ("fx2n", "COM4", 8063, (6308, 6306)),
+        ("fx1s", "COM3", 8063, (6308, 6306)),
+        ("fx3u", "COM3", 8063, (6308, 6306)),
+        ("fx3u", "COM4", 8438, (3808, 3806)),
+    ],
+)
+def test_the_numbers_of_the_families(profile: str, port: str, device: int, numbers: tuple[int, int]) -> None:
+    """Bad N:N parameters, and no response in time."""
+    memory = Memory()
+    errors = SerialErrors(memory, PROFILES[profile].error_codes)
+    assert errors.report("other", "COM2", 3) in (7203, 6303)
+    for cause, code, number in zip("ab", (48, 9), numbers, strict=True):
+        assert errors.report(cause, port, code) == number
+        assert (memory.bits("M")[device], memory.words("D")[device]) == (1, number)
+    errors.over("b")
+    assert memory.words("D")[device] == numbers[0]
+    errors.over("a")
+    # The other port's error is on the first channel.
+    assert (memory.bits("M")[8063], memory.bits("M")[8438]) == (1, 0)
+    errors.over("other")
+    assert memory.bits("M")[8063] == 0
 
 
 def test_a_board_error_outlives_a_power_cycle_and_a_ports_error_does_not() -> None:

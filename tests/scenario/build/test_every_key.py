@@ -56,6 +56,10 @@ plcs:
       default_timeout: 7
       timeout_range: [5, 100]
       modes: [0, 1, 2]
+      firmware: [25020, 16004]
+      error_codes: 63xx
+      link_settings: step_0
+      latched: [M0-M9, D7000-D7999]
       word_spacing: 40
       transaction_time: 1 ms
       broadcast_turnaround: 200 ms
