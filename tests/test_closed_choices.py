@@ -245,7 +245,7 @@ def test_choices_of_a_profile_are_decided_beside_it() -> None:
     """A comparison with one member would take a further one for the other."""
     hints = get_type_hints(Profile).values()
     kinds = {kind for kind in hints if isinstance(kind, type) and issubclass(kind, Enum)}
-    assert len(kinds) == 4
+    assert len(kinds) == 5
     wrong = []
     for name, module, tree in modules():
         choices = Choices(module, [])

@@ -65,7 +65,7 @@ def first_scan(
     other, _ = _tried(program, profile, registers, inputs, now, others=True)
     before = _powered(profile, registers, inputs, now)
     found = FirstScan()
-    for name in TAKE_PART if program.sets_link(profile.link_settings) else ():
+    for name in TAKE_PART if program.sets_link(at_step_0=profile.link_at_step_0) else ():
         device = parse_device(name)
         value = memory.get(device)
         if value == other.get(device) or value != before.get(device):

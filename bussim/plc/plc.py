@@ -157,7 +157,7 @@ class Plc:
         logic, program, profile = self.logic, self._program, self.profile
         spent = logic.run(now) if logic is not None else 0
         given = None
-        if program is not None and not program.sets_link(profile.link_settings):
+        if program is not None and not program.sets_link(at_step_0=profile.link_at_step_0):
             given = setting_values(profile, {str(device): at for device, at in self._registers.items()})
         mean, jitter = self.scan_under_link()
         take_over = self.link_registers.take_over

@@ -90,13 +90,6 @@ class ErrorCodes(StrEnum):
     FX3U = "63xx and 38xx"  # COM4, the second channel, has M8438 and D8438
 
 
-class LinkSetup(StrEnum):
-    """Where a program's link settings are taken over from (FX; what becomes of others: assumed)."""
-
-    FIRST_SCAN = "first_scan"  # all that it writes in its first scan
-    STEP_0 = "step_0"  # only where M8038 is the contact of its first step
-
-
 @dataclass(frozen=True, slots=True)
 class Turnaround:
     """A slave's time from the end of its poll to its reply's first edge, in ticks.
@@ -223,7 +216,8 @@ class Profile:
                                                                                              FX: assumed
     ``error_codes``           numbers of serial errors                                       PW10;
                                                                                              FX: assumed
-    ``link_settings``         where a program may set the link                               PW10, FX
+    ``link_at_step_0``        a program sets the link only under M8038 as its first step's   PW10, FX
+                              contact (what becomes of other settings: assumed)
     ``latched``               what stays over a power loss and RUN→STOP                      FX programming;
                                                                                              PW10: assumed
     ``transaction_time``      what each active transaction of a port adds to a PLC scan      assumed
@@ -257,7 +251,7 @@ class Profile:
     devices: LinkDevices = _PW10_DEVICES
     firmware: Annotated[tuple[int, int], Number(0, 32767)] = RS2_FIRMWARE
     error_codes: ErrorCodes = ErrorCodes.PW10
-    link_settings: LinkSetup = LinkSetup.FIRST_SCAN
+    link_at_step_0: bool = False
     latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED
     transaction_time: Annotated[int, Ticks(0, TICKS_PER_SECOND)] = TICKS_PER_MS // 5
     broadcast_turnaround: Annotated[int, Ticks(0, 60 * TICKS_PER_SECOND)] = 100 * TICKS_PER_MS
@@ -281,7 +275,7 @@ _FX2N = replace(
     word_spacing=10,
     firmware=(24300, 0),
     error_codes=ErrorCodes.FX,
-    link_settings=LinkSetup.STEP_0,
+    link_at_step_0=True,
 )
 
 #: The built-in profiles by name.

@@ -374,7 +374,7 @@ def test_timers_of_a_subroutine_go_on_without_a_call() -> None:
         ("fx3u", "M8038", True),
         ("fx3u", "M8002", False),
         ("fx2n", "M8002", False),
-        ("{base: fx3u, link_settings: first_scan}", "M8002", True),
+        ("{base: fx3u, link_at_step_0: false}", "M8002", True),
         ("pw10", "M8002", True),
         ("pw10", "M8038", True),
     ],

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from bussim.errors import Problem, ProgramError
 from bussim.plc.memory import Device
-from bussim.plc.profiles import LinkSetup
 from bussim.plc.program.machine import BACKWARDS
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
@@ -78,9 +77,9 @@ class Program:
         first = self.instructions[0]
         return first.name == "LD" and first.operands[0].device == Device("M", LINK_SETTINGS)
 
-    def sets_link(self, where: LinkSetup) -> bool:
-        """Whether a family takes over the link settings that it writes in its first scan."""
-        return where is LinkSetup.FIRST_SCAN or self.sets_link_at_step_0
+    def sets_link(self, *, at_step_0: bool) -> bool:
+        """Whether the link settings of its first scan are taken over; see the field of the profile."""
+        return self.sets_link_at_step_0 or not at_step_0
 
     def not_simulated(self) -> dict[int, str]:
         """Special bits, by M's address, that would change how the program runs and do not; each in words."""

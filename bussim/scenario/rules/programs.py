@@ -62,7 +62,7 @@ def _warn_at(member: Member, at: Instruction, message: str, report: Report, *, i
 def _check_settings(member: Member, report: Report) -> None:
     """What the scenario says of the link and the program says otherwise."""
     name, friendly, raw, program = member.name, member.friendly, member.raw, member.logic.program
-    if program is not None and not program.sets_link(member.profile.link_settings):
+    if program is not None and not program.sets_link(at_step_0=member.profile.link_at_step_0):
         from bussim.plc.program.text.operand_checks import extents
 
         settings = {parse_device(device) for device in TAKE_PART}

@@ -58,7 +58,7 @@ plcs:
       modes: [0, 1, 2]
       firmware: [25020, 16004]
       error_codes: 63xx
-      link_settings: step_0
+      link_at_step_0: true
       latched: [M0-M9, D7000-D7999]
       word_spacing: 40
       transaction_time: 1 ms
