@@ -16,7 +16,7 @@ PLURAL = re.compile(r" (?:[a-z-]+ ){0,2}[a-z-]+[^s\W]s(?![\w'])")
 VERBS = re.compile(r" (is|was|has|ends|gives|ms|bps|times less|one after)\b")
 
 
-#: Numbers that are never 1 where they are told, mostly because they are too great.
+#: Numbers that are never 1 where they are printed, mostly because they are too great.
 NEVER_ONE = {
     "command.py": {"bits", "words"},
     "engine.py": {"data"},

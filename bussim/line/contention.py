@@ -28,7 +28,7 @@ Disputed = Callable[[int], int] | None
 
 
 def disputed_level(contention: Contention, seed: int, bus: str) -> Disputed:
-    """How disputed bits of a bus are decided in a run of this seed: by a hash, whoever asks, in any order."""
+    """How disputed bits of a bus are decided in a run of this seed: by a hash, the same at each query."""
     match contention:
         case Contention.ZERO_WINS:
             return None

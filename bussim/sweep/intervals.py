@@ -17,7 +17,7 @@ LEAST_REPEATS, WITHIN = 3, 0.1
 class Mean:
     """A mean and the limits of its confidence interval, None where they are not known.
 
-    ``needed`` is how many repeats would be enough for it (see :data:`WITHIN`), judged by the spread of those
+    ``needed`` is how many repeats would be enough for it (see :data:`WITHIN`), by the spread of those
     that there are; None where nothing is known of the spread, or the mean is 0.
     """
 

@@ -27,8 +27,8 @@ def with_interval(mean: Mean, values: Sequence[float | None]) -> str:
     half = max(mean.high - mean.mean, mean.mean - mean.low)
     if not half:
         return f"{_plain(mean.mean)} ± 0"
-    places = min(max(0, 1 - floor(log10(half))), 6)
-    return f"{mean.mean:,.{places}f} ± {ceil(round(half * 10**places, 6)) / 10**places:,.{places}f}"
+    decimals = min(max(0, 1 - floor(log10(half))), 6)
+    return f"{mean.mean:,.{decimals}f} ± {ceil(round(half * 10**decimals, 6)) / 10**decimals:,.{decimals}f}"
 
 
 def _plain(value: float) -> str:

@@ -43,7 +43,7 @@ def driver_of(frame: FrameRecord, flips: Sequence[int]) -> Driver:
 
 
 def is_plain(frame: FrameRecord, timing: LineTiming) -> bool:
-    """Whether a receiver of this timing reads the characters that were sent, if nobody else sends."""
+    """Whether a receiver of this timing reads the characters that were sent, if no other node sends."""
     damaged = frame.damaged_bits or frame.collided or frame.cut or frame.ppm
     return not damaged and frame.baud == timing.baud and frame.format == str(timing.format)
 

@@ -164,7 +164,7 @@ def test_simulation_and_law_agree(name: str) -> None:
         assert kolmogorov(gap.distribution, sample[:: _thinned(data)]) < KOLMOGOROV, (source, receiver)
 
 
-#: Links that are told to have no distribution, with what a distribution that ignored the reason would get wrong.
+#: Links that are reported without a distribution, with what a distribution that ignored the reason would get wrong.
 WITHOUT_LAW: dict[str, dict[str, Any]] = {
     "replies at END": scenario(3, {"base": "pw10", "reply": "end"}, duration="60 s"),
     "late replies": scenario(

@@ -1,4 +1,4 @@
-"""Frames that overlap, in files: the levels are those of the run, whoever reads them.
+"""Frames that overlap, in files: the levels are those of the run in every format.
 
 The decoder of characters and frames is written here, from the format of the link's line and the layout of its
 frames alone.

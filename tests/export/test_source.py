@@ -24,7 +24,7 @@ def test_frames_come_by_their_starts_however_late_they_are_recorded(
     choose.shuffle(frames)
     lateness = survey(Selection(trace(*frames))).lateness
     found = list(in_order(frames, lateness))
-    assert found == sorted(frames, key=lambda each: each.start)  # a stable sort: ties as told
+    assert found == sorted(frames, key=lambda each: each.start)  # a stable sort: ties as recorded
 
 
 def test_a_well_ordered_trace_is_not_held_back() -> None:

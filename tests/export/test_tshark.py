@@ -103,7 +103,7 @@ def test_modbus_rtu_frames_are_those_of_the_trace(
             continue
         writes_one = pdu[0] in (5, 6)
         if one.kind == "request" or pdu[0] >= 5:
-            # Without ports an echo of 05 and 06 cannot be told from its request: then no fields.
+            # Without ports an echo of 05 and 06 cannot be distinguished from its request: then no fields.
             if udp or not writes_one:
                 assert number(row["modbus.reference_num"]) == done.request.address
             if udp and writes_one:
@@ -163,7 +163,7 @@ def test_the_crc_status_of_damaged_frames_is_that_of_what_was_heard(
         good += status == GOOD
         bad += status == BAD
         if expected == GOOD and one.frame.damaged_bits:
-            assert one.wrong  # only a parity or stop bit was hit: the CRC cannot tell
+            assert one.wrong  # only a parity or stop bit was hit: the CRC does not show it
     assert good > 50
     assert bad > 50
 

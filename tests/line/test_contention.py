@@ -97,7 +97,7 @@ def test_what_went_off_plays_no_part_any_more(several: list[Driver], gone: int) 
         assert left.level(tick) == whole.level(tick) == heard.level(tick)
 
 
-def test_an_idle_driver_that_is_on_spoils_the_zeros_of_a_frame_and_no_ones() -> None:
+def test_an_idle_driver_that_is_on_damages_the_zeros_of_a_frame_and_no_ones() -> None:
     timing = FORMATS[0]
     chars = bytes(range(1, 100))
     lows = low_intervals(chars, timing, 1000)

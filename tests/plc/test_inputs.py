@@ -1,4 +1,4 @@
-"""Stimuli: their changes, levels and next changes tell one story."""
+"""Stimuli: their changes, levels and next changes agree."""
 
 from __future__ import annotations
 

@@ -207,9 +207,9 @@ def test_a_load_makes_the_scans_that_begin_under_it_longer(
             now = cycle.next_end(now, now)
             model.reach(now)
             assert now in model.ends
-            told = len(changed)
+            known = len(changed)
             cycle.set_load(now, extra)
-            assert changed[told:] == ([now] if extra != model.extra else [])
+            assert changed[known:] == ([now] if extra != model.extra else [])
             model.load(now, extra)
         elif query == "latest":
             assert cycle.latest_end(now) == model.latest(now)

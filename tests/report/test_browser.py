@@ -94,16 +94,16 @@ def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs
     assert len(cells) > 80 * len(runs)
     for path, run, text in cells:
         assert_shows(text, looked_up(summaries[run - 1], path), path)
-    told = {path for path, _, _ in cells}
+    paths = {path for path, _, _ in cells}
     for key in ("p50", "p99", "max"):
-        assert f"/links/link/scan_time_ms/{key}" in told
+        assert f"/links/link/scan_time_ms/{key}" in paths
     if page == "ports.html":
         ports = summaries[0]["ports"]
         assert ports
         for port in ports:
-            assert f"/ports/{port}/transactions" in told
-            assert any(path.startswith(f"/ports/{port}/polls/") for path in told)
-        assert {f"/devices/{device}/requests" for device in summaries[0]["devices"]} <= told
+            assert f"/ports/{port}/transactions" in paths
+            assert any(path.startswith(f"/ports/{port}/polls/") for path in paths)
+        assert {f"/devices/{device}/requests" for device in summaries[0]["devices"]} <= paths
     elif page == "latency.html":
         for run in (1, 2):
             here = {path for path, number, _ in cells if number == run}
@@ -112,8 +112,8 @@ def test_every_cell_equals_the_summary(pages: Path, window: Any, page: str, runs
                 assert {f"{entry}/{key}", f"{entry}/ms/p95", f"{entry}/parts_ms/wire/mean"} <= here
                 assert {f"{entry}/bound_ms/no error", f"{entry}/bound_ms/every retry spent"} <= here
     else:
-        assert "/links/link/failed_attempts/1/01" in told
-        assert "/plcs/press1/registers/D8180" in told
+        assert "/links/link/failed_attempts/1/01" in paths
+        assert "/plcs/press1/registers/D8180" in paths
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -156,15 +156,15 @@ def test_charts_zoom_and_show_what_is_under_the_pointer(pages: Path, window: Any
         assert window.execute_script("return arguments[0].toDataURL()", canvas) != whole
         named = {b.text: b for b in figure.find_elements("css selector", ".tools button")}
         named["Show all"].click()
-        told = set()
+        texts = set()
         width = plot.size["width"]
         for x in range(-width // 2 + 4, width // 2 - 4, 61):
             for y in (10 - plot.size["height"] // 2, 0):
                 ActionChains(window, duration=0).move_to_element_with_offset(plot, x, y).perform()
-                told.add(
+                texts.add(
                     window.execute_script("return arguments[0].querySelector('.tip').textContent", figure)
                 )
-        assert any("ms" in text for text in told), figure.text
+        assert any("ms" in text for text in texts), figure.text
 
 
 def test_parts_of_a_latency_are_shown_under_the_pointer(pages: Path, window: Any) -> None:
@@ -175,7 +175,7 @@ def test_parts_of_a_latency_are_shown_under_the_pointer(pages: Path, window: Any
     entry = summary["latency"]["preset"]
     figures = window.find_elements("css selector", "#run1-latency figure")
     histogram, parts = figures[-2:]
-    told: list[set[str]] = []
+    shown: list[set[str]] = []
     for figure in (histogram, parts):
         plot = figure.find_element("css selector", ".u-over")
         window.execute_script("arguments[0].scrollIntoView({block: 'center'})", plot)
@@ -184,13 +184,13 @@ def test_parts_of_a_latency_are_shown_under_the_pointer(pages: Path, window: Any
             ActionChains(window, duration=0).move_to_element_with_offset(plot, x, 0).perform()
             tip = window.execute_script("return arguments[0].querySelector('.tip').textContent", figure)
             found.add(tip)
-        told.append(found)
+        shown.append(found)
     bound = f"at worst with no error: {entry['bound_ms']['no error']:.3f} ms"
-    assert all(any(bound in text for text in found) for found in told)
-    assert any(" readings" in text for text in told[0])
+    assert all(any(bound in text for text in found) for found in shown)
+    assert any(" readings" in text for text in shown[0])
     # The middle lane is the mean.
     for part, words in (("wire", "on the wire"), ("destination", "since the frame came, until it was read")):
-        assert any(f"{words} {entry['parts_ms'][part]['mean']:.3f} ms" in text for text in told[1])
+        assert any(f"{words} {entry['parts_ms'][part]['mean']:.3f} ms" in text for text in shown[1])
     for figure in (histogram, parts):
         assert bound in figure.find_element("css selector", ".legend").text
 

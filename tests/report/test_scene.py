@@ -145,7 +145,7 @@ def test_modbus_attempts_have_function_address_and_outcome() -> None:
 
 
 def test_the_lane_of_a_driven_input_is_its_wire() -> None:
-    """Memory's image, a scan later, tells only what the level was before the wire's first change."""
+    """Memory's image, a scan later, shows only what the level was before the wire's first change."""
     values = [
         DeviceValueRecord(-50, "a", "X0", 1),
         DeviceValueRecord(2_500, "a", "X0", 0),

@@ -1,4 +1,4 @@
-"""Runs that earlier versions left are read, drawn and told."""
+"""Runs that earlier versions left are read, drawn and printed."""
 
 from __future__ import annotations
 

@@ -54,12 +54,12 @@ class Serving:
         **settings: Any,
     ) -> None:
         scenario = loads(text)
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self.session = Session(
             scenario,
             targets(scenario, nodes, ports),
             options=options,
-            report=self.told.append,
+            report=self.reported.append,
             **settings,
         )
         self._stop = threading.Event()

@@ -54,12 +54,12 @@ def start(folder: Path, *words: str) -> subprocess.Popen[str]:
 
 def wait_until_it_serves(process: subprocess.Popen[str]) -> list[str]:
     assert process.stderr is not None
-    told: list[str] = []
-    while not any("Ctrl-C" in line for line in told):
+    lines: list[str] = []
+    while not any("Ctrl-C" in line for line in lines):
         line = process.stderr.readline()
-        assert line, told
-        told.append(line.strip())
-    return told
+        assert line, lines
+        lines.append(line.strip())
+    return lines
 
 
 @pytest.mark.slow
@@ -70,8 +70,8 @@ def test_ctrl_c_ends_it_with_its_summary_printed_and_its_files_complete(folder: 
 
     process = start(folder, "slaves.yaml", "--port", "v80=pty:line", "--port", "oven=pty:line", "--out", "out",
                     "--trace", "--json")  # fmt: skip
-    told = wait_until_it_serves(process)
-    assert told[:2] == [
+    lines = wait_until_it_serves(process)
+    assert lines[:2] == [
         "v80: Modbus RTU slave, station 1, 115200 8N1, on line",
         "oven: Modbus RTU slave, station 2, 115200 8N1, on line",
     ]

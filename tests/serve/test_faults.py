@@ -219,7 +219,7 @@ def test_rubbish_on_the_control_socket_does_not_end_it(serving: Serving) -> None
         server.close()
 
 
-@pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="only Linux tells its sockets so")
+@pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="only Linux lists its sockets so")
 def test_nothing_listens_on_the_network(serving: Serving) -> None:
     def listening() -> list[str]:
         own = set()

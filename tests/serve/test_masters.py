@@ -102,7 +102,7 @@ def test_the_rest_of_the_scenario_goes_on_while_a_plc_is_served() -> None:
             master.close()
         plc = serving.session.simulation.plcs["plc"]
         serving.wait_for(lambda: plc.read("D100") == 4711)
-    assert not any("stopped" in text for text in serving.told)
+    assert not any("stopped" in text for text in serving.reported)
 
 
 def test_a_broadcast_is_carried_out_by_all_and_gets_no_response(client: Any, mode: Mode) -> None:

@@ -122,7 +122,7 @@ def test_a_connection_that_is_lost_comes_back_and_the_rest_goes_on() -> None:
             connection.close()
             serving.wait_for(lambda number=number: counts.losses > number)
     server.close()
-    assert any("is lost" in text for text in serving.told)
+    assert any("is lost" in text for text in serving.reported)
     assert any("was lost 3 times" in text for text in serving.totals().warnings)
 
 
@@ -151,14 +151,16 @@ def test_the_simulated_rest_is_what_the_simulation_makes_of_it() -> None:
 
 
 def test_a_computer_that_is_too_slow_is_reported() -> None:
-    told: list[str] = []
+    reported: list[str] = []
     scenario = loads(SLAVES)
-    session = Session(scenario, targets(scenario, ["v80"], []), report=told.append, duration=TICKS_PER_SECOND)
+    session = Session(
+        scenario, targets(scenario, ["v80"], []), report=reported.append, duration=TICKS_PER_SECOND
+    )
     session.simulation.kernel.at(TICKS_PER_SECOND // 4, lambda _: time.sleep(0.3), FAULT)
     session.simulation.kernel.at(TICKS_PER_SECOND // 3, lambda _: None, FAULT)
     with session:
         session.run(lambda: False)
-    assert any("cannot keep up" in text for text in told)
+    assert any("cannot keep up" in text for text in reported)
     assert session.record().summary["served"]["late_ms"]["max"] >= 200
     assert any("late, at 0." in text for text in session.totals().warnings)
     assert session.now == TICKS_PER_SECOND

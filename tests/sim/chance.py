@@ -87,7 +87,7 @@ def _kind(rng: Random, name: str) -> model.FaultKind:
                 count,
                 rng.choice([None, "data", "poll", "parameters"]),
             ),
-            # Bits 0 and 1 of two neighbours: often neither parity nor sum tells.
+            # Bits 0 and 1 of two neighbours: often neither parity nor sum shows it.
             model.FlipBits("p0", model.Direction.TX, (11, 12, 21, 22), None, "poll"),
             model.BoardError(name, "COM4", 5),
         ]

@@ -31,7 +31,7 @@ from tests.sim.build import (
     steady,
 )
 
-#: A source that counts microseconds: its value tells when an END was.
+#: A source that counts microseconds: its value shows when an END was.
 MICROSECOND = 72
 CLOCK = Counter(MICROSECOND)
 #: 8 ms and ten per cent.

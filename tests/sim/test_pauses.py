@@ -1,4 +1,4 @@
-"""Pauses inside frames: who receives them judges them, each protocol and device by its own rule."""
+"""Pauses inside frames: each receiver decides by the rule of its protocol and device."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_v80_takes_all_that_comes_within_its_silence_for_one_frame(timing: Lin
     assert outcomes(asked("v80", model.Pause("panel", end, None, 3), timing)) == {"no response in time"}
 
 
-def test_a_reply_with_a_pause_is_judged_by_the_master() -> None:
+def test_a_reply_with_a_pause_is_decided_by_the_master() -> None:
     assert outcomes(asked("v80", model.Pause("slave", CHAR * 3 // 2, None, 2))) == {"ok"}
     # "silence inside" of a response is error 1: shorter or longer than its function says.
     assert outcomes(asked("v80", model.Pause("slave", CHAR * 3 // 2 + 1, None, 2))) == {"frame length"}

@@ -1,4 +1,4 @@
-"""Programs that stop or meet errors: told with when, where and how often, once for each code."""
+"""Programs that stop or meet errors: reported with when, where and how often, once for each code."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def met(program: str, phase: str = "8 ms", faults: str = "") -> tuple[RunTotals,
     return totals, collector.notes
 
 
-def told(totals: RunTotals) -> list[str]:
+def reported(totals: RunTotals) -> list[str]:
     """What is warned of beside the bus without nodes."""
     return [text for text in totals.warnings if text.startswith("press3's program")]
 
 
 def test_an_endless_loop_is_reported_with_its_watchdog() -> None:
     totals, notes = met("P1 / LD M8000 / CJ P1 / END")
-    (warning,) = told(totals)
+    (warning,) = reported(totals)
     assert warning.startswith(
         "press3's program stopped at 0.200 s: its scan exceeds the watchdog (D8000 = 200 ms), "
         "M8061 on, D8061 = 6105; "
@@ -59,28 +59,28 @@ def test_the_scan_that_never_ended_is_the_longest() -> None:
 
 def test_a_loop_that_begins_late_is_reported_when_it_does() -> None:
     """The END at 0.998 s sees X1 off, that at 1.008 s on: the watchdog expires 200 ms after it."""
-    (warning,) = told(met("P1 / LD X1 / CJ P1 / END")[0])
+    (warning,) = reported(met("P1 / LD X1 / CJ P1 / END")[0])
     assert "stopped at 1.208 s" in warning
 
 
 def test_a_watchdog_of_its_own_and_one_that_is_reset() -> None:
-    (warning,) = told(met("LD M8002 / MOV K50 D8000 / P1 / LD X1 / CJ P1 / END")[0])
+    (warning,) = reported(met("LD M8002 / MOV K50 D8000 / P1 / LD X1 / CJ P1 / END")[0])
     assert "(D8000 = 50 ms)" in warning
     assert "stopped at 1.058 s" in warning
-    (warning,) = told(met("P1 / LD X1 / WDT / CJ P1 / END")[0])
+    (warning,) = reported(met("P1 / LD X1 / WDT / CJ P1 / END")[0])
     assert "its scan jumps on without end" in warning
 
 
 def test_it_is_counted_again_after_a_new_run() -> None:
     faults = "faults:\n  - {at: 2 s, for: 100 ms, stop: press3}\n"
-    (warning,) = told(met("P1 / LD X1 / CJ P1 / END", faults=faults)[0])
+    (warning,) = reported(met("P1 / LD X1 / CJ P1 / END", faults=faults)[0])
     assert warning.endswith("; 2 times in all")
 
 
 def test_the_first_operation_error_of_each_code_is_reported_with_its_position() -> None:
     program = "LD M8000 / DIV D0 D1 D2 / CALL P1 / FEND / P1 / LD M8000 / CALL P1 / SRET / END"
     totals, notes = met(program)
-    division, calls = told(totals)
+    division, calls = reported(totals)
     assert "D8067 = 6706" in division
     assert "at step 1 (line 2 of the program: DIV D0 D1 D2)" in division
     assert "D8067 = 6702" in calls
@@ -90,7 +90,7 @@ def test_the_first_operation_error_of_each_code_is_reported_with_its_position() 
 
 
 def test_one_error_has_no_count_and_the_time_of_its_scan() -> None:
-    (warning,) = told(met("LDP X1 / MOV K30000 Z0 / MOV K5 D100Z0 / END")[0])
+    (warning,) = reported(met("LDP X1 / MOV K30000 Z0 / MOV K5 D100Z0 / END")[0])
     assert "in the scan up to 1.018 s: M8067 on, D8067 = 6706" in warning
     assert "line 3 of the program: MOV K5 D100Z0" in warning
     assert "in all" not in warning
@@ -98,11 +98,11 @@ def test_one_error_has_no_count_and_the_time_of_its_scan() -> None:
 
 def test_an_error_of_the_last_scan_is_reported_though_no_end_follows() -> None:
     """Up to 3 s the scan that began at 2.998 s is not over."""
-    (warning,) = told(met("LDP X2 / DIV D0 D1 D2 / END")[0])
+    (warning,) = reported(met("LDP X2 / DIV D0 D1 D2 / END")[0])
     assert "in the scan up to 3.000 s" in warning
 
 
 def test_a_healthy_program_reports_nothing() -> None:
     totals, notes = met("LD X1 / OUT Y0 / END")
-    assert told(totals) == []
+    assert reported(totals) == []
     assert not [note for note in notes if note.kind.startswith("program")]

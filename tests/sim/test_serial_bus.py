@@ -368,7 +368,7 @@ def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pyte
     one = run(scenario)
     monkeypatch.setattr(SerialBus, "listeners_of", _one_by_one)
     other = run(scenario)
-    # What happens at one tick may be told in another order.
+    # What happens at one tick may be recorded in another order.
     for kind in ("transactions", "frames", "turns"):
         first, second = (sorted(getattr(done.record, kind), key=repr) for done in (one, other))
         assert first == second

@@ -61,7 +61,7 @@ class HereExecutor(Executor):
 
 
 def invented(job: Job) -> Outcome:
-    """An outcome that costs nothing and tells which run it is of."""
+    """An outcome that costs nothing and shows which run it is of."""
     assert job.seed is not None
     figures = {
         "link.scans": 10 + job.run,

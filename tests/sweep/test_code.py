@@ -15,7 +15,7 @@ from bussim.sweep.jobs import run_job
 from bussim.sweep.plan import Plan
 from tests.selection import quick
 
-# The function raises where it is asked: what comes of a poll tells whether the very function ran.
+# The function raises where it is asked: what comes of a poll shows whether the very function ran.
 TEXT = """\
 schema: 1
 name: sensors

@@ -28,7 +28,7 @@ class _Killed(BaseException):
 class _Steps:
     """Ends the process before the n-th step that changes a file system."""
 
-    #: What Python tells its audit hooks of, see its library reference.
+    #: What Python reports to its audit hooks, see its library reference.
     _CHANGES = frozenset({"os.rename", "os.remove", "os.rmdir", "os.mkdir", "os.truncate"})
 
     def __init__(self) -> None:

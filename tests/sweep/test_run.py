@@ -215,15 +215,15 @@ def test_progress_shows_what_is_being_done_and_how_much_of_it(
 ) -> None:
     del no_pictures
     monkeypatch.setattr(run, "open_executor", lambda *_: HereExecutor(real=False))
-    told: list[tuple[str, int, int]] = []
+    reported: list[tuple[str, int, int]] = []
     run_sweep(
         noisy(tmp_path),
         [f"{RETRIES}=0,1"],
         out=tmp_path / "out",
         repeat=2,
-        progress=lambda *what: told.append(what),
+        progress=lambda *what: reported.append(what),
     )
-    assert told == [
+    assert reported == [
         *(("checking", done, 2) for done in (1, 2)),
         *(("running", done, 4) for done in range(5)),
     ]

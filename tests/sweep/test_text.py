@@ -11,7 +11,7 @@ from bussim.sweep.intervals import Mean, mean_of
 from bussim.sweep.text import NEVER, TOO_FEW, footnotes, with_interval
 
 
-def told(*values: float | None, events: bool = False) -> str:
+def printed(*values: float | None, events: bool = False) -> str:
     return with_interval(mean_of(values, events=events), values)
 
 
@@ -30,15 +30,15 @@ def told(*values: float | None, events: bool = False) -> str:
     ],
 )
 def test_a_mean_is_told_with_its_interval_or_not_at_all(values: tuple[float, ...], text: str) -> None:
-    assert told(*values) == text
+    assert printed(*values) == text
 
 
 def test_counts_are_told_by_what_was_seen() -> None:
-    assert told(0, 2, 1, events=True) == "0–2*"
-    assert told(0, 0, 0, events=True) == "0°"
-    assert told(0, events=True) == "0"
-    assert told(0, 0, 0) == "0 ± 0"
-    assert re.fullmatch(r"4\d\d ± \d\d", told(412, 390, 425, 401, 433, 405, events=True))
+    assert printed(0, 2, 1, events=True) == "0–2*"
+    assert printed(0, 0, 0, events=True) == "0°"
+    assert printed(0, events=True) == "0"
+    assert printed(0, 0, 0) == "0 ± 0"
+    assert re.fullmatch(r"4\d\d ± \d\d", printed(412, 390, 425, 401, 433, 405, events=True))
 
 
 def test_no_printed_interval_is_narrower_than_the_true_one_or_wider_than_a_tenth() -> None:

@@ -76,7 +76,7 @@ def failing(model: LinkModel, ber: float) -> float:
 def with_level(model: LinkModel, ber: float) -> LinkModel:
     """A link with a level of noise instead of its own: what it damages on the wire does not arrive at all.
 
-    Replies are lost whole; what the master sends is damaged, its data frames too, which nobody repeats.
+    Replies are lost whole; what the master sends is damaged, its data frames too, which are not repeated.
     """
     loss = _damaged(model.data_bits, ber)
     return replace(

@@ -111,11 +111,11 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
 
     coils: dict[Device, Instruction] = {}
     idle = not_simulated(instructions)
-    told: set[str] = set()
+    reported: set[str] = set()
     for at in instructions:
         for message in filter(None, map(idle_special, extents(at))):
-            if message not in told:
-                told.add(message)
+            if message not in reported:
+                reported.add(message)
                 yield warn(at, message)
         if at.name not in ("RST", "ZRST"):
             written = [extent for extent in extents(at) if extent.writes]

@@ -108,25 +108,25 @@ def _check_ports(member: Member, report: Report) -> None:
     program = member.logic.program
     if program is None:
         return
-    firmware, needed, told = member.profile.firmware, RS2_FIRMWARE, set[str]()
+    firmware, needed, reported = member.profile.firmware, RS2_FIRMWARE, set[str]()
     for at in program.instructions:
         if at.spec.group != "serial":
             continue
-        if any(map(operator.lt, firmware, needed)) and not told:
+        if any(map(operator.lt, firmware, needed)) and not reported:
             message = (
                 f"{at.name} exists from D8001 = {needed[0]} and D8101 = {needed[1]} on, here they are "
                 f"{firmware[0]} and {firmware[1]} (firmware of profile {member.profile.name})"
             )
             _warn_at(member, at, message, report)
         port = f"COM{at.operands[-1].constant}"
-        if at.operands[-1].constant is not None and port not in (*member.plc.ports, *told):
+        if at.operands[-1].constant is not None and port not in (*member.plc.ports, *reported):
             does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
             message = (
                 f"{at.name} {does}, but ports does not name its bus: it does nothing; "
                 f"write ports: {{{port}: {{bus: …}}}}"
             )
             _warn_at(member, at, message, report)
-        told.add(port)
+        reported.add(port)
     for config in member.ports:
         found = member.logic.first.ports.get(config.name)
         if found is None:
@@ -187,12 +187,12 @@ def _check_guards(member: Member, members: list[Member], report: Report) -> None
         guards = {at.operands[0].address - flags for at in contacts if at.operands[0].kind == "M"}
         for at in (*contacts, *outputs):
             reads = [extent for extent in extents(at) if not extent.writes and not extent.word]
-            for station, place in blocks.items():
-                taken = next((part for extent in reads if (part := _shared(extent, place))), None)
+            for station, block in blocks.items():
+                taken = next((part for extent in reads if (part := _shared(extent, block))), None)
                 if taken is not None and station not in (member.station, *guards):
                     found.setdefault(station, {}).setdefault(at, Device(*taken[:2]))
-    for station, places in found.items():
-        (at, bit), *more = places.items()
+    for station, first_reads in found.items():
+        (at, bit), *more = first_reads.items()
         lines = ", ".join(f"at line {each.line}" for each, _ in more[:4])
         message = (
             f"{at.name} takes {bit} of {_station(station, link)} without its error flag M{flags + station}: "

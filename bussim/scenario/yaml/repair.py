@@ -1,6 +1,6 @@
 """What was probably meant where a text is no YAML: repairs with which the parser reads on.
 
-The parser is the judge. Of the repairs that the lines around its complaint suggest, the one counts that lets
+The parser decides. Of the repairs that the lines around its complaint suggest, the one counts that lets
 it read farthest, and what that one mends is the mistake. Every repair changes one line of the text.
 """
 
@@ -106,7 +106,7 @@ class Mended:
     def mend(self, trouble: Trouble, read: Callable[[str], Trouble | None]) -> bool:
         """Repair what stops the parser; False if nothing that is known lets it read on.
 
-        ``read`` tells what stops it in another text, None for nothing.
+        ``read`` returns what stops it in another text, None for nothing.
         """
         lines, ends = LINE_END.split(self.text), [*LINE_END.findall(self.text), ""]
         start = farthest = _reach(lines, trouble)

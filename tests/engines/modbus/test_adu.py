@@ -183,7 +183,7 @@ def test_rtu_frames_without_a_silence_between_are_neither(*, whole: bool) -> Non
 
 @both_modes
 @pytest.mark.parametrize(("parity_ok", "stop_ok"), [(False, True), (True, False)])
-def test_one_bad_character_spoils_one_frame(mode: Mode, *, parity_ok: bool, stop_ok: bool) -> None:
+def test_one_bad_character_damages_one_frame(mode: Mode, *, parity_ok: bool, stop_ok: bool) -> None:
     framing, timing = LINES[mode]
     chars = frames(mode)[0]
     for bad in range(len(chars)):

@@ -1,4 +1,4 @@
-"""What every engine promises: nothing that is heard raises, and how it is told makes no difference."""
+"""What every engine promises: nothing that is heard raises, and how it is delivered makes no difference."""
 
 from __future__ import annotations
 

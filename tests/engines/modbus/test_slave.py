@@ -253,7 +253,7 @@ def test_rtu_frames_of_others_cost_no_watching() -> None:
     foreign = encode_adu(Mode.RTU, 2, encode_request(Request(3, 0, 1)))
     end = RTU_LINE.characters(8)
     assert bench.slave.receive_frame(foreign, 0, end) == 0
-    # The next frame tells of its end, and is understood.
+    # The next frame shows its end, and is understood.
     mine = encode_adu(Mode.RTU, 1, encode_request(Request(3, 0, 1)))
     start = end + RTU.quiet
     assert bench.slave.receive_frame(mine, start, start + end) & OPEN

@@ -286,7 +286,7 @@ CASES = {
             lambda wire: lose(wire, 2),
             lambda wire: in_attempt(wire, 2, 10 * MS, encode_data(0, SCAN, bytes(8)).chars),
         ),
-        # The slaves cannot tell it from their master's: it has moved past slave 2.
+        # The slaves cannot distinguish it from their master's: it has moved past slave 2.
         {"master": {2: (1, 0x02)}, "slave1": {2: (1, 0x21)}, "slave3": {2: (1, 0x21)}},
         failed={2: {0x02: 1}},
     ),

@@ -97,7 +97,7 @@ ops = st.one_of(
 
 
 class Twin:
-    """One engine with its clock; ``whole``: told of whole frames where that is allowed."""
+    """One engine with its clock; ``whole``: given whole frames where that is allowed."""
 
     def __init__(self, engine: Either, *, whole: bool) -> None:
         self.engine = engine

@@ -86,7 +86,7 @@ def test_a_frame_without_its_end_is_damage_by_quiet_or_by_the_next_header(name: 
 
 @pytest.mark.parametrize("name", GOLDEN)
 @pytest.mark.parametrize("flaw", ["parity", "stop"])
-def test_a_damaged_character_spoils_the_frame_wherever_it_is(name: str, flaw: str) -> None:
+def test_a_damaged_character_damages_the_frame_wherever_it_is(name: str, flaw: str) -> None:
     frame, chars = GOLDEN[name]
     for damaged in range(len(chars)):
         reader = FrameReader()
@@ -108,7 +108,7 @@ def test_a_known_mode_makes_other_lengths_damage() -> None:
     assert feed(reader, short.chars) == [short]
     assert feed(reader, right.chars) == []
     assert reader.quiet() == Damage(2, ord("1"))
-    # the same, told of the whole frame
+    # the same, given the whole frame
     reader.reject(right, 77)
     assert (reader.open, reader.in_frame, reader.header, reader.start) == (True, False, 2, 77)
     assert feed(reader, b"0") == []

@@ -1,6 +1,6 @@
 """Programs that take several scans, inputs about as fast as the link: what is measured is what led there.
 
-Where a change went is told anew from the observed devices, ENDs and frames, backwards from the output.
+Where a change went is worked out anew from the observed devices, ENDs and frames, backwards from the output.
 """
 
 from __future__ import annotations

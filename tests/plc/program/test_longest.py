@@ -1,4 +1,4 @@
-"""The longest scan of a program: never below what one takes, and no number where the text tells none."""
+"""The longest scan of a program: never below what one takes, and no number where the text determines none."""
 
 from __future__ import annotations
 

@@ -248,7 +248,7 @@ def test_a_change_that_another_has_overtaken_is_never_matched() -> None:
 
 
 def test_nothing_is_matched_late_where_the_level_has_come_again() -> None:
-    """Two changes to the level in two frames, and the target follows after the second: nothing tells which."""
+    """Two changes to the level in two frames, and the target follows after the second: nothing shows which."""
     rig = Rig()
     rig.change(0, 1, 2, 4)
     rig.frame(10)

@@ -102,10 +102,10 @@ def test_no_rounding_puts_a_quantile_above_the_maximum(times: list[float]) -> No
         "scans": 9,
         "scan_time_ms": {"p50": median, "p99": p99, "max": longest, "max_at_s": 0, "max_cause": ""},
     }
-    told = " ".join(render(key, {"bus": "link", **values}) for key, values in _times(link))
+    said = " ".join(render(key, {"bus": "link", **values}) for key, values in _times(link))
     numbers = [
         float(number.replace(",", "")) * (1000 if unit == "s" else 1)
-        for number, unit in re.findall(r"([0-9,.]+) (m?s)\b", told)[:3]
+        for number, unit in re.findall(r"([0-9,.]+) (m?s)\b", said)[:3]
     ]
     assert numbers == sorted(numbers)
     assert numbers[1] >= p99

@@ -35,7 +35,7 @@ def test_written_and_read_again(text: str) -> None:
     first = loads(text)
     written = dumps(first)
     again = loads(written)
-    # What is odd in a program is told by its file's line, or by that of the text within the scenario.
+    # What is odd in a program is named by its file's line, or by that of the text within the scenario.
     first = replace(first, warnings=())
     assert replace(again, warnings=()) == first
     assert again.source == first.source

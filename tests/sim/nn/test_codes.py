@@ -33,7 +33,7 @@ from tests.sim.build import (
 
 TX, RX = model.Direction.TX, model.Direction.RX
 NOTHING = (0, 0, 0)
-#: A bit of a frame's second character, the station: parity tells.
+#: A bit of a frame's second character, the station: parity shows it.
 STATION_BIT = (12,)
 
 

@@ -222,9 +222,9 @@ def test_a_tail_shorter_than_the_masters_gap_does_no_harm() -> None:
 def test_a_tail_costs_the_frame_that_begins_during_it() -> None:
     # The master's poll of p2 begins during p1's tail: its first two characters are undefined.
     done = run(link(3, 1, seconds=2, retries=1, faults=[model.LateRelease("p1", GAP + 2 * CHAR)]))
-    answers = done.of("p1")
+    replies = done.of("p1")
     first = [poll for poll in done.of("p0", "poll") if poll.station == 2 and poll.collided]
-    assert len(first) >= len(answers) - 1
+    assert len(first) >= len(replies) - 1
     assert done.link.collisions == len(first)
     # Each such poll is lost, and so is the time of an attempt; its repeat comes when the driver is off.
     assert done.link.failed_attempts == {2: {1: len(done.record.failures)}}
@@ -234,8 +234,8 @@ def test_a_tail_costs_the_frame_that_begins_during_it() -> None:
     assert [poll.start - before.end for before, poll in zip(first, again, strict=False)] == [
         timeout(5) + GAP
     ] * len(again)
-    # The trace tells when the driver went off; the frames are in the order in which they were over.
-    assert {frame.released - frame.end for frame in answers if frame.released is not None} == {GAP + 2 * CHAR}
+    # The trace has when the driver went off; the frames are in the order in which they were over.
+    assert {frame.released - frame.end for frame in replies if frame.released is not None} == {GAP + 2 * CHAR}
     assert all(frame.released is None for frame in done.of("p0"))
     ends = [frame.end for frame in done.record.frames]
     assert ends == sorted(ends)
@@ -250,7 +250,7 @@ def test_a_tail_ends_with_the_supply_and_with_the_next_frame() -> None:
     assert (parameters.released, data.released) == (data.start, poll.start)
 
 
-def test_a_tail_harms_nobody_else_where_a_0_wins() -> None:
+def test_a_tail_harms_no_other_where_a_0_wins() -> None:
     by = GAP + 2 * CHAR
     zero = link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
     done = run(zero)
@@ -531,7 +531,7 @@ def test_the_same_bit_inverted_on_the_wire_and_in_the_receiver_is_right_again() 
 
 
 def unnoticed() -> model.Scenario:
-    """One frame of p1 is damaged so that neither parity nor sum tells."""
+    """One frame of p1 is damaged so that neither parity nor sum shows it."""
     # D32 = 0x0003 is sent as 0 0 0 3. The two low bits of the last two digits: 0 → 3 and 3 → 0.
     # Two bits a character keep its parity, and the sum stays what it was.
     first_digit = 3 + 8  # header, station, counter, and 32 points in 8 characters
