@@ -11,8 +11,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from bussim.errors import UsageError
 from bussim.results.collector import Collector, Rows
@@ -25,6 +26,7 @@ from bussim.results.store.load import FolderRows, load_run
 from bussim.results.summary.latency import LatencyBounds
 from bussim.scenario.build.trace_header import trace_header
 from bussim.scenario.model import Scenario
+from bussim.scenario.provenance import section_origins
 from bussim.trace.records import RunTotals
 from bussim.version import __version__
 
@@ -117,7 +119,22 @@ def _simulate(
     latency, bounds = _latency(scenario)
     collector = Collector(traced=trace, rows=rows, bus_of=bus_of, latency=latency)
     totals = simulate(scenario, collector, progress=progress)
-    return totals, collector.run(totals, scenario=scenario.name, seed=scenario.seed, bounds=bounds)
+    record = collector.run(totals, scenario=scenario.name, seed=scenario.seed, bounds=bounds)
+    record.summary["rests_on"] = _rests_on(scenario, record.summary)
+    return totals, record
+
+
+def _rests_on(scenario: Scenario, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The classes of a run's figures, and the assumptions that change those of each link most."""
+    from bussim.exact.from_scenario import from_scenario
+    from bussim.exact.sizing.assumptions import rests_on
+
+    links = {
+        bus: rests_on(model, summary["links"].get(bus, ()))
+        for bus, model in from_scenario(scenario, ignore_faults=True).items()
+    }
+    origins = section_origins(scenario)
+    return {"links": links, **{section: at for section, at in origins.items() if summary.get(section)}}
 
 
 def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBounds]]:

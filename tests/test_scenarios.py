@@ -40,6 +40,7 @@ WANTED = {
 def summary_text(name: str) -> str:
     summary = dict(bussim.run(name, rows=False).summary)
     del summary["bussim"]  # the version may go on while the results stay
+    del summary["rests_on"]  # of the scenario, not of the run
     return json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
 
 

@@ -55,6 +55,7 @@ from bussim.scenario.model import (
     Window,
     WrongFormat,
 )
+from bussim.scenario.provenance import link_inputs
 from bussim.units import milliseconds
 
 #: States of the channel grow as 2 to the number of bursts.
@@ -320,6 +321,7 @@ class _LinkReader:
             scan=master.scan,
             timeout_range=profile.timeout_range,
             listeners=listeners,
+            inputs=link_inputs(self.scenario, self.bus),
         )
         self.obstacles += self._limits(model, working)
         return replace(model, obstacles=tuple(self.obstacles), notes=tuple(self.notes))

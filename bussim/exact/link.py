@@ -6,7 +6,8 @@ yet. A link knows by itself where the closed form ends: :attr:`LinkModel.reasons
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, QUIET_CHARS, data_chars
@@ -119,7 +120,8 @@ class LinkModel:
     ``stations`` are the slaves 1…D8177 in order, those that do not exist as well (not alive);
     ``listeners`` stations that are never polled but hear. ``attempts`` is what D8179 = ``retries``
     means by the master profile's ``reading``. ``obstacles`` are the reasons, known from the scenario, why the
-    closed form does not hold; ``notes`` what was left out of it on request.
+    closed form does not hold; ``notes`` what was left out of it on request; ``inputs`` what its figures are
+    made of, with where each comes from.
     """
 
     bus: str
@@ -145,6 +147,7 @@ class LinkModel:
     listeners: tuple[Station, ...] = ()
     obstacles: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     # -- lengths -----------------------------------------------------------------------------------
 

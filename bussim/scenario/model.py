@@ -114,12 +114,16 @@ NoiseKind = BitErrors | Burst | Impulse | ReplyLoss
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """One entry of ``noise:``. ``name`` is unique and names its random stream."""
+    """One entry of ``noise:``. ``name`` is unique and names its random stream.
+
+    ``measured`` names the recording that it was measured in, empty where it was entered.
+    """
 
     name: str
     target: Target
     kind: NoiseKind
     window: Window = ALWAYS
+    measured: str = ""
 
     @property
     def harmless(self) -> bool:
@@ -294,7 +298,8 @@ class Plc:
     ``registers`` are the special and data devices set at power-on, by their name on this PLC: the
     raw ``registers:`` of the scenario together with what ``nn:`` stands for. ``link`` is None for
     a PLC that takes no part in N:N. ``phase`` is the time from RUN to the first END, None for a
-    random one. ``power_on`` is when it is switched on (tick).
+    random one. ``power_on`` is when it is switched on (tick). ``origins`` say where the fields of its
+    profile come from that the scenario gives: ``entered``, or ``measured in`` a recording.
     """
 
     name: str
@@ -310,6 +315,7 @@ class Plc:
     program: Program | None = None
     inputs: dict[str, InputSpec] = field(default_factory=dict)  # X devices by name
     observed: tuple[str, ...] = ()  # devices whose every change is recorded, by name
+    origins: dict[str, str] = field(default_factory=dict)
 
     @property
     def instruction_time(self) -> int | None:

@@ -76,6 +76,7 @@ def command(
     from bussim.exact.from_scenario import from_scenario
     from bussim.exact.latency.bounds import bounds_of
     from bussim.exact.metrics import Request, figures_of
+    from bussim.scenario.provenance import section_origins
 
     request = Request(
         levels=_levels(levels),
@@ -93,15 +94,17 @@ def command(
     changing = {} if all(figures.valid for figures in found.values()) else _changing(loaded, request)
     bounds = bounds_of(loaded) if loaded.latency else {}
     if as_json:
-        links = {bus: figures.to_json() for bus, figures in found.items()}
+        links = {bus: _json(figures) for bus, figures in found.items()}
         for bus, each in changing.items():
             links[bus]["periods"] = [
-                {**period.to_json(TICKS_PER_SECOND), **figures.to_json()} for period, figures in each
+                {**period.to_json(TICKS_PER_SECOND), **_json(figures)} for period, figures in each
             ]
         lists = {node: figures.to_json() for node, figures in polls.items()}
         result: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
         if bounds:
             result["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
+        origins = section_origins(loaded)
+        result["classes"] = {"polls": origins["ports"], "latency": origins["latency"]}
         print_json(result)
     else:
         from bussim.commands.common.console import wide_console
@@ -164,10 +167,18 @@ def _levels(text: str) -> dict[str, float]:
     return found
 
 
+def _json(figures: Figures) -> dict[str, object]:
+    from bussim.exact.sizing.assumptions import rests_on
+
+    values = figures.to_json()
+    return {**values, "rests_on": rests_on(figures.model, values)}
+
+
 def _show(console: Console, bus: str, figures: Figures, request: RequestType) -> None:
     from rich.text import Text
 
     from bussim.commands.common.console import named_values
+    from bussim.exact.sizing.assumptions import rests_on
     from bussim.wording import about, counted
 
     model = figures.model
@@ -216,12 +227,8 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
         rows.append(("dead station noticed", text))
     console.print(named_values(rows))
     _show_refresh(console, figures)
-    if model.alive:
-        from bussim.exact.sizing.assumptions import setting_assumptions
-
-        console.print(Text("  the assumptions that change the figures most:"))
-        for text in setting_assumptions(model):
-            console.print(Text(f"    {text}"))
+    for line in ("what the figures rest on", *rests_on(model, figures.to_json())["text"]):
+        console.print(Text(f"  {line}"))
 
 
 def _show_refresh(console: Console, figures: Figures) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bussim.commands.common.recording import open_line, read
@@ -11,6 +12,7 @@ from bussim.commands.sniff.tally import described
 from bussim.errors import RunError
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
+from bussim.live.recordings.frames import TraceFile
 from bussim.live.sniff.line import Settings
 from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
@@ -64,6 +66,11 @@ def fit(
             f"{source}: no exchange was recognised in {counted(listener.characters, 'character')} at "
             f"{timing.baud} bps {timing.format}; {_HOW}"
         )
+    where = Path(source).resolve().name[:150]
+    if isinstance(line.source, TraceFile) and line.source.header.seed is not None:
+        where += " (a simulation)"
+    link = link and replace(link, recording=where)
+    ports = ports and replace(ports, recording=where)
     totals = listener.totals(duration)
     measured = sink.run(totals, scenario="measured", seed=0)
     return Fitted(line.bus, line.names, line.source.exact, duration, link, ports, measured)

@@ -98,7 +98,9 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
         old = plc.get("profile", "pw10")
         profile = dict(old) if isinstance(old, dict) else {"base": old}
         profile.setdefault("base", "pw10")
-        plc["profile"] = profile | _profile(link, number)
+        new = _profile(link, number)
+        new["measured"] = profile.get("measured", {}) | new.get("measured", {})
+        plc["profile"] = profile | {key: value for key, value in new.items() if value}
         if number == 0 and link.settings_received and isinstance(plc.get("nn"), dict):
             plc["nn"] |= _settings(link)
     kept_noise = [
@@ -138,7 +140,7 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         hmi["polls"].append(entry)
     noise: list[dict[str, Any]] = []
     if found.ber is not None and found.ber.value:
-        noise.append({"bus": bus, "ber": found.ber.value})
+        noise.append({"bus": bus, "ber": found.ber.value, "measured": found.recording})
     devices = [hmi]
     for slave in found.slaves:
         if slave.station not in range(FIRST_STATION, LAST_STATION + 1):
@@ -155,7 +157,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         device |= _items(held, slave.station)
         devices.append(device)
         if slave.loss is not None and slave.loss.value and slave.delay is not None:
-            noise.append({"bus": bus, "station": device["name"], "reply_loss": slave.loss.value})
+            loss = {"reply_loss": slave.loss.value, "measured": found.recording}
+            noise.append({"bus": bus, "station": device["name"], **loss})
     return {
         "schema": 1,
         "name": name,
@@ -211,7 +214,12 @@ def _settings(link: LinkEstimate) -> dict[str, int | str]:
 
 
 def _profile(link: LinkEstimate, number: int) -> dict[str, Any]:
-    """What was measured of a station, as keys of its profile."""
+    """What was measured of a station, as keys of its profile, and where."""
+    found = _fields(link, number)
+    return found | ({"measured": dict.fromkeys(found, link.recording)} if found else {})
+
+
+def _fields(link: LinkEstimate, number: int) -> dict[str, Any]:
     if number == 0:
         times = {"master_gap": link.master_gap, "scan_overhead": link.scan_overhead}
         return {
@@ -229,11 +237,11 @@ def _profile(link: LinkEstimate, number: int) -> dict[str, Any]:
 
 
 def _link_noise(link: LinkEstimate, bus: str, name_of: dict[int, str]) -> list[dict[str, Any]]:
-    noise: list[dict[str, Any]] = []
+    noise, where = list[dict[str, Any]](), link.recording
     if link.ber is not None and link.ber.value:
-        noise.append({"bus": bus, "ber": link.ber.value})
+        noise.append({"bus": bus, "ber": link.ber.value, "measured": link.recording})
     noise += [
-        {"bus": bus, "station": name_of[found.station], "reply_loss": found.loss.value}
+        {"bus": bus, "station": name_of[found.station], "reply_loss": found.loss.value, "measured": where}
         for found in link.stations
         if found.loss is not None and found.loss.value and found.station in name_of
     ]

@@ -14,6 +14,7 @@ from bussim.exact.sizing.choice import Choice
 from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.text import NOT_COVERED, a_year, ms, ms_at_least, ms_at_most
+from bussim.scenario.provenance import in_words
 from bussim.units import TICKS_PER_MS
 from bussim.wording import counted
 
@@ -73,6 +74,9 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
     _show_front(console, sizing.front, sizing.goals.errors)
     for verdict in verifications:
         line(verdict.in_words())
+    line("what the figures rest on:")
+    for text in in_words(sizing.classes()):
+        line(text, 4)
     line("the assumptions that change the answer most:")
     for assumption in sizing.assumptions:
         line(assumption.in_words(), 4)

@@ -1,9 +1,11 @@
-"""What a recommendation rests on: the class of each figure, and the assumptions that would change it most."""
+"""The assumptions that would change a recommendation, or the figures of a setting, most."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from bussim.exact.link import LinkModel
 from bussim.exact.sizing.choice import Choice, choice_of, recommend
@@ -13,7 +15,8 @@ from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import BAD, LEVELS, TYPICAL, with_level
 from bussim.exact.sizing.unmet_goals import scaled_noise
 from bussim.exact.text import a_year, ms_at_least, ms_at_most
-from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, attempts_per_poll
+from bussim.plc.profiles import AbsentStation, Attempts, attempts_per_poll
+from bussim.scenario.provenance import classes, in_words
 
 #: So many assumptions are named.
 _MOST = 3
@@ -78,19 +81,21 @@ class Assumption:
 def changes(before: Choice, then: Choice) -> str:
     """The figures of a setting that differ between two assumptions, those of the second first."""
     parts = []
-    for said, old, new, in_words in (
+    for said, old, new, shown in (
         ("{} false station errors a year", before.errors, then.errors, a_year),
         ("a scan with a dead station of {}", before.dead, then.dead, ms_at_most),
         ("{} of interruption pass", before.ride, then.ride, ms_at_least),
         ("a scan of {}", before.mean, then.mean, ms_at_most),
     ):
-        if abs(new - old) > _SLIGHT * old and in_words(new) != in_words(old):
-            parts.append(f"{said.format(in_words(new))} instead of {in_words(old)}")
+        if abs(new - old) > _SLIGHT * old and shown(new) != shown(old):
+            parts.append(f"{said.format(shown(new))} instead of {shown(old)}")
     return ", ".join(parts) or _NOTHING
 
 
 def setting_assumptions(model: LinkModel) -> tuple[str, ...]:
-    """What would change the figures of the setting that a link has most, in words."""
+    """What would change the figures of the setting that a link has most, in words; none without a law."""
+    if not (model.valid and model.alive):
+        return ()
     before = _as_set(model)
     noise = "the noise is as entered", "with ten times as much", scaled_noise(model, 10)
     if not model.noisy:
@@ -105,6 +110,15 @@ def setting_assumptions(model: LinkModel) -> tuple[str, ...]:
         for then in (_as_set(changed),)
     ]
     return tuple(text for _, text in sorted(found, reverse=True)[:_MOST])
+
+
+def rests_on(model: LinkModel, keys: Iterable[str]) -> dict[str, Any]:
+    """What the figures (by their keys) of the setting that a link has rest on, as plain data and as lines."""
+    found, most = classes(model.inputs, keys), setting_assumptions(model)
+    text = [f"  {line}" for line in in_words(found)]
+    if most:
+        text += ["the assumptions that change the figures most", *(f"  {line}" for line in most)]
+    return {**found, "assumptions": list(most), "text": text}
 
 
 def _as_set(model: LinkModel) -> Choice:
@@ -165,33 +179,3 @@ def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumpti
 
 def _setting(choice: Choice) -> tuple[int, int]:
     return choice.retries, choice.timeout
-
-
-def classes(model: LinkModel, goals: Goals) -> dict[str, dict[str, str]]:
-    """The class of each input and of each figure: published, derived, assumed or entered.
-
-    A figure has the weakest class among the inputs that it is made of.
-    """
-    profile = PROFILES["pw10"]
-    fitted = model.gap == profile.master_gap and model.overhead == profile.scan_overhead
-    fitted = fitted and all(station.turnaround == profile.turnaround for station in model.alive)
-    times = "derived" if fitted else "entered"
-    noise = "entered" if model.noisy else "assumed"
-    inputs = {
-        "D8177 to D8180 and their ranges": "published",
-        "frames, gaps and turnarounds": times,
-        "PLC scan times": "entered",
-        "noise": noise,
-        "attempts of D8179": "assumed",
-        "absent_station": "assumed",
-        "goals": "entered" if {"errors", "ride"} <= set(goals.given) else "assumed",
-    }
-    figures = {
-        "timeout_floor_ms": times,
-        "mean_ms": "assumed" if noise == "assumed" else times,
-        "false_errors_per_year": "assumed",
-        "one_dead_ms": "assumed",
-        "detect_ms": "assumed",
-        "ride_through_ms": "assumed",
-    }
-    return {"inputs": inputs, "figures": figures}

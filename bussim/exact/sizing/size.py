@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
-from bussim.exact.sizing.assumptions import Assumption, assumptions, classes
+from bussim.exact.sizing.assumptions import Assumption, assumptions
 from bussim.exact.sizing.choice import Choice, choice_of, recommend
 from bussim.exact.sizing.evaluation import (
     Checked,
@@ -22,6 +22,7 @@ from bussim.exact.sizing.noise_levels import NoiseLevels, noise_levels_of
 from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
 from bussim.exact.text import in_ms, ms, ms_at_most
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
+from bussim.scenario.provenance import ASSUMED, ENTERED, NOISE, classes
 from bussim.units import TICKS_PER_SECOND
 
 #: Chances of an error within this factor count as equal on the Pareto front, and the longest scan with a
@@ -125,6 +126,14 @@ class Sizing:
         every = dict.fromkeys((best.retries, max(0, best.retries - 1), 0))
         return [(retries, best.timeout) for retries in every]
 
+    def classes(self) -> dict[str, dict[str, str]]:
+        """Where the inputs come from, and the class of each figure."""
+        inputs = {**self.model.inputs, "the level of noise bad": ASSUMED}
+        inputs["goals"] = ENTERED if {"errors", "ride"} <= set(self.goals.given) else ASSUMED
+        figures = ("mean_ms", "false_errors_per_year", "one_dead_ms", "detect_ms", "ride_through_ms")
+        found = classes({**inputs, NOISE: ASSUMED}, ("timeout_floor_ms", *figures))
+        return {**found, "inputs": inputs}
+
     def to_json(self) -> dict[str, object]:
         """One link of the JSON form, times in ms."""
         return {
@@ -143,7 +152,7 @@ class Sizing:
             "ladder": None if self.noise_levels is None else self.noise_levels.to_json(),
             "margins": [margin.to_json() for margin in self.margins],
             "assumptions": [assumption.to_json() for assumption in self.assumptions],
-            "classes": classes(self.model, self.goals),
+            "classes": self.classes(),
             "mov": self.mov_lines(),
         }
 

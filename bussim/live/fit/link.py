@@ -67,6 +67,7 @@ class LinkEstimate:
     scans: tuple[int, ...]  # durations of link scans
     damaged: int
     frames: int
+    recording: str = ""  # where it was measured
 
 
 @dataclass(slots=True)

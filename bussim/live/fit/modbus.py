@@ -70,6 +70,7 @@ class BusEstimate:
     frames: int
     damaged: int
     begin: int
+    recording: str = ""  # where it was measured
 
 
 @dataclass(slots=True)

@@ -39,6 +39,10 @@ def show_result(console: Console, record: RunRecord, station_names: Mapping[str,
         _print(console, "verdict")
         for item in said:
             _print(console, f"  {item['text']}")
+    for bus, found in summary.get("rests_on", {}).get("links", {}).items():
+        console.print()
+        for line in (f"what the figures of {bus} rest on", *found["text"]):
+            _print(console, line)
     if summary["warnings"]:
         console.print()
         for warning in summary["warnings"]:

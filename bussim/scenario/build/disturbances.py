@@ -40,7 +40,7 @@ def noise_of(entries: Sequence[NoiseIn], nodes: Directory) -> tuple[Noise, ...]:
     labels = [f"{entry.kind} {at.station or at.bus}" for entry, at in zip(entries, targets, strict=True)]
     names = unique_names(entries, labels)
     return tuple(
-        Noise(name, target, entry.value, Window(entry.at, entry.for_))
+        Noise(name, target, entry.value, Window(entry.at, entry.for_), entry.measured or "")
         for name, target, entry in zip(names, targets, entries, strict=True)
     )
 

@@ -20,9 +20,11 @@ from bussim.scenario.model import (
     Plc,
     Scenario,
 )
+from bussim.scenario.provenance import ENTERED, MEASURED
 from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.draft import readable, values_of
+from bussim.scenario.schema.profiles import ProfileIn
 from bussim.scenario.schema.programs import LatencyIn
 
 if TYPE_CHECKING:
@@ -118,4 +120,14 @@ def _plc(member: Member, resolved: Resolved, observed: tuple[str, ...]) -> Plc:
         program=member.logic.program,
         inputs=dict(member.logic.inputs),
         observed=observed,
+        origins=_origins(plc.profile),
     )
+
+
+def _origins(given: ProfileIn) -> dict[str, str]:
+    """Where the fields of a profile come from that the file gives."""
+    measured = given.measured or {}
+    return {
+        name: f"{MEASURED} in {measured[name]}" if name in measured else ENTERED
+        for name in given.given("base", "measured")
+    }

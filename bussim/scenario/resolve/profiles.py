@@ -13,8 +13,8 @@ from bussim.units import round_half_up
 
 def profile_of(given: ProfileIn) -> Profile:
     """The built-in profile with the given fields changed."""
-    base = PROFILES[given.base]
-    changes = {key: _value(value, getattr(base, key)) for key, value in given.given("base").items()}
+    base, fields = PROFILES[given.base], given.given("base", "measured")
+    changes = {key: _value(value, getattr(base, key)) for key, value in fields.items()}
     if given.modes is not None:
         changes["modes"] = sorted(set(given.modes))
     return changed(base, changes)

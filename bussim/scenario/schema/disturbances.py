@@ -17,6 +17,7 @@ from bussim.forms.fields import (
     Positive,
     Probability,
     Time,
+    Title,
     choice,
     fail,
     number,
@@ -77,7 +78,7 @@ class ImpulseIn(Model):
 
 
 class _NoiseWhere(Model):
-    """Where and when noise acts."""
+    """Where and when noise acts, and the recording that says how much of it there is."""
 
     name: Name | None = None
     bus: Name
@@ -85,6 +86,7 @@ class _NoiseWhere(Model):
     direction: Side | None = None
     at: Time = 0
     for_: Positive | None = Field(None, alias="for")
+    measured: Title | None = None
 
 
 class NoiseIn(_NoiseWhere):

@@ -18,6 +18,7 @@ from bussim.forms.fields import (
     DEVICE_RANGE,
     Flag,
     Time,
+    Title,
     choice,
     fail,
     nanoseconds,
@@ -156,6 +157,7 @@ class _BaseIn(Model):
     """What a profile's form has before the fields of a profile."""
 
     base: Annotated[str, choice(*PROFILES)]
+    measured: dict[str, Title] | None = None  # fields by the recording that they were measured in
 
 
 #: The keys of the form, made of the fields of a profile.
@@ -175,6 +177,12 @@ class ProfileIn(_Fields):  # type: ignore[misc] # made above
 
     example = "the name of a profile, or {base: pw10, attempts: retries}"
     shorthand = "base"
+
+    @model_validator(mode="after")
+    def _measured_are_given(self) -> ProfileIn:
+        for name in sorted({*(self.measured or ())} - {*self.given("base", "measured")}):
+            raise fail(f"names {show(name)}, a field that this profile does not give", "measured")
+        return self
 
     @model_validator(mode="after")
     def _timeouts_agree(self) -> ProfileIn:

@@ -73,6 +73,10 @@ def _apply(data: object, source_map: SourceMap, override: Override) -> object:
         path = (*path, step)
         if made is None and isinstance(node, dict) and step not in node:
             made = path
+        if isinstance(node, dict) and step != "measured" and "measured" in node:
+            measured = node.pop("measured")  # what is set from outside was not measured there
+            if isinstance(measured, dict):
+                node["measured"] = {key: at for key, at in measured.items() if key != step}
         if last:
             node[step] = value
             break

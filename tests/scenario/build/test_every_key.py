@@ -44,6 +44,7 @@ plcs:
   - name: press1
     profile:
       base: pw10
+      measured: {master_gap: line.sr}
       master_gap: 1 ms
       turnaround: {mean: 2 ms, jitter: 1 ms}
       scan_overhead: 4 ms
@@ -110,7 +111,7 @@ devices:
       - {name: look, station: 1, function: 3, address: 0, count: 2, every: 300 ms, at: 1 s, times: 4, retries: 2}
       - {name: push, station: 1, function: 6, address: 9, count: 1, values: [7], every: 400 ms, at: 1 s, times: 4, retries: 2}
 noise:
-  - {name: hiss, bus: link, station: press2, direction: tx, at: 1 s, for: 2 s, ber: 1.0e-6}
+  - {name: hiss, bus: link, station: press2, direction: tx, at: 1 s, for: 2 s, measured: line.sr, ber: 1.0e-6}
   - {bus: link, at: 0 s, burst: {good: 10 s, bad: 20 ms, ber_good: 1.0e-9, ber_bad: 1.0e-2}}
   - {bus: link, at: 0 s, impulse: {every: 20 ms, width: 50 us, ber: 0.25, phase: 3 ms}}
   - {bus: link, at: 0 s, reply_loss: 1.0e-3}

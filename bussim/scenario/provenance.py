@@ -1,0 +1,104 @@
+"""Where what the figures of a link are made of comes from, and so the class of each figure.
+
+Published: in a manual. Measured: in a recording that the scenario names (``measured``). Derived: from the
+published link times. Entered: by the user. Assumed: since no public source says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from bussim.plc.link_registers import D_STATION
+from bussim.scenario.model import Plc, Scenario
+
+#: The classes, the weakest last. Where something was measured, its recording follows: "measured in line.sr".
+CLASSES = "published", "measured", "derived", "entered", "assumed"
+PUBLISHED, MEASURED, DERIVED, ENTERED, ASSUMED = CLASSES
+
+NOISE = "noise"
+_FRAMES, _TIMES, _JITTER = "frame lengths", "gaps and turnarounds", "jitter of turnarounds"
+_ATTEMPTS, _ABSENT, _REPLY = "attempts of D8179", "absent_station", "when a slave replies"
+_SCANS, _SLAVES, _BYTES = "PLC scan times", "how slaves judge the master", "frame bytes"
+_CLEAN, _ERRORS = (_FRAMES, _TIMES), (NOISE, _ATTEMPTS, _ABSENT)
+#: What the figures of a link are made of in the first place, by their keys in the JSON forms.
+_MADE_OF: dict[tuple[str, ...], str] = {
+    (*_CLEAN, NOISE): "mean_ms bus_load scans polls",
+    (*_CLEAN, NOISE, _JITTER): "no_error_ms collisions sd_ms",
+    (*_CLEAN, _JITTER, _SCANS): "timeout_floor_ms",
+    (*_CLEAN, _JITTER, _ATTEMPTS): "ride_through_ms worst_case_ms",
+    (*_CLEAN, _SLAVES): "master_lost",
+    (NOISE, _BYTES): "failed_attempts undetected_frames",
+    (_FRAMES, *_ERRORS): "station_error_per_scan station_error_per_year station_errors station_error_onsets "
+    "false_errors_per_year false_error_onsets_per_year years_between_false_errors",
+    (*_CLEAN, *_ERRORS): "one_dead_ms two_dead_ms detect_ms",
+    (*_CLEAN, *_ERRORS, _JITTER): "quantiles_ms p_scan_over_ms maximum_ms scan_time_ms",
+    (*_CLEAN, *_ERRORS, _JITTER, _SCANS): "refresh_gap_ms stale_ms healthy_at_s",
+}
+FIGURES = {figure: inputs for inputs, figures in _MADE_OF.items() for figure in figures.split()}
+#: Fields of profiles that the figures of a run's other sections are made of, beside what is entered.
+_SECTIONS = {
+    "plcs": ("error_count", "link_scan_unit"),
+    "buses": ("transaction_time", "begun_holds"),
+    "ports": ("transaction_time", "begun_holds"),
+    "devices": ("transaction_time", "begun_holds"),
+    "latency": ("reply", "instruction_times"),
+}
+
+
+def _rank(origin: str) -> int:
+    return CLASSES.index(origin.split()[0])
+
+
+def _of(plcs: Iterable[Plc], *fields: str, built_in: str = ASSUMED, least: str = PUBLISHED) -> str:
+    """The weakest origin among fields of profiles, and not stronger than ``least``."""
+    return max([least, *(plc.origins.get(name, built_in) for plc in plcs for name in fields)], key=_rank)
+
+
+def link_inputs(scenario: Scenario, bus: str) -> dict[str, str]:
+    """What the figures of an N:N link are made of, each with where it comes from."""
+    plcs = [plc for plc in scenario.plcs if plc.link is not None and plc.link.bus == bus]
+    masters = [plc for plc in plcs if plc.registers.get(f"D{D_STATION}", 0) == 0]
+    slaves = [plc for plc in plcs if plc not in masters]
+    gaps = _of(masters, "master_gap", "scan_overhead", built_in=DERIVED)
+    noise = [each.measured for each in scenario.noise if each.target.bus == bus]
+    return {
+        "line format and settings": PUBLISHED,
+        _FRAMES: DERIVED,
+        _TIMES: _of(slaves, "turnaround", built_in=DERIVED, least=gaps),
+        NOISE: f"{MEASURED} in {noise[0]}" if noise and all(noise) else ENTERED,
+        _SCANS: ENTERED,
+        _JITTER: _of(slaves, "turnaround"),
+        _ATTEMPTS: _of(masters, "attempts"),
+        _ABSENT: _of(masters, "absent_station"),
+        _REPLY: _of(slaves, "reply"),
+        _SLAVES: ASSUMED,
+        _BYTES: ASSUMED,
+    }
+
+
+def classes(inputs: Mapping[str, str], keys: Iterable[str]) -> dict[str, dict[str, str]]:
+    """The inputs, and the class of each key that is a figure: the weakest of what it is made of."""
+    figures = {
+        key: CLASSES[max(_rank(inputs.get(name, ASSUMED)) for name in FIGURES[key])]
+        for key in keys
+        if key in FIGURES
+    }
+    return {"inputs": dict(inputs), "figures": figures}
+
+
+def section_origins(scenario: Scenario) -> dict[str, str]:
+    """The classes of a run's figures beside its links, by section of its summary."""
+    return {name: _of(scenario.plcs, *fields, least=ENTERED) for name, fields in _SECTIONS.items()}
+
+
+def in_words(found: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """The inputs by where they come from, the strongest first, and then the figures by their classes."""
+    inputs, figures = found["inputs"], found["figures"]
+    lines = [
+        f"{origin}: {', '.join(name for name, at in inputs.items() if at == origin)}"
+        for origin in sorted(set(inputs.values()), key=_rank)
+    ]
+    *strong, weakest = sorted(set(figures.values()), key=_rank)
+    plain = {key: key.removesuffix("_ms").replace("_", " ") for key in figures}
+    shown = [f"{', '.join(plain[key] for key in figures if figures[key] == name)} {name}" for name in strong]
+    return [*lines, f"the weakest of these in each figure: {'; '.join([*shown, f'all others {weakest}'])}"]
