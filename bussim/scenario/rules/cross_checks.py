@@ -8,6 +8,7 @@ from bussim.scenario.rules.disturbances import check_faults, check_noise
 from bussim.scenario.rules.links import check_links
 from bussim.scenario.rules.names import check_names
 from bussim.scenario.rules.observed import check_latencies, check_observed
+from bussim.scenario.rules.plausible import check_plausible
 from bussim.scenario.rules.plcs import check_plcs
 from bussim.scenario.rules.ports import check_port_use, check_ports
 from bussim.scenario.rules.programs import check_programs
@@ -35,3 +36,4 @@ def check_rules(resolved: Resolved, report: Report) -> None:
     check_latencies(resolved, report)
     check_noise(resolved, report)
     check_faults(resolved, report)
+    check_plausible(report)
