@@ -12,7 +12,7 @@ from bussim.wording import shorten
 #: The file that says what a folder's sweep is.
 MANIFEST = "sweep.json"
 #: Version of ``sweep.json``; rises when a key changes its meaning.
-SCHEMA = 1
+SCHEMA = 2
 _MOST_SHOWN = 5
 _NOTHING = object()
 
@@ -60,6 +60,7 @@ def _varied(here: list[dict[str, Any]], there: Any) -> list[str]:
         return []
     try:
         theirs = {axis["key"]: axis["values"] for axis in there}
+        columns = {axis["key"]: axis["column"] for axis in there}
     except (KeyError, TypeError):
         return ["--vary cannot be read there"]
     found = []
@@ -69,6 +70,8 @@ def _varied(here: list[dict[str, Any]], there: Any) -> list[str]:
             found.append(f"{key} is varied here, not there")
         elif values != theirs[key]:
             found.append(f"{key} is varied over {_values(values)} here, {_values(theirs[key])} there")
+        elif axis["column"] != columns[key]:
+            found.append(f"the column of {key} is {axis['column']} here, {columns[key]} there")
     found += [
         f"{key} is varied there, not here" for key in theirs if all(key != axis["key"] for axis in here)
     ]

@@ -109,11 +109,11 @@ class Plan:
         )
 
     def _source(self) -> Any:
-        """The scenario as plain data, and the contents of the files and modules that it names."""
-        data = self._template.data(self.sets)
-        if isinstance(data, dict) and self._files.texts:
+        """The scenario in its canonical form, and the contents of the files and modules that it names."""
+        data = dict(self.base.source)
+        if self._files.texts:
             data["files"] = dict(sorted(self._files.texts.items()))
-        if isinstance(data, dict) and (code := self._code.texts()):
+        if code := self._code.texts():
             data["code"] = code
         return data
 
@@ -129,7 +129,7 @@ class Plan:
             "bussim": __version__,
             "scenario": self.title,
             "vary": [
-                {"key": axis.key, "column": axis.column, "values": [value.text for value in axis.values]}
+                {"key": axis.key, "column": axis.column, "values": [v.canonical for v in axis.values]}
                 for axis in self.axes
             ],
             "repeat": self.repeat,

@@ -7,7 +7,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bussim.sweep.identity import SCHEMA
 from bussim.sweep.intervals import Mean
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import LOW, POINTS, RUNS, Table, at_point, axis_cell, mean_at, read_csv
@@ -69,7 +68,7 @@ class SweepResult:
         """Everything about the points as plain data, what ``bussim sweep --json`` prints."""
         plan = self.plan
         return {
-            "schema": SCHEMA,
+            "schema": 1,
             "bussim": __version__,
             "scenario": plan.title,
             "folder": str(self.folder),

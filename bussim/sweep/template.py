@@ -9,7 +9,7 @@ from bussim.errors import UsageError
 from bussim.scenario.loader import Examined, _check
 from bussim.scenario.yaml import parser as yaml
 from bussim.scenario.yaml.files import Files
-from bussim.scenario.yaml.overrides import Override, apply_overrides
+from bussim.scenario.yaml.overrides import Override
 from bussim.scenario.yaml.source_map import SourceMap
 from bussim.scenario.yaml.user_code import Code
 
@@ -24,10 +24,6 @@ class Template:
         self._files = files
         self._code = code
         self._data, self._source_map, self._problems = yaml.read(text, name)
-
-    def data(self, overrides: Iterable[Override]) -> Any:
-        """The plain data with values set, unchecked. Raises UsageError as :meth:`examine`."""
-        return apply_overrides(_copied(self._data), self._copy_of_source_map(), overrides)
 
     def examine(self, overrides: Iterable[Override]) -> Examined:
         """The scenario with values set, or every mistake in it.

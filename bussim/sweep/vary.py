@@ -13,7 +13,7 @@ from math import floor, prod
 from bussim.errors import UsageError
 from bussim.scenario.yaml.overrides import Override
 from bussim.scenario.yaml.parser import read
-from bussim.units import UNIT_TICKS, parse_time
+from bussim.units import UNIT_TICKS, format_time, parse_time
 from bussim.wording import RawFloat, RawInt, shorten
 
 #: Most runs of a sweep: points times repeats.
@@ -38,6 +38,14 @@ class Value:
     same: str
     number: int | float | None = None
     unit: str = ""
+
+    @property
+    def canonical(self) -> str:
+        """The text that equal values share."""
+        ticks, _, is_time = self.same.partition(" ")
+        if is_time == "ticks" and ticks.isdigit():
+            return format_time(int(ticks))
+        return self.text if self.number is None else self.same
 
 
 @dataclass(frozen=True, slots=True)

@@ -158,7 +158,11 @@ def test_another_sweep_is_refused_with_what_differs(
         (f"{RETRIES}=0,1", {"repeat": 2}, "--repeat is 2 here, 1 there"),
         (f"{RETRIES}=0,1", {"common_random_numbers": True}, "--same-luck is true here, false there"),
         (f"{RETRIES}=0,1", {"sets": ["seed=5"]}, "seed is 5 here, 3 there"),
-        (f"{RETRIES}=0,1", {"sets": ["noise=[]"]}, 'noise is [] here, [{"bus": "link", "ber": 0.001}] there'),
+        (
+            f"{RETRIES}=0,1",
+            {"sets": ["noise=[]"]},
+            'noise is [] here, [{"bus": "link", "at": "0 s", "ber": 0.001}] there',
+        ),
     ):
         with pytest.raises(UsageError) as caught:
             sweep(vary, **options)

@@ -145,7 +145,7 @@ def test_what_distinguishes_two_sweeps(scenario: Path) -> None:
         "--repeat is 3 here, 4 there",
         "--same-luck is false here, true there",
         f"{BER} is varied here, not there",
-        'duration is "2s" here, "400 ms" there',
+        'duration is "2 s" here, "400 ms" there',
         "and 1 more",
     ]
     longer = Plan(scenario, [f"{RETRIES}=0:4:2", *vary[1:]], sets=["duration=2s"], repeat=3).manifest()
@@ -158,7 +158,29 @@ def test_what_distinguishes_two_sweeps(scenario: Path) -> None:
     assert differences(here, again) == []
     scenario.write_text(scenario.read_text().replace("scan: 6 ms", "scan: 7 ms"))
     again = Plan(scenario, vary, sets=["duration=2s"], repeat=3).manifest()
-    assert differences(again, here) == ['plcs.1.scan is "7 ms" here, "6 ms" there']
+    assert differences(again, here) == ['plcs.1.scan.mean is "7 ms" here, "6 ms" there']
+
+
+def test_values_that_are_read_alike_are_the_same_sweep(scenario: Path) -> None:
+    here = Plan(scenario, [f"{TIMEOUT}=50ms,60ms"], sets=["duration=2s"]).manifest()
+    for timeouts, duration in (
+        ("50 ms,60 ms", "2 s"),
+        ("50.0ms, 6e1 ms", "2000ms"),
+        ("50000us,60000us", "2 s"),
+    ):
+        there = Plan(scenario, [f"{TIMEOUT}={timeouts}"], sets=[f"duration={duration}"]).manifest()
+        shown = (
+            [f"the column of {TIMEOUT} is {TIMEOUT}_ms here, {TIMEOUT}_us there"] if "us" in timeouts else []
+        )
+        assert differences(here, there) == shown
+    text = scenario.read_text()
+    for one, other in (("scan: 6 ms", "scan: {mean: 0.006 s}"), ("seed: 3", "seed: 0x3")):
+        assert one in text
+        scenario.write_text(text.replace(one, other))
+        there = Plan(scenario, [f"{TIMEOUT}=50ms,60ms"], sets=["duration=2s"]).manifest()
+        assert differences(here, there) == []
+    numbers = [Plan(scenario, [f"{BER}={ber},0.01"]).manifest() for ber in ("1e-3", "0.001", "1.0e-3")]
+    assert differences(numbers[0], numbers[1]) == differences(numbers[0], numbers[2]) == []
 
 
 def test_a_worker_of_another_version_refuses(scenario: Path) -> None:
