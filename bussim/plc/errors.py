@@ -34,6 +34,11 @@ def serial_error(codes: ErrorCodes, port: str, code: int) -> tuple[int, int]:
             assert_never(codes)
 
 
+def shown_at(code: int) -> int:
+    """The number of M and D that show a code of :func:`serial_error`."""
+    return 8438 if code // 100 == 38 else SERIAL_ERROR
+
+
 def note_errors(bits: bytearray, words: array[int]) -> None:
     """M8004 and D8004, of a memory's M and D: whether one of M8060–M8067 is on, and which."""
     first = bits.find(1, 8060, 8068)

@@ -118,6 +118,11 @@ def refusal(profile: Profile, name: str, reasons: list[str], port: str) -> str:
     )
 
 
+def mode_refusal(name: str, profile: Profile, mode: int) -> str:
+    """What a slave does whose family lacks the master's refresh mode, as a sentence."""
+    return f"{name} ({profile.name}) does not have the master's refresh mode {mode}: it stays out of the link"
+
+
 def setting_values(profile: Profile, registers: Mapping[str, int]) -> dict[int, int]:
     """D8176–D8180 (addresses as keys) at power-on, with those that ``registers`` sets by name."""
     return {

@@ -11,6 +11,7 @@ from typing import Final
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.codes import PortError
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.plc.errors import shown_at
 from bussim.plc.memory import Device, Memory
 from bussim.units import TICKS_PER_MS
 
@@ -119,6 +120,12 @@ class BadSettings:
 
     error: PortError
     text: str
+
+
+def refusal(node: str, reason: str, code: int) -> str:
+    """What a port does that refuses its words, as a sentence; ``code`` is what D8063 or D8438 shows."""
+    device = shown_at(code)
+    return f"{node} refuses its parameters ({reason}): M{device} on, D{device} = {code}, and it is silent"
 
 
 def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | BadSettings:

@@ -133,11 +133,14 @@ class Directory:
         """Whether a PLC or device could be read, so that something may be said against it."""
         return owner not in self._unsure
 
-    def unknown(self, name: str) -> str:
-        """What a message says of a name that no PLC and no device has; "" if one has, or there are none."""
+    def unknown(self, name: str, instead: Sequence[str] = ()) -> str:
+        """What a message says of a name that no PLC and no device has; "" if one has, or there are none.
+
+        It offers the names ``instead``, else those of all PLCs and devices.
+        """
         known = [*self.plcs, *self.devices]
         kinds = "no PLC and no device" if self.devices else "no PLC"
-        return "" if name in known or not known else f"is {kinds}; {suggest(name, known)}"
+        return "" if name in known or not known else f"is {kinds}; {suggest(name, instead or known)}"
 
     def find(self, name: str, bus: str | None = None) -> Node | None:
         """The node that a name means, on a bus if that is given.
@@ -146,7 +149,7 @@ class Directory:
         port. None if that cannot be decided because of other mistakes. Raises :class:`Missing`.
         """
         owner, _, port = name.partition(".")
-        unknown = self.unknown(owner)
+        unknown = self.unknown(owner, [node.name for node in self.nodes])
         if unknown:
             raise Missing(f"is {show(owner)}, which {unknown}")
         own = [node for node in self.nodes if node.owner == owner]

@@ -12,6 +12,7 @@ from bussim.plc.link_registers import (
     D_STATION,
     D_TIMEOUT,
     TIMEOUT_UNIT,
+    mode_refusal,
     refusal,
     worst_turnaround,
 )
@@ -131,11 +132,7 @@ def _check_polling(bus: str, master: Member, members: list[Member], report: Repo
 def _check_slave(master: Member, slave: Member, report: Report) -> None:
     mode, limit = master.settings[D_MODE], master.settings[D_TIMEOUT] * TIMEOUT_UNIT
     if mode not in slave.profile.modes:
-        report.warn(
-            slave.path,
-            f"{slave.name} ({slave.profile.name}) does not have refresh mode {mode} of {master.name}: "
-            "it stays out of the link",
-        )
+        report.warn(slave.path, mode_refusal(slave.name, slave.profile, mode))
         return
     if slave.profile.word_spacing != master.profile.word_spacing:
         report.warn(

@@ -16,6 +16,7 @@ from bussim.plc.ports.cpavl import (
     WORDS,
     BadSettings,
     format_word,
+    refusal,
 )
 from bussim.plc.profiles import Profile
 from bussim.scenario.resolve.buses import Line
@@ -172,12 +173,8 @@ def _check_settings(config: PortConfiguration, profile: Profile, report: Report)
     """What becomes of words that the PLC refuses, or that set up nothing that is simulated."""
     settings = config.settings
     if isinstance(settings, BadSettings):
-        device, code = serial_error(profile.error_codes, config.name, settings.error)
-        report.warn(
-            config.path,
-            f"{config.plc} refuses the parameters of {config.name} ({settings.text}): M{device} on, "
-            f"D{device} = {code}, and the port stays silent",
-        )
+        _, code = serial_error(profile.error_codes, config.name, settings.error)
+        report.warn(config.path, refusal(config.node, settings.text, code))
     elif settings.protocol is None:
         word = config.register("protocol")
         codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)

@@ -25,6 +25,7 @@ from bussim.plc.link_registers import (
     D_STATION,
     D_TIMEOUT,
     bad_parameters,
+    mode_refusal,
     refusal,
     selected_port,
 )
@@ -101,7 +102,7 @@ class LinkReporter(Notes):
                 port.plc.refuse(now)
                 text = f"mode {settings.mode} of the master does not exist on {port.plc.profile.name}"
                 self.note(now, "refused", port.name, text)
-                self.warn(f"{port.name}: {text}; it takes no part in the link")
+                self.warn(mode_refusal(port.name, port.plc.profile, settings.mode))
             case _:
                 assert_never(event)
 

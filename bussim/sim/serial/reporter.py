@@ -16,6 +16,7 @@ from bussim.engines.modbus.events import (
     StationRefused,
     TransactionEnded,
 )
+from bussim.plc.ports.cpavl import refusal
 from bussim.plc.ports.events import PortErrorRaised, TurnEnded
 from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import SerialStation
@@ -140,9 +141,9 @@ class SerialReporter(Notes):
         code = int(event.error)
         errors[code] += 1
         if event.text:
-            text = f"refuses its parameters ({event.text}): M8063 on, D8063 = {event.code}, and it is silent"
-            self.note(event.tick, "refused", node.name, text, D8063=event.code)
-            self.warn(f"{node.name} {text}")
+            text = refusal(node.name, event.text, event.code)
+            self.note(event.tick, "refused", node.name, text.removeprefix(f"{node.name} "), D8063=event.code)
+            self.warn(text)
         elif errors[code] == 1:
             text = f"first error {event.code}: {MEANINGS[code]}"
             self.note(event.tick, "port_error", node.name, text, code=code)

@@ -24,7 +24,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
             (SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}"),
         ),
         [
-            "23:13: press2 refuses the parameters of COM3 (COM3 has the station number 0, allowed 1..247): M8063 on, D8063 = 7300, and the port stays silent"
+            "23:13: press2.COM3 refuses its parameters (COM3 has the station number 0, allowed 1..247): M8063 on, D8063 = 7300, and it is silent"
         ],
     ),
     "raw bad code": (
@@ -33,7 +33,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
             (SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}"),
         ),
         [
-            "23:13: press2 refuses the parameters of COM3 (COM3 has no protocol 05H): M8063 on, D8063 = 7306, and the port stays silent"
+            "23:13: press2.COM3 refuses its parameters (COM3 has no protocol 05H): M8063 on, D8063 = 7306, and it is silent"
         ],
     ),
     "raw nothing": (
@@ -48,7 +48,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
             (SLAVE, "COM3: {bus: line, cpavl: {words: D100, bits: M100}}"),
         ),
         [
-            "23:13: press2 refuses the parameters of COM3 (COM3 has 7 data bits, RTU needs 8): M8063 on, D8063 = 7306, and the port stays silent"
+            "23:13: press2.COM3 refuses its parameters (COM3 has 7 data bits, RTU needs 8): M8063 on, D8063 = 7306, and it is silent"
         ],
     ),
     "com2": (
