@@ -76,6 +76,9 @@ class SlaveSettings(DeviceSettings):
 
     __slots__ = ()
 
+    #: The address of the register that holds the station number; None where it cannot be written.
+    station_register: ClassVar[int | None] = None
+
     @abstractmethod
     def register_map(self) -> AreaMap:
         """A new map with its addresses, functions, limits and values at power-on."""

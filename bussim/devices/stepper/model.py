@@ -46,6 +46,7 @@ class StepperSettings(SlaveSettings):
     """
 
     port = STEPPER_PORT
+    station_register = BY_NAME["station"].address
 
     profile: StepperProfile = STEPPER_PROFILE
     switches: tuple[Switch, ...] = ()

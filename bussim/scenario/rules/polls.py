@@ -17,7 +17,7 @@ from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of
 from bussim.scenario.rules.responses import Responses
-from bussim.scenario.schema.draft import Entry, readable
+from bussim.scenario.schema.draft import Entry, readable, values_of
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.wording import counted, suggest
@@ -40,7 +40,8 @@ class PolledPort:
 
 def check_polls(resolved: Resolved, report: Report) -> None:
     """Check the polls of every PLC and of every device that is a master."""
-    responses = Responses(resolved.nodes, resolved.code, report)
+    every = [poll for polls in resolved.draft.polls.values() for poll in values_of(polls)]
+    responses = Responses(resolved.nodes, every, resolved.code, report)
     for member in resolved.members:
         for entry, poll in readable(resolved.draft.polls.get(member.path, ())):
             if isinstance(poll, PollIn):

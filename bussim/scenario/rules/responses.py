@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from bussim.devices.areas import AreaMap
 from bussim.devices.contract import SlaveSettings
 from bussim.devices.forms import SlaveIn
@@ -23,8 +25,9 @@ from bussim.units import format_ms, format_time
 class Responses:
     """Checks what comes back. Register maps are made once a device, when a poll asks it."""
 
-    def __init__(self, nodes: Directory, code: Code, report: Report) -> None:
+    def __init__(self, nodes: Directory, polls: Iterable[TransactionIn], code: Code, report: Report) -> None:
         self._nodes = nodes
+        self._polls = tuple(polls)
         self._code = code
         self._report = report
         self._slaves: dict[str, tuple[SlaveSettings, AreaMap]] = {}
@@ -39,6 +42,8 @@ class Responses:
         asked = [node for node in slaves if node.station == poll.station]
         understands = [node for node in asked if node.mode is master.mode]
         path = (*entry.path, "station")
+        if not asked and self._may_get(poll.station or 0, slaves):
+            return
         if not asked:
             known = sorted({node.station for node in slaves if node.station is not None})
             there = f"it has {', '.join(map(str, known))}" if known else "it has none"
@@ -60,6 +65,21 @@ class Responses:
                 text = f"{slave.name} {why}: it responds with exception {code:02}"
                 self._report.warn((*entry.path, key), text)
             self._check_time(entry, poll, master, slave, settings, timeout, refused=refusal is not None)
+
+    def _may_get(self, station: int, slaves: list[Node]) -> bool:
+        """Whether a poll may write this station number into a slave, or a program that drives its ports."""
+        programs = any(node.member is not None and node.member.drives_ports for node in self._nodes.nodes)
+        for slave in slaves:
+            register = self._slave(slave)[0].station_register
+            if register is not None and programs:
+                return True
+            for poll in self._polls if register is not None else ():
+                first, values = poll.address or 0, poll.values or [station] * poll.quantity
+                written = dict(enumerate(values, first))  # those of a PLC's memory may be any
+                asked = poll.station in (slave.station, BROADCAST) and poll.function not in READS
+                if asked and written.get(register or 0) == station:
+                    return True
+        return False
 
     def _slave(self, slave: Node) -> tuple[SlaveSettings, AreaMap]:
         """A slave as its model has it, and its map; the port of a PLC is one of the model ``lx``."""
