@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bussim.engines.modbus.adu import Mode
+from bussim.errors import Problem
 from bussim.plc.errors import serial_error
 from bussim.plc.memory import BIT_RANGES, FIRST_SPECIAL, Device
 from bussim.plc.ports.cpavl import (
@@ -18,7 +19,6 @@ from bussim.plc.ports.cpavl import (
     format_word,
     refusal,
 )
-from bussim.plc.profiles import Profile
 from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.port_configuration import (
@@ -166,15 +166,30 @@ def _check_config(
     if line is not None and not line.is_link and sure and not line.entry.lost("baud", "format"):
         _check_line(config, member, line, report)
     if sure and len(report.errors) == before:
-        _check_settings(config, member.profile, report)
+        _check_settings(config, member, report)
 
 
-def _check_settings(config: PortConfiguration, profile: Profile, report: Report) -> None:
+def _at_cpavl(config: PortConfiguration, member: Member, text: str, report: Report, *, fatal: bool) -> bool:
+    """Report a sentence at the CPAVL of the program that sets a port up; False if none does."""
+    program, origin = member.logic.program, member.logic.origin
+    if program is None or origin is None or config.name not in member.logic.first.ports:
+        return False
+    calls = [at for at in program.instructions if at.spec.name == "CPAVL"]
+    at = next((at for at in calls if f"COM{at.operands[2].address}" == config.name), None)
+    if at is not None:
+        problem = Problem("", at.line, at.column, text)
+        report.add(origin.problem(report, problem, warning=not fatal), fatal=fatal)
+    return at is not None
+
+
+def _check_settings(config: PortConfiguration, member: Member, report: Report) -> None:
     """What becomes of words that the PLC refuses, or that set up nothing that is simulated."""
     settings = config.settings
     if isinstance(settings, BadSettings):
-        _, code = serial_error(profile.error_codes, config.name, settings.error)
-        report.warn(config.path, refusal(config.node, settings.text, code))
+        _, code = serial_error(member.profile.error_codes, config.name, settings.error)
+        text = refusal(config.node, settings.text, code)
+        if not _at_cpavl(config, member, text, report, fatal=False):
+            report.warn(config.path, text)
     elif settings.protocol is None:
         word = config.register("protocol")
         codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)
@@ -268,16 +283,20 @@ def _check_positions(member: Member, report: Report) -> None:
             first: Device = getattr(config, kind)
             wanted = "D" if kind == "words" else "M"
             shown = f"is {first}, the first of {size} {kind}"
-            path = (*config.path, "cpavl", kind)
             last = FIRST_SPECIAL - 1 if kind == "words" else BIT_RANGES["M"][0][1]
+            wrong = []
             if first.letter != wanted or first.address + size - 1 > last:
-                most = Device(wanted, last - size + 1)
-                report.error(path, f"{shown}; allowed {wanted}0..{most}")
-                continue
-            for other, owner in taken:
-                if abs(other.address - first.address) < size:
-                    report.error(path, f"{shown}, which overlap those of {owner.name} ({other} on)")
-            taken.append((first, config))
+                wrong.append(f"{shown}; allowed {wanted}0..{Device(wanted, last - size + 1)}")
+            else:
+                wrong += [
+                    f"{shown}, which overlap those of {owner.name} ({other} on)"
+                    for other, owner in taken
+                    if abs(other.address - first.address) < size
+                ]
+                taken.append((first, config))
+            for text in wrong:
+                if not _at_cpavl(config, member, f"the operand for {config.node} {text}", report, fatal=True):
+                    report.error((*config.path, "cpavl", kind), text)
 
 
 def _polled(resolved: Resolved) -> set[str]:

@@ -56,7 +56,7 @@ class DocumentIn(Model):
     duration: Positive
     seed: Annotated[int, whole(0, 2**63 - 1)] = 1
     buses: list[Any] = Field(default_factory=list)  # none: PLCs by themselves
-    plcs: list[Any]
+    plcs: list[Any] = Field(default_factory=list)  # none: devices by themselves
     devices: list[Any] = Field(default_factory=list)
     noise: list[Any] = Field(default_factory=list)
     faults: list[Any] = Field(default_factory=list)

@@ -118,6 +118,8 @@ def read_draft(data: object, report: Report) -> Draft:
     draft.buses = _section(lambda _: BusIn, data, ("buses",), (0, MAX_BUSES), report)
     _check_buses_given(data, report)
     least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
+    if least and "plcs" not in data:
+        report.error(("plcs",), "is missing")
     draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (least, MAX_PLCS), report)
     if data.get("devices"):
         from bussim.devices.registry import form_of  # what only a scenario with devices pays

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
 from bussim import api
 from bussim.scenario.builtin import names, read
-from bussim.scenario.loader import loads
+from bussim.scenario.loader import examine, loads
 from tests.scenario.samples import BASE, added, mistakes
 
 RENUMBERED = """\
@@ -129,3 +130,60 @@ def test_a_port_by_itself_is_among_the_names_that_are_offered() -> None:
     (said,) = mistakes(text)
     assert said.endswith("which is no PLC; allowed are press1.COM2, press1, press2, press3")
     assert mistakes(text.replace("drop_reply: COM2", "drop_reply: press1.COM2")) == []
+
+
+TWO_CPAVL = REFUSED_PORT.replace(
+    "{COM3: {bus: b, cpavl: {words: D100, bits: M100}}}", "{COM3: {bus: b}, COM5: {bus: b}}"
+).replace(
+    "      MOV K99 D100\n      CPAVL D100 M100 K3\n",
+    "      MOV H81 D0\n      MOV H81 D10\n      CPAVL D0 M0 K3\n      CPAVL D10 M100 K5\n",
+)
+
+
+@pytest.mark.parametrize(
+    ("operands", "said"),
+    [
+        ("D10 M100", "is D10, the first of 20 words, which overlap those of COM3 (D0 on)"),
+        ("D20 M10", "is M10, the first of 20 bits, which overlap those of COM3 (M0 on)"),
+        ("D7990 M100", "is D7990, the first of 20 words; allowed D0..D7980"),
+    ],
+)
+def test_words_that_a_program_gives_a_port_are_named_at_its_cpavl(operands: str, said: str) -> None:
+    text = TWO_CPAVL.replace("D10 M100", operands)
+    assert mistakes(text) == [f"x.yaml:13:7: the operand for p.COM5 {said}"]
+    assert text.splitlines()[12].strip() == f"CPAVL {operands} K5"
+
+
+def test_words_that_a_scenario_gives_a_port_are_named_at_their_key() -> None:
+    text = REFUSED_PORT.split("    program")[0].replace("words: D100", "words: D7990")
+    assert (
+        mistakes(text)[0]
+        == "x.yaml:7:42: ports.COM3.cpavl.words is D7990, the first of 20 words; allowed D0..D7980"
+    )
+
+
+def test_what_a_program_sets_up_and_the_plc_refuses_is_named_at_its_cpavl(tmp_path: Path) -> None:
+    file = tmp_path / "x.yaml"
+    file.write_text(REFUSED_PORT.replace(", cpavl: {words: D100, bits: M100}", ""), encoding="utf-8")
+    (warning,) = examine(file).warnings
+    assert (warning.line, warning.column, warning.path) == (11, 7, "plcs.p.program")
+    assert warning.message.startswith("p.COM3 refuses its parameters (")
+
+
+ALONE = """\
+schema: 1
+name: devices alone
+duration: 1 s
+buses: [{name: b, baud: 9600, format: 8N1}]
+devices:
+  - {name: panel, model: hmi, bus: b, polls: [{station: 1, function: 3, address: 0, count: 2, every: 100 ms}]}
+  - {name: drive, model: lx, bus: b, station: 1}
+"""
+
+
+def test_devices_need_no_plcs_and_no_empty_list_of_them() -> None:
+    run = [api.run(loads(text), rows=False).summary for text in (ALONE, ALONE + "plcs: []\n")]
+    assert run[0] == run[1]
+    assert run[0]["devices"]["panel"]["ok"] == 10
+    assert mistakes(ALONE.split("devices:")[0]) == ["x.yaml:1:1: plcs is missing"]
+    assert mistakes(ALONE.split("devices:")[0] + "devices: []\n") == ["x.yaml:1:1: plcs is missing"]
