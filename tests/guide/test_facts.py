@@ -25,6 +25,8 @@ from bussim.scenario.schema.profiles import ProfileIn
 from bussim.scenario.schema.programs import InputIn, LatencyIn
 from tests.engines.diagrams import mermaid
 from tests.guide.pages import blocks, page, quoted, table
+from tests.scenario.port_samples import more
+from tests.scenario.samples import mistakes
 
 #: Link times of the FX communication manual (JY992D69901, N:N network), ms, by number of stations.
 PUBLISHED = {
@@ -180,3 +182,22 @@ def test_every_column_of_a_table_is_described(form: Any) -> None:
     rows = page("results").split(f"`{form.stem}.csv`:\n\n")[1].split("\n\n")[0].split("\n")[2:]
     documented = [name for row in rows for name in quoted(row.split("|")[1])]
     assert sorted(documented) == sorted(form.columns.kinds)
+
+
+def test_the_table_of_faults_says_at_what_each_can_happen() -> None:
+    """Of a device, as ``drive`` is in the sample, what the table gives PLCs only is refused."""
+    values = {
+        "power_on": "{drive: 1 s}",
+        "slow": "{station: drive, extra: 1 ms}",
+        "cable_cut": "{bus: line, after: drive}",
+        "wrong_format": "{station: drive, baud: 4800}",
+        "clock_ppm": "{station: drive, ppm: 10}",
+        "late_release": "{station: drive, by: 1 us}",
+        "pause": "{station: drive, by: 1 ms}",
+        "flip_bits": "{station: drive, bits: [4]}",
+        "board_error": "{plc: drive, port: COM3, code: 40}",
+    }
+    for row in table(page("scenario"), "fault"):
+        for kind in quoted(row[0]):
+            said = mistakes(more(f"faults:\n  - {{{kind}: {values.get(kind, 'drive')}}}\n"))
+            assert bool(said) == (row[1] == "PLC" or "plc" in row[1]), kind

@@ -158,7 +158,7 @@ def test_words_that_a_scenario_gives_a_port_are_named_at_their_key() -> None:
     text = REFUSED_PORT.split("    program")[0].replace("words: D100", "words: D7990")
     assert (
         mistakes(text)[0]
-        == "x.yaml:7:42: ports.COM3.cpavl.words is D7990, the first of 20 words; allowed D0..D7980"
+        == "x.yaml:7:43: ports.COM3.cpavl.words is D7990, the first of 20 words; allowed D0..D7980"
     )
 
 
