@@ -282,3 +282,19 @@ def test_a_probability_of_one_is_almost_certain() -> None:
     assert "almost certain at least once a year" in said
     assert "1 at least once a year" not in said
     assert "a station's supply or STOP is not covered" in said.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [(["wrong_parity"], True), (["wrong_parity", "--ignore-faults"], False), (["two_stations"], False)],
+)
+def test_where_faults_come_and_go_the_option_that_leaves_them_out_is_named(
+    arguments: list[str], named: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["exact", *arguments]) == 0
+    assert ("--ignore-faults: one law for the whole run" in capsys.readouterr().out) == named
+
+
+def test_a_single_station_is_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["exact", "bad_parameter"]) == 0
+    assert capsys.readouterr().out.startswith("link: 1 station, mode 0")

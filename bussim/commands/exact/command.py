@@ -115,6 +115,10 @@ def command(
                 _show(console, bus, figures, request)
             for period, of_period in changing.get(bus, ()):
                 _show(console, f"{bus}, {period.in_words()}", of_period, request)
+        if changing:
+            console.print(
+                "--ignore-faults: one law for the whole run, without what acts only for a part of it"
+            )
         if polls:
             from bussim.commands.exact.polls import show
 
@@ -185,8 +189,9 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     slaves = len(model.stations)
     console.print(
         Text(
-            f"{bus}: {slaves + 1} stations, mode {model.mode}, {counted(model.retries, 'retry')} = "
-            f"{counted(model.attempts, 'attempt')} a poll, timeout {ms(model.timeout)} ms",
+            f"{bus}: {counted(slaves + 1, 'station')}, mode {model.mode}, "
+            f"{counted(model.retries, 'retry')} = {counted(model.attempts, 'attempt')} a poll, "
+            f"timeout {ms(model.timeout)} ms",
             style="bold",
         )
     )

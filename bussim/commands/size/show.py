@@ -33,7 +33,7 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
     def line(text: str, indent: int = 2, style: str = "") -> None:
         console.print(Text(" " * indent + text, style))
 
-    line(f"{bus}: {len(sizing.model.stations) + 1} stations, mode {sizing.model.mode}", 0, "bold")
+    line(f"{bus}: {counted(len(sizing.model.stations) + 1, 'station')}, mode {sizing.model.mode}", 0, "bold")
     if not sizing.valid:
         for reason in sizing.reasons:
             line(f"cannot be sized: {reason}")
