@@ -239,12 +239,6 @@ class LinkModel:
             ),
         )
 
-    def without_noise(self) -> LinkModel:
-        """The same link on a line without errors and losses."""
-        return replace(
-            self, noise=LineNoise(), stations=tuple(replace(station, loss=0.0) for station in self.stations)
-        )
-
     # -- where the closed form ends ----------------------------------------------------------------
 
     @property

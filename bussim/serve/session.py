@@ -22,7 +22,7 @@ from bussim.scenario.build.trace_header import trace_header
 from bussim.serve.bridge import Bridge
 from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.loop import RealTime
-from bussim.serve.targets import Target
+from bussim.serve.targets import DIVISIBLE, Target
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.runner import Simulation
@@ -169,17 +169,11 @@ class Session:
 
     def described(self) -> tuple[str, ...]:
         """What is served where, a line each node: ``drive: Modbus RTU slave … on /dev/pts/3``."""
-        lines = []
-        for target, wire in zip(self.targets, self.wires, strict=True):
-            for node in target.nodes:
-                number = (
-                    f", station {node.station}"
-                    if node.station is not None and node.protocol is not BusProtocol.NN
-                    else ""
-                )
-                line = f"{target.timing.baud} {target.timing.format}"
-                lines.append(f"{node.node}: {node.what}{number}, {line}, on {wire.name}")
-        return tuple(lines)
+        return tuple(
+            f"{node.node}: {node.described(target.timing)}, on {wire.name}"
+            for target, wire in zip(self.targets, self.wires, strict=True)
+            for node in target.nodes
+        )
 
     @property
     def now(self) -> int:
@@ -273,14 +267,14 @@ def session_header(scenario: model.Scenario, targets: Sequence[Target]) -> Trace
         away = {node.node for target in own for node in target.nodes}
         left = tuple(node for node in bus.nodes if node not in away)
         for target in own:
-            nodes = tuple(node.node for node in target.nodes) if bus.protocol.divisible else bus.nodes
+            nodes = tuple(node.node for node in target.nodes) if DIVISIBLE[bus.protocol] else bus.nodes
             stations = _only(bus.stations, nodes)
             timing = target.timing
             fmt = str(timing.format)
             buses.append(
                 bus._replace(name=target.name, baud=timing.baud, format=fmt, nodes=nodes, stations=stations)
             )
-        if (left and bus.protocol.divisible) or not own:  # after what is served, which is searched first
+        if (left and DIVISIBLE[bus.protocol]) or not own:  # after what is served, which is searched first
             buses.append(bus._replace(nodes=left, stations=_only(bus.stations, left)))
     return header._replace(buses=tuple(buses), duration=None, exact=False)
 

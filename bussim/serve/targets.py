@@ -27,9 +27,16 @@ _WORDS = {
 }
 
 
+#: Whether some nodes of a bus can be external while it goes on without them.
+DIVISIBLE = {BusProtocol.NN: False, BusProtocol.SERIAL: True}
+
+
 @dataclass(frozen=True, slots=True)
 class ServeTarget:
-    """A node of a scenario. ``what`` it does on its bus in words; ``why_not`` it cannot be served, or ""."""
+    """A node of a scenario. ``what`` it does on its bus in words; ``why_not`` it cannot be served, or "".
+
+    ``station`` is its number where ``what`` does not name it.
+    """
 
     node: str
     bus: str
@@ -38,6 +45,11 @@ class ServeTarget:
     timing: LineTiming
     station: int | None = None
     why_not: str = ""
+
+    def described(self, timing: LineTiming) -> str:
+        """What it does, its number, and rate and format of its wire."""
+        number = "" if self.station is None else f", station {self.station}"
+        return f"{self.what}{number}, {timing.baud} {timing.format}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +72,7 @@ def serve_targets(scenario: model.Scenario) -> tuple[ServeTarget, ...]:
             if plc.link is not None and plc.link.bus == bus.name:
                 station = plc.registers.get(f"D{D_STATION}", 0)
                 what = f"N:N slave {station}" if station else "N:N master"
-                found.append(ServeTarget(plc.name, bus.name, bus.protocol, what, bus.timing, station))
+                found.append(ServeTarget(plc.name, bus.name, bus.protocol, what, bus.timing))
             found += [_port(plc, spec.name, bus) for spec in plc.ports if spec.bus == bus.name]
         found += [_device(device, bus) for device in scenario.devices if device.bus == bus.name]
     return tuple(found)
@@ -155,7 +167,7 @@ def _lines(
         taken[url] = bus
         same = [one for one in found if one.bus == bus]
         first = nodes[0]
-        alone = not first.protocol.divisible and sum(one == bus for one, _ in groups) == 1
+        alone = not DIVISIBLE[first.protocol] and sum(one == bus for one, _ in groups) == 1
         number = f" {len(same) + 1}" if same else ""
         name = bus if alone or whole[bus] == len(nodes) else f"{bus} outside{number}"
         found.append(Target(name, bus, first.protocol, url, first.timing, tuple(nodes)))
@@ -168,13 +180,5 @@ def listing(scenario: model.Scenario) -> str:
     if not rows:
         return f"{scenario.name} has nothing on its buses that can be served"
     wide = max(len(one.node) for one in rows)
-    lines = [f"what {scenario.name} can serve:"]
-    for one in rows:
-        number = (
-            f", station {one.station}"
-            if one.station is not None and one.protocol is not BusProtocol.NN
-            else ""
-        )
-        baud = f"{one.timing.baud} {one.timing.format}"
-        lines.append(f"  {one.node:{wide}}  {one.what}{number}, {baud}, on {one.bus}")
-    return "\n".join(lines)
+    lines = [f"  {one.node:{wide}}  {one.described(one.timing)}, on {one.bus}" for one in rows]
+    return "\n".join([f"what {scenario.name} can serve:", *lines])

@@ -57,8 +57,6 @@ class FreePort:
         #: No frames are recognised here: always None.
         self.heard: FreeFrame | None = None
         self.heard_start = self.heard_end = 0
-        #: Whether the latest reception ended by timeout (CPAVL bit +9).
-        self.timed_out = False
         self._events: deque[FreeEvent] = deque()
         self._expected = 0
         self._clear()
@@ -81,7 +79,6 @@ class FreePort:
         """RUN; returns hints."""
         self._move(FreeInput.START)
         self._clear()
-        self.timed_out = False
         return DEADLINE
 
     def stop(self, now: int) -> int:
@@ -124,7 +121,6 @@ class FreePort:
         self._data.clear()
         self._start = None
         self._framed = False
-        self.timed_out = False
         waits = self.config.awaits_first and self._expected > 0
         self._deadline = now + self.config.timeout if waits else None
         return DEADLINE
@@ -241,7 +237,6 @@ class FreePort:
         """The reception has timed out: what has come so far is all."""
         if self._deadline is None:
             return 0
-        self.timed_out = True
         return self._complete(now, Ended.TIMEOUT)
 
     def _complete(self, now: int, ended: Ended) -> int:

@@ -162,23 +162,20 @@ class _Memoryless:
                 grid.one_dead[row] = model.base + fixed + waits * tau + gain + parameters
         if not details and not grid.over:
             return
-        components = scan_components(model, _LIGHT, self.probabilities)
+        scan = scan_components(model, _LIGHT, self.probabilities)
         if details:
-            _fill_outages(grid, row, count, grid.mean[row], _mean_square(components, tau))
+            _fill_outages(grid, row, count, grid.mean[row], _mean_square(scan, tau))
         if grid.over:
-            rows = _Rows.of(components)
+            rows = _Rows.of(scan)
             for deadline, values in grid.over.items():
                 values[row] = rows.tail(np.full(tau.size, float(deadline)), tau)
 
 
-def _mean_square(components: ScanComponents, tau: Floats) -> Floats:
+def _mean_square(scan: ScanComponents, tau: Floats) -> Floats:
     """E[scan²] in ticks² for each timeout."""
-    middle = components.fixed + components.sums.means(components.code)
-    own = float(components.weight @ (middle * middle + components.sums.variances(components.code)))
-    cross, square = (
-        float(components.weight @ (middle * components.waits)),
-        float(components.weight @ components.waits**2),
-    )
+    middle = scan.fixed + scan.sums.means(scan.code)
+    own = float(scan.weight @ (middle * middle + scan.sums.variances(scan.code)))
+    cross, square = float(scan.weight @ (middle * scan.waits)), float(scan.weight @ scan.waits**2)
     return own + 2 * cross * tau + square * tau * tau
 
 
@@ -194,26 +191,24 @@ class _Rows:
     tails: Floats
 
     @classmethod
-    def of(cls, components: ScanComponents) -> _Rows:
-        first = math.floor(components.fixed.min() / _STEP) * _STEP
-        last = float((components.fixed + components.sums.widths(components.code)).max())
-        count = int(components.waits.max()) + 1
+    def of(cls, scan: ScanComponents) -> _Rows:
+        first = math.floor(scan.fixed.min() / _STEP) * _STEP
+        last = float((scan.fixed + scan.sums.widths(scan.code)).max())
+        count = int(scan.waits.max()) + 1
         step = max(_STEP, (last - first) * count / _CELLS)
         cells = int((last - first) / step) + 3
         masses = np.zeros(count * cells)
-        position = (components.fixed - first) / step
+        position = (scan.fixed - first) / step
         index = np.floor(position)
-        widths = components.sums.widths(components.code)
-        for code in np.unique(components.code).tolist():
-            chosen = np.nonzero(components.code == code)[0]
+        widths = scan.sums.widths(scan.code)
+        for code in np.unique(scan.code).tolist():
+            chosen = np.nonzero(scan.code == code)[0]
             reach = int(widths[chosen[0]] / step) + 2
             # Weight in each cell that a component touches: differences of its tail at the cells' edges.
             edges = (np.arange(reach + 1) - (position[chosen] - index[chosen])[:, None]) * step
-            beyond = components.sums.rough_tail(components.code[chosen][:, None], edges)
-            parts = (beyond[:, :-1] - beyond[:, 1:]) * components.weight[chosen][:, None]
-            at = (components.waits[chosen] * cells + index[chosen].astype(np.int64))[:, None] + np.arange(
-                reach
-            )
+            beyond = scan.sums.rough_tail(scan.code[chosen][:, None], edges)
+            parts = (beyond[:, :-1] - beyond[:, 1:]) * scan.weight[chosen][:, None]
+            at = (scan.waits[chosen] * cells + index[chosen].astype(np.int64))[:, None] + np.arange(reach)
             np.add.at(masses, at, parts)
         tails = np.cumsum(masses.reshape(count, cells)[:, ::-1], axis=1)[:, ::-1]
         return cls(first, step, np.ascontiguousarray(tails))

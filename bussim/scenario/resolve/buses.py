@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import assert_never
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
@@ -40,10 +39,6 @@ def lines_of(entries: Iterable[Entry[BusIn]]) -> dict[str, Line]:
 
 
 def _timing(bus: BusIn) -> LineTiming:
-    match bus.protocol:
-        case BusProtocol.NN:
-            return NN_LINE
-        case BusProtocol.SERIAL:
-            return LineTiming(bus.baud or PLAIN_LINE.baud, bus.format or PLAIN_LINE.format)
-        case _:
-            assert_never(bus.protocol)
+    if bus.protocol is BusProtocol.NN:
+        return NN_LINE
+    return LineTiming(bus.baud or PLAIN_LINE.baud, bus.format or PLAIN_LINE.format)
