@@ -71,7 +71,8 @@ def line_lows(drivers: Sequence[Driver], disputed: Disputed) -> list[Interval]:
     """
     if disputed is None or len(drivers) < 2:
         return [low for driver in drivers for low in driver.lows]
-    waves = [(driver, Wave([driver.lows])) for driver in drivers]
+    waiting = sorted(drivers, key=lambda driver: driver.since, reverse=True)
+    on: list[tuple[Driver, Wave]] = []
     marks = {tick for driver in drivers for tick in (driver.since, driver.until, *chain(*driver.lows))}
     marks |= {
         edge_of(after + 1, driver.timing, driver.begun[0], driver.pauses)
@@ -80,12 +81,15 @@ def line_lows(drivers: Sequence[Driver], disputed: Disputed) -> list[Interval]:
     }
     found: list[Interval] = []
     for tick, until in pairwise(sorted(marks)):
-        on = [(driver, wave.level(tick)) for driver, wave in waves if driver.since <= tick < driver.until]
-        levels = {level for _, level in on}
+        while waiting and waiting[-1].since <= tick:
+            driver = waiting.pop()
+            on.append((driver, Wave([driver.lows])))
+        on = [each for each in on if each[0].until > tick]
+        levels = {wave.level(tick) for _, wave in on}
         if levels == {0}:
             found.append((tick, until))
         elif len(levels) == 2:
-            later, _ = max(on)
+            later = max((driver for driver, _ in on), key=lambda driver: driver.begun)
             found += _disputed(later, tick, until, disputed)
     return found
 
