@@ -40,8 +40,8 @@ def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
     each figure is itself a mean or a count over many link scans, so that it is roughly normal.
 
     Counts of rare ``events``, and shares of them, are not. Theirs is that of the mean's logarithm, which is
-    above 0 and longer upwards; of whole counts at least the exact one of Poisson's distribution
-    (Garwood, Biometrika 28, 1936), and their spread at least its √mean, which a few repeats may not show.
+    above 0 and longer upwards, and a whole count's spread is at least the √mean of Poisson's distribution,
+    which a few repeats may not show.
 
     Where a figure is None in a repeat (a quantile that takes more scans) the mean is None as well:
     the others alone would be a choice that depends on the result. One repeat has no interval. Nor
@@ -55,17 +55,14 @@ def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
     if count == 1 or (events and not any(numbers)):
         return Mean(_rounded(mean))
     spread = sqrt(fsum((value - mean) ** 2 for value in numbers) / (count - 1))
+    counts = events and all(isinstance(value, int) for value in numbers)
+    if counts:
+        spread = max(spread, sqrt(mean))
     half = student_t(count - 1) * spread / sqrt(count)
     low, high = mean - half, mean + half
     if events:
-        low, high = mean * exp(-half / mean), min(mean * exp(half / mean), 1.0)
-        if all(isinstance(value, int) for value in numbers):
-            from scipy.special import gammaincinv
-
-            seen, tail = sum(numbers), (1 - CONFIDENCE) / 2
-            low = min(low, float(gammaincinv(seen, tail)) / count)
-            high = max(mean * exp(half / mean), float(gammaincinv(seen + 1, 1 - tail)) / count)
-            spread = max(spread, sqrt(mean))
+        low, high = mean * exp(-half / mean), mean * exp(half / mean)
+        high = high if counts else min(high, 1.0)
     elif min(numbers) >= 0:  # times and counts, which are never less
         low = max(low, 0.0)
     return Mean(_rounded(mean), _rounded(low), _rounded(high), _needed(mean, spread))

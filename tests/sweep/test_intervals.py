@@ -91,7 +91,7 @@ def test_intervals_of_rare_counts_cover_and_never_reach_below_0(rate: float, cou
     known = [each for each in means if each.low is not None and each.high is not None]
     assert all(0 < (each.low or 0) < (each.mean or 0) < (each.high or 0) for each in known)
     missed = sum(not (each.low or 0) <= rate <= (each.high or 0) for each in known)
-    # Garwood's interval covers at least 95 %: within four standard deviations of that.
+    # The spread is at least that of Poisson's distribution: within four standard deviations of 95 %.
     assert missed <= 0.05 * trials + 4 * math.sqrt(trials * 0.05 * 0.95)
     # What never occurred has no interval, with Poisson's probability.
     never = math.exp(-rate * count)
@@ -107,12 +107,11 @@ def test_clustered_events_have_an_interval_of_their_own_spread() -> None:
 
 
 def test_by_hand_of_one_event() -> None:
-    # Garwood: -ln(0.975) and the 0.975 quantile of the gamma distribution of shape 2.
+    # Of (1, 0, 0) mean and spread are 1/3 and √(1/3); Student's t with 2 degrees of freedom is 4.3027.
     mean = mean_of([1, 0, 0], events=True)
-    assert mean.low is not None
-    assert mean.low <= -math.log(0.975) / 3
-    assert mean.high is not None
-    assert mean.high >= 5.5716 / 3
+    factor = math.exp(4.302653 * math.sqrt(1 / 3) / math.sqrt(3) * 3)
+    assert mean.low == pytest.approx(1 / 3 / factor, rel=1e-5)
+    assert mean.high == pytest.approx(factor / 3, rel=1e-5)
     share = mean_of([0.5, 0.9], events=True)
     assert share.high == 1.0
 

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
-from unicodedata import name
 
 from matplotlib.font_manager import FontProperties, findfont, findSystemFonts, fontManager, get_font
 from matplotlib.text import Text
@@ -20,17 +19,15 @@ _CJK = (
     *("Noto Sans CJK SC", "Noto Sans SC", "Source Han Sans SC", "Microsoft YaHei", "SimHei", "PingFang SC"),
     *("Hiragino Sans GB", "WenQuanYi Micro Hei", "WenQuanYi Zen Hei", "Noto Sans CJK JP", "Arial Unicode MS"),
 )
-#: How Unicode's names of such characters begin.
-_CJK_NAMES = ("CJK", "HIRAGANA", "KATAKANA", "HANGUL", "BOPOMOFO", "IDEOGRAPHIC", "FULLWIDTH", "HALFWIDTH")
 #: A font of matplotlib's that has an empty box for every character.
 _BOXES = "Last Resort High-Efficiency"
-_TOLD: set[str] = set()
+_TOLD: list[str] = []
 
 
 def use_fonts(texts: Iterable[Text]) -> None:
     """Give each text the fonts for all of its characters, as far as this machine has them.
 
-    Characters that no font has are drawn as boxes; a note on standard error says so, once for a script.
+    Characters that no font has are drawn as boxes; one note on standard error says so.
     """
     for text in texts:
         if not text.get_text().isascii():
@@ -50,16 +47,13 @@ def _families(text: str) -> tuple[str, ...]:
                 missing -= covered
         if not missing:
             break
-    for character in sorted(missing):
-        word = name(character, "Symbols").split()[0]
-        script = "CJK" if word.startswith(_CJK_NAMES) else word.title()
-        if script not in _TOLD:
-            would = ", ".join(_CJK) if script == "CJK" else f"Noto Sans {script}"
-            sys.stderr.write(
-                f"note: no font of this machine has {character} (in {shorten(text)!r}); pictures show a box "
-                f"instead. Fonts that would do: {would}\n"
-            )
-            _TOLD.add(script)
+    if missing and not _TOLD:
+        _TOLD.append(text)
+        sys.stderr.write(
+            f"note: no font of this machine has {min(missing)} (in {shorten(text)!r}); pictures show boxes "
+            "instead. A Noto Sans font of the script would do (https://fonts.google.com/noto); for Chinese, "
+            f"Japanese and Korean any of {', '.join(_CJK)}\n"
+        )
     return tuple(found) or (FONT,)
 
 
