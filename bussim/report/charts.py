@@ -12,6 +12,7 @@ from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
 from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.timeline import Span
+from bussim.results.plots.bars import is_far, usual_range, whole_range
 from bussim.results.plots.style import PARTS_OF_LATENCY
 from bussim.results.text.latency import part_names
 from bussim.results.text.run import lost_in_words
@@ -48,7 +49,8 @@ def histogram_chart(
     """Histograms by label, as (bin number, count); the distribution as (x in ms, P(scan > x)).
 
     Bins are 10 µs wide, or so many times wider that :data:`MOST_BINS` of them do. ``bounds`` (ms, by case)
-    are marked; ``shown`` (ms) is what the axis shows at first (default: where the bins are).
+    are marked; ``shown`` (ms) is what the axis shows (default: where the bins are). A few samples far from
+    the usual ones leave these the first view (``usual``, in ms), and ``beyond`` says so.
     """
     width = 1
     # An odd number of bins is as wide on both sides of the middle one: the centres stay on the grid.
@@ -62,6 +64,7 @@ def histogram_chart(
         "counted": quantity.counted,
         "bounds": _bounds(bounds or {}),
         "shown": shown,
+        **(_first_view(list(histograms.values()), quantity) if shown is None else {}),
         "series": [
             {
                 "label": label,
@@ -73,6 +76,17 @@ def histogram_chart(
         "law": _distribution_points(distribution),
         "without": _without(distribution),
     }
+
+
+def _first_view(histograms: Sequence[Histogram], quantity: Quantity) -> dict[str, Any]:
+    usual = usual_range(histograms)
+    if not is_far(whole_range(histograms), usual):
+        return {}
+    count = sum(each.count for each in histograms)
+    beyond = count - sum(sum(each.bars(1, *usual).values()) for each in histograms)
+    longest = milliseconds(max(each.maximum or 0 for each in histograms))
+    text = f"Not in this first view: {beyond:,} of {count:,} {quantity.counted}, up to {longest:.3f} ms."
+    return {"usual": [milliseconds(BIN_TICKS * each) for each in usual], "beyond": text}
 
 
 def _bounds(bounds: Mapping[str, float]) -> list[list[Any]]:

@@ -150,7 +150,8 @@ def _marked(
 
 def _short(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:,.3f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2g}"
+        exact = abs(value) >= 0.1 or value == 0
+        return f"{value:,.{3 if abs(value) < 1e5 else 0}f}" if exact else f"{value:.2g}"
     return number(value)
 
 
@@ -160,6 +161,8 @@ def _change(first: Any, value: Any) -> str | None:
         return None
     if not first:
         return f"{value - first:+,.6g}" if value != first else ""
+    if abs(value) >= 10 * abs(first):
+        return f"× {value / first:,.3g}"
     percent = f"{100 * (value - first) / first:+,.1f}"
     return "" if percent in ("+0.0", "-0.0") else f"{percent} %"
 

@@ -336,6 +336,47 @@ def test_latencies_of_two_runs_are_compared(words: Source) -> None:
     ] * 2
 
 
+def test_a_few_far_scans_leave_the_usual_ones_the_first_view(source: Source) -> None:
+    histogram = source.record.links["link"].scan_times.histogram
+    chart = histogram_chart({"a": histogram}, None, "t")
+    low, high = chart["usual"]
+    inside = sum(count for place, count in histogram.bins.items() if low <= place / 100 <= high)
+    assert 0.9 * histogram.count < inside < histogram.count
+    assert high - low < 1
+    longest = source.record.summary["links"]["link"]["scan_time_ms"]["max"]
+    assert chart["beyond"] == (
+        f"Not in this first view: {histogram.count - inside} of {histogram.count:,} link scans, "
+        f"up to {longest:.3f} ms."
+    )
+    near = Histogram()
+    near.add_all([BIN_TICKS * place for place in range(5000, 5030)])
+    assert "usual" not in histogram_chart({"a": near}, None, "t")
+    assert "usual" not in histogram_chart({"a": histogram}, None, "t", shown=(0.0, 60.0))
+
+
+@pytest.mark.parametrize(
+    ("first", "value", "change"),
+    [
+        (100.0, 102.0, "+2.0 %"),
+        (100.0, 0.0, "-100.0 %"),
+        (100.0, 100.00001, ""),
+        (0, 7, "+7"),
+        (5.0e-11, 1_617_833.9, "× 3.24e+16"),
+        (2.0, 30.0, "× 15"),
+        (2.0, None, None),
+    ],
+)
+def test_a_change_is_told_in_a_unit_that_can_be_read(
+    first: float, value: float | None, change: str | None
+) -> None:
+    assert compare._change(first, value) == change
+
+
+def test_great_numbers_have_no_decimals() -> None:
+    shown = [compare._short(value) for value in (1_617_833.931, 52.5, 0.0, 5.3e-11, 7)]
+    assert shown == ["1,617,834", "52.500", "0.000", "5.3e-11", "7"]
+
+
 def test_a_page_stays_small_whatever_the_runs_were() -> None:
     wide = Histogram()
     for number in range(1, 60_001):

@@ -80,11 +80,12 @@
       this.button("Zoom out", () => this.zoom(2));
       this.button("←", () => this.move(-0.4), "Move left");
       this.button("→", () => this.move(0.4), "Move right");
-      this.button("Show all", () => this.range(...this.whole));
+      this.button("Show all", () => this.all());
       this.setUp();
       this.draw();
     }
     setUp() {}
+    all() { this.range(...this.whole); }
     button(text, act, label = "") {
       const button = node("button", { type: "button" }, text);
       button.setAttribute("aria-label", `${label || text}: ${this.data.title}`);
@@ -99,6 +100,7 @@
         act(now);
       });
       button.setAttribute("aria-pressed", String(on));
+      return button;
     }
     range(low, high) {
       const [least, most] = this.whole;
@@ -149,6 +151,7 @@
         }
         this.plot.append(list);
       }
+      if (this.data.beyond) this.plot.append(node("p", { class: "note" }, this.data.beyond));
       if (view) this.range(...view);
     }
     legend() { return []; }
@@ -197,9 +200,13 @@
       const { shown } = this.data;
       this.whole = shown ? [shown[0], shown[1] + (shown[1] - shown[0]) * 0.03 + unit]
         : padded((Math.min(...places) - 0.5) * unit, (Math.max(...places) + 0.5) * unit);
-      if (shown) this.view = this.whole;
-      this.log = !shown && this.whole[1] - this.whole[0] > 5;
-      this.toggle("Logarithmic", this.log, (on) => { this.log = on; this.draw(); });
+      this.view = shown ? this.whole : this.data.usual;
+      this.log = !this.view && this.whole[1] - this.whole[0] > 5;
+      this.logarithmic = this.toggle("Logarithmic", this.log, (on) => { this.log = on; this.draw(); });
+    }
+    all() { // a few far ones are seen on a logarithmic axis only
+      if (this.data.usual && !this.log) this.logarithmic.click();
+      super.all();
     }
     counted(number, from, to) { // samples in bins from…to-1
       const [places, sums] = this.sums[number];
@@ -594,12 +601,13 @@
   const again = () => { for (const chart of drawn.values()) chart.draw(); };
   let waiting = 0;
   let width = document.documentElement.clientWidth;
-  addEventListener("resize", () => {
+  // Also where the width changes without an event of the window, as when a picture is taken of a narrow page.
+  new ResizeObserver(() => {
     if (printing || document.documentElement.clientWidth === width) return;
     width = document.documentElement.clientWidth;
     clearTimeout(waiting);
     waiting = setTimeout(again, 100);
-  });
+  }).observe(document.documentElement);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
   const print = (on) => {
     printing = on;
