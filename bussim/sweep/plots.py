@@ -191,11 +191,10 @@ def _positions(axis: Axis) -> tuple[list[float], bool]:
     if axis.unit is None:
         return side_by_side, False
     sizes = [abs(number) for number in numbers if number]
-    if not sizes or log10(max(sizes)) - log10(min(sizes)) < _DECADES:
-        return [float(number) for number in numbers], False
-    if min(numbers) <= 0:
+    far = bool(sizes) and log10(max(sizes)) - log10(min(sizes)) >= _DECADES
+    if far and min(numbers) <= 0:
         return side_by_side, False
-    return [float(number) for number in numbers], True
+    return [float(number) for number in numbers], far
 
 
 def _label_positions(panel: Axes, axis: Axis, side: str, offset: float = 0.0) -> None:

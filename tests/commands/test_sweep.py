@@ -257,9 +257,12 @@ def test_latencies_are_figures_like_others(here: Path, capsys: pytest.CaptureFix
     arguments = ["sweep", "counter_preset", "--vary", "plcs.line.scan.mean=10ms,20ms", "--repeat", "3"]
     assert main([*arguments, "--duration", "6s", "--workers", "1"]) == 0
     said = capsys.readouterr().out
-    assert re.search(r"latency full-box *\n.*share *\n.*lost *\n *10ms ", said)
+    bits = said[said.index("latency full-box") : said.index("data age preset")]
+    assert re.search(r"never arrived *\n *10ms +–", bits)
     # Of the age of a word nothing is lost.
-    assert re.search(r"latency preset *\n[^\n]*longest *\n[^\n]*\(ms\) *\n *10ms +\d", said)
+    words = said[said.index("data age preset") :]
+    assert re.search(r"of a run \(ms\) *\n *10ms +\d", words)
+    assert "arrived" not in words
     folder = here / "sweeps" / "counter_preset"
     for name in ("full-box", "preset"):
         assert f"picture: {Path('sweeps/counter_preset') / f'sweep_latency.{name}.png'}" in said

@@ -77,21 +77,20 @@ def response_time_histogram(
         columns = picture.subplots(
             len(panels), 1 + beside, sharex="col", squeeze=False, width_ratios=(2, 3) if beside else (1,)
         ).T.tolist()
-        for axes, panel in zip(columns[0], panels, strict=True):
+        for first, axes, panel in zip(columns[0], columns[-1], panels, strict=True):
             if beside:
-                bars.draw(axes, panel.responses, usual, "the usual responses (ms)", "responses")
-                axes.locator_params(axis="x", nbins=5)
-            axes.set_title(picture.wrapped(_in_words(panel), 9, 4.8), fontsize=9)
-        for axes, panel in zip(columns[-1], panels, strict=True):
+                bars.draw(first, panel.responses, usual, "the usual responses (ms)", "responses")
+                first.locator_params(axis="x", nbins=5)
             axes.set_yscale("log")
             bars.draw(axes, panel.responses, whole, _TIMES, "responses")
             axes.set_ylim(0.6, max(12, axes.get_ylim()[1]))  # a whole decade: whole numbers on the axis
             for timeout in near:
                 axes.axvline(milliseconds(timeout), color=IN_ERROR, linewidth=2, alpha=0.8)
             missing = sum(panel.attempts) - sum(histogram.count for histogram in panel.responses)
-            if missing and len(near) < len(timeouts):
-                text = f"{missing:,} without a response →"
-                axes.set_title(text, loc="right", fontsize=8, color=IN_ERROR)
+            missing *= len(near) < len(timeouts)
+            first.set_title(picture.wrapped(_in_words(panel), 9, 4.8 if missing else 6.5), fontsize=9)
+            edge = f"{missing:,} without a response →" if missing else ""
+            axes.set_title(edge, loc="right", fontsize=8, color=IN_ERROR)
         for axes in (*columns[0], *columns[-1]):
             axes.yaxis.label.set_size(8)
         for column, shown in zip(columns, (usual, whole) if beside else (whole,), strict=True):

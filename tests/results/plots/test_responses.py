@@ -162,7 +162,7 @@ def test_from_python(tmp_path: Path) -> None:
     result.plot_response_times(path=tmp_path / "a.svg")
     result.plot_response_times(NODE, tmp_path / "b.svg")
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-    assert "press1.COM3: 1178 of 1227 transactions ok" in repr(result)
+    assert "press1.COM3: 1,178 of 1,227 transactions ok" in repr(result)
     assert "<th>Modbus master</th>" in result._repr_html_()
     plain = Result(Fake(duration=TICKS_PER_SECOND).run(), MemoryRows(rows=True, traced=False))
     assert "Modbus" not in plain._repr_html_()
