@@ -10,7 +10,7 @@ from bussim.report.latency import compared
 from bussim.report.nodes import node_metrics
 from bussim.report.runs import Source
 from bussim.report.tables import NONE, SETTINGS, TIMES, Cell, Table, number, pointer
-from bussim.results.verdict.verdict import faults, verdict_of
+from bussim.results.verdict.verdict import faults
 
 _HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
 _FIGURES = (
@@ -55,7 +55,7 @@ def verdict_table(sources: Sequence[Source]) -> Table:
     """What was wrong in each run, in the words of its verdict."""
     rows = []
     for source in sources:
-        texts = [item["text"] for item in faults(verdict_of(source.summary, source.record.links))]
+        texts = [item["text"] for item in faults(source.summary["verdict"])]
         rows.append((source.label, [Cell(" ".join(texts) or "nothing was wrong")]))
     return Table("Verdicts", ["", "what was wrong"], rows)
 

@@ -25,7 +25,6 @@ from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
 from bussim.results.verdict.catalogue import in_ms
 from bussim.results.verdict.verdict import about as about_bus
-from bussim.results.verdict.verdict import verdict_of
 from bussim.units import seconds
 from bussim.version import __version__
 from bussim.wording import about, counted
@@ -139,7 +138,7 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
         tables.plcs(source),
         *node_tables(summary),
     ]
-    said = verdict_of(summary, source.record.links)
+    said = summary["verdict"]
     links = [_link(source, bus, drawn) for bus in summary["links"]]
     buses = [
         (bus, _timeline(scene, drawn), scene.why)
@@ -180,7 +179,7 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         bus,
         _keys(source, bus),
         [
-            *about_bus(verdict_of(source.summary, source.record.links), bus),
+            *about_bus(source.summary["verdict"], bus),
             *expected(link, source.distributions.get(bus)),
             *([source.no_distribution] if source.no_distribution else []),
         ],

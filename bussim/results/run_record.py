@@ -11,6 +11,7 @@ from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.plain_data import from_plain, to_plain
 from bussim.results.meters.ports import PortRecord
 from bussim.results.summary import SCHEMA
+from bussim.results.verdict.verdict import Evidence, verdict
 from bussim.trace.codec import from_line, type_of
 from bussim.trace.records import NoteRecord
 
@@ -51,11 +52,17 @@ class RunRecord:
 
     @classmethod
     def from_json(cls, summary: dict[str, Any], histograms: Mapping[str, Any]) -> RunRecord:
-        """The run of its two files. Raises KeyError, TypeError or ValueError for anything else."""
+        """The run of its two files; a version that kept no verdict gets one.
+
+        Raises KeyError, TypeError or ValueError for anything else.
+        """
+        links = from_plain(dict[str, LinkRecord], histograms["links"])
+        if "verdict" not in summary:
+            summary = {**summary, "verdict": verdict(summary, Evidence(links))}
         return cls(
             summary=summary,
             duration=int(histograms["duration"]),
-            links=from_plain(dict[str, LinkRecord], histograms["links"]),
+            links=links,
             notes=tuple(map(_note, histograms["notes"])),
             left_out=from_plain(dict[str, int], histograms["notes_left_out"]),
             ports=from_plain(dict[str, PortRecord], histograms["ports"]),

@@ -9,7 +9,6 @@ from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
 from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
 from bussim.results.verdict.catalogue import meaning
-from bussim.results.verdict.verdict import verdict_of
 from bussim.wording import counted
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ def show_result(console: Console, record: RunRecord, station_names: Mapping[str,
         _show_link(console, record, bus, link, station_names.get(bus, {}))
     for line in (*alone_lines(summary), *port_lines(summary), *latency_lines(summary)):
         _print(console, line)
-    said = [item for item in verdict_of(summary, record.links) if item["key"] not in _SHOWN_AS_FIGURES]
+    said = [item for item in summary["verdict"] if item["key"] not in _SHOWN_AS_FIGURES]
     if said:
         console.print()
         _print(console, "verdict")

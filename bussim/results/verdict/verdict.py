@@ -36,12 +36,6 @@ def verdict(summary: Mapping[str, Any], evidence: Evidence) -> list[dict[str, An
     ]
 
 
-def verdict_of(summary: Mapping[str, Any], links: Mapping[str, LinkRecord]) -> list[dict[str, Any]]:
-    """The verdict of a run, made again for a folder of a version that kept none."""
-    found: list[dict[str, Any]] | None = summary.get("verdict")
-    return verdict(summary, Evidence(links)) if found is None else found
-
-
 def faults(items: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Those of a verdict that say that something was wrong."""
     return [item for item in items if is_fault(item["key"])]
