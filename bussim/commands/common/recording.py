@@ -94,7 +94,7 @@ class OpenLine:
         """What a listener has to know of it."""
         way = self.found.reading.way
         return {
-            "exact": not self.source.tolerant,
+            "exact": self.source.exact,
             "tolerance": self.tolerance if self.source.tolerant else 0,
             "lanes": max(len(way.channels), self.source.lanes),
             "echo": self.found.reading.score.echo,

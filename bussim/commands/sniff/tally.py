@@ -222,7 +222,7 @@ _SHOWN = {
     "stop_errors": ("character", "with a wrong stop bit"),
     "scans_unmeasured": ("link scan", "without a time: the frame at one end was not heard"),
     "time_steps": ("line", "whose time is up to a second before that above"),
-    "spikes": ("edge", "of pulses too short for a bit, left out"),
+    "spikes": ("pulse", "too short for a bit"),
 }
 
 

@@ -211,7 +211,7 @@ _SOCAT = re.compile(
     r"([<>])\s+(\d{4}/\d\d/\d\d)\s(\d\d:\d\d:\d\d)(?:\.(\d+))?\s+length=(\d+)\s+from=\d+\s+to=\d+"
 )
 _SOCAT_LINE = re.compile(rf"\s(?:{_HEX}(?:\s(?={_HEX}\b))?)+")
-_SOCAT_CHATTER = re.compile(r"--|\d{4}/\d\d/\d\d \d\d:\d\d:\d\d socat\[")
+_SOCAT_CHATTER = re.compile(r"--$|\d{4}/\d\d/\d\d \d\d:\d\d:\d\d socat\[")
 
 
 def socat(lines: Iterable[str]) -> Rows:
@@ -221,7 +221,7 @@ def socat(lines: Iterable[str]) -> Rows:
     for number, line in enumerate(lines, 1):
         text = line.rstrip()
         found = _SOCAT.match(text)
-        if found or (missing and text.startswith("--")):
+        if found or (missing and text == "--"):
             if missing:
                 yield Unreadable(begun, f"{missing} of its bytes are missing")
             head, data, missing, begun = found, b"", int(found[5]) if found else 0, number
@@ -259,8 +259,8 @@ def is_socat(line: str) -> bool:
 _LIBMODBUS = re.compile(rf"(?:\[{_HEX}\])+|(?:<{_HEX}>)+")
 _LIBMODBUS_CHATTER = re.compile(
     r"mbpoll|Copyright|This (?:program|is free)|under certain|Opening|Protocol|Slave|Communication|Data type"
-    r"|start reference|t/o|--|\[\d+\]:|Waiting|Bytes|Sending|ERROR|CRC|LRC|Message|Read|Write|Written|Request"
-    r"|Closing|Quit|Set |Confirmation|Exception|Invalid|The |Connection|\d+ "
+    r"|start reference|t/o|-- Polling|\[\d+\]:|Waiting|Bytes|Sending|ERROR|CRC|LRC|Message|Read|Writ|Request"
+    r"|Closing|Quit|Set |Confirmation|Exception|Invalid|The |Connection"
 )
 
 

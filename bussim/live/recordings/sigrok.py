@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bussim.live.arrival import Timed
 from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.source import Chunk, Facts, Source, Way
-from bussim.live.recordings.waveform import Receiver
+from bussim.live.recordings.waveform import SPIKE, Receiver
 from bussim.units import TICKS_PER_SECOND
 
 if TYPE_CHECKING:
@@ -137,32 +137,40 @@ class SigrokFile(Source):
             for name, edges in found.items():
                 counts[name] += len(edges)
                 if len(first[name]) < MOST_SURVEYED:
-                    first[name] += edges[: MOST_SURVEYED - len(first[name])]
+                    first[name] += edges[: MOST_SURVEYED - len(first[name])].tolist()
         return {name: Channel(counts[name], np.array(first[name], dtype=np.int64)) for name in self.channels}
+
+    def enough_samples(self, baud: int, what: str = "") -> None:
+        """Raise RecordingError if there are too few samples for a rate."""
+        if self.rate < LEAST_SAMPLES * baud:
+            raise RecordingError(
+                f"{self._name}: {what}{self.rate:,} samples a second are too few for {baud:,} bps; "
+                f"at least {LEAST_SAMPLES * baud:,} are needed"
+            )
 
     def chunks(self, way: Way) -> Iterator[Chunk]:
         """See the source of a recording."""
-        if self.rate < LEAST_SAMPLES * way.timing.baud:
-            raise RecordingError(
-                f"{self._name}: {self.rate:,} samples a second are too few for {way.timing.baud:,} bps; "
-                f"at least {LEAST_SAMPLES * way.timing.baud:,} are needed"
-            )
+        import numpy as np
+
+        self.enough_samples(way.timing.baud)
         receivers = [Receiver(way.timing, self.rate, inverted=bool(way.inverted)) for _ in way.channels]
+        self.facts = Facts()
+        shortest = SPIKE * self.rate / way.timing.baud
         for found, until in self.changes():
+            self.facts.spikes += sum(int((np.diff(found[name]) < shortest).sum()) for name in way.channels)
             yield from _merged(
                 [
-                    receiver.feed(found[name], until)
+                    receiver.feed(found[name].tolist(), until)
                     for name, receiver in zip(way.channels, receivers, strict=True)
                 ]
             )
         yield from _merged([receiver.feed((), inf) for receiver in receivers])
-        self.facts.spikes = sum(receiver.spikes for receiver in receivers)
 
     def end(self) -> int | None:
         """See the source of a recording."""
         return (2 * self.samples * TICKS_PER_SECOND + self.rate) // (2 * self.rate)
 
-    def changes(self) -> Iterator[tuple[dict[str, list[int]], int]]:
+    def changes(self) -> Iterator[tuple[dict[str, np.ndarray], int]]:
         """The samples at which each channel changes, in blocks, and how many samples were read so far.
 
         A channel whose first sample is low has an edge there.
@@ -178,7 +186,7 @@ class SigrokFile(Source):
             found = {}
             for name in self.channels:
                 byte, shift = divmod(self.channels[name], 8)
-                found[name] = (changed[(flips[:, byte] >> shift) & 1 == 1] + at).tolist()
+                found[name] = changed[(flips[:, byte] >> shift) & 1 == 1] + at
             before = rows[-1]
             at += len(block)
             yield found, at

@@ -60,10 +60,12 @@ class TextFile(Source):
         if self._saleae:
             self._heading, self._from_start = names, True
         self._socat = any(map(is_socat, rows))
-        self._libmodbus = any(map(is_libmodbus, rows)) and not any(line[:1].isdigit() for line in rows)
+        self._libmodbus = sum(map(is_libmodbus, rows)) > sum(line[:1].isdigit() for line in rows)
         body = rows[bool(self._heading) :]
         #: Whether times may have a decimal comma.
-        self.decimal_comma = bool(body) and all(map(may_have_decimal_comma, body)) and not self._saleae
+        self.decimal_comma = (
+            10 * sum(map(may_have_decimal_comma, body)) >= 9 * len(body) > 0 and not self._saleae
+        )
         self.exact, self.tolerant = self._saleae, not self._libmodbus
         self.times = "none" if self._libmodbus else "exact" if self._saleae else "system"
         first = self._rows(head, decimal_comma=False)
@@ -142,14 +144,15 @@ class TextFile(Source):
                     char, flag = placed(data, tick, way.timing)[0], found.flag
                     if flag:
                         char = (RxChar(data[0], not flag & PARITY, not flag & STOP), char[1], char[2])
-                    if together and ((found.lane or 0) != lane or len(together) >= _TOGETHER):
+                    own = min(found.lane or 0, self.lanes - 1)
+                    if together and (own != lane or len(together) >= _TOGETHER):
                         yield Chunk(together, lane, lost)
                         together, lost = [], False
-                    lane = found.lane or 0
+                    lane = own
                     together.append(char)
                     continue
                 chars = placed(data, tick, way.timing) if self._from_start else arrivals.chunk(data, tick)
-                yield Chunk(chars, found.lane or 0, lost)
+                yield Chunk(chars, min(found.lane or 0, self.lanes - 1), lost)
                 lost = False
         if together:
             yield Chunk(together, lane)

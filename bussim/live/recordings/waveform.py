@@ -37,16 +37,18 @@ _LEAST = 10
 class Measured(NamedTuple):
     """What the edges of a channel tell: bits a second (``standard``: by its name) and the level of pauses.
 
+    ``fits``: the distances of edges are whole numbers of bits; else the rate is the likeliest of none.
     ``inverted`` is None where there is no pause.
     """
 
     baud: int
     standard: bool
     inverted: bool | None
+    fits: bool
 
 
 def measure(edges: np.ndarray, rate: int, samples: int) -> Measured | None:
-    """The line that a channel's edges are of; None if they are no whole numbers of any bit.
+    """The line that a channel's edges are of; None of too few edges.
 
     Before the first edge the level is high. ``rate`` is in samples a second, ``samples`` their number.
     """
@@ -58,8 +60,8 @@ def measure(edges: np.ndarray, rate: int, samples: int) -> Measured | None:
     guesses = [rate / baud for baud in STANDARD]
     guesses += [float(guess) for guess in np.percentile(apart, (1, 3, 6, 10, 20, 30))]
     bits = sorted(filter(None, (_fitted(edges, guess) for guess in guesses)), reverse=True)
-    if not bits:
-        return None
+    fits = bool(bits)
+    bits = bits or [max(1.0, float(np.percentile(apart, 3)))]
     measured = rate / bits[0]
     near = min(STANDARD, key=lambda baud: abs(baud / measured - 1))
     standard = abs(near / measured - 1) <= _CLOSE
@@ -67,7 +69,7 @@ def measure(edges: np.ndarray, rate: int, samples: int) -> Measured | None:
     lasted = np.diff(edges, prepend=0, append=samples)
     pauses = levels[lasted > _PAUSE * bits[0]]
     inverted = None if not len(pauses) else bool(2 * pauses.sum() < len(pauses))
-    return Measured(near if standard else round(measured), standard, inverted)
+    return Measured(near if standard else round(measured), standard, inverted, fits)
 
 
 def _fitted(edges: np.ndarray, bit: float) -> float | None:
@@ -123,21 +125,14 @@ class Receiver:
         self._ticks = timing.characters(1)
         self._table = _table(form)
         self._whole = (1 << form.bits) - 1
-        # Edges to the level of a start bit have even indices. (A second edge at sample 0 undoes the first.)
+        # Edges to the level of a start bit have even indices.
         self._edges: list[int] = [0] if inverted else []
         self._ready = 0.0
-        self.spikes = 0
 
     def feed(self, edges: Sequence[int], until: float) -> list[Timed]:
         """The characters that are whole before a sample, up to which all ``edges`` are known."""
-        kept, shortest, last = self._edges, SPIKE * self._bit, self._last
-        for edge in edges:
-            if kept and edge - kept[-1] < shortest:
-                kept.pop()
-                self.spikes += 2 if edge else 0
-            else:
-                kept.append(edge)
-        until -= shortest  # the latest edge may still turn out to be a spike's
+        kept, last = self._edges, self._last
+        kept += edges
         found: list[Timed] = []
         at, count, ready, per_bit = 0, len(kept), self._ready, 1 / self._bit
         table, whole, rate, length = self._table, self._whole, self._rate, self._ticks

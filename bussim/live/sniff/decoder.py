@@ -14,15 +14,17 @@ from bussim.trace.records import Sink
 class Line(NamedTuple):
     """What a decoder knows of the line before it hears anything. Times are ticks.
 
-    ``silence`` is shorter than any wait for a reply. ``exact``: times are those of the line, so that the
-    distance of two frames proves something. ``lanes`` is the number of wires, one a direction where there are
-    two. ``echo``: each request is heard twice; None: to be found out.
+    ``silence`` is shorter than the wait for a reply, ``closest`` (3.5 characters) than that of any station.
+    ``exact``: times are those of the line, so that the distance of two frames proves something. ``lanes`` is
+    the number of wires, one a direction where there are two. ``echo``: each request is heard twice; None: to
+    be found out.
     """
 
     bus: str
     baud: int
     format: str
     silence: int
+    closest: int
     exact: bool = True
     lanes: int = 1
     echo: bool | None = None

@@ -203,7 +203,7 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
                         source.chunks(way),
                         protocol,
                         timing,
-                        exact=not source.tolerant,
+                        exact=source.exact,
                         tolerance=tolerance if source.tolerant else 0,
                         lanes=source.lanes,
                         limit=limit,
@@ -314,6 +314,9 @@ def _in_waveform(source: SigrokFile, settings: Settings) -> FoundLine:
             suggested = other if other.score.recognised else None
     warnings: dict[str, str] = {}
     if best is None:
+        for wire in own:
+            if wire.measured and wire.measured.standard and wire.measured.fits:
+                source.enough_samples(settings.baud or wire.measured.baud, f"channel {wire.name}: ")
         timing = _usual(settings)
         best = Reading(Way(timing, bool(settings.inverted), names[:1]), settings.protocol, Score())
     measured = {wire.name: wire.measured for wire in wires}
@@ -360,14 +363,9 @@ def _of_wires(source: SigrokFile, wires: Sequence[_Wire], settings: Settings) ->
 
 def _of_wire(source: SigrokFile, wire: _Wire, settings: Settings) -> Reading | None:
     measured = wire.measured
-    baud = settings.baud or (measured.baud if measured else None)
-    if baud is None:
+    baud = settings.baud or (measured.baud if measured and measured.fits else None)
+    if baud is None or source.rate < LEAST_SAMPLES * baud:
         return None
-    if source.rate < LEAST_SAMPLES * baud:
-        raise RecordingError(
-            f"channel {wire.name} has {baud:,} bps, and {source.rate:,} samples a second are too few for "
-            f"them; at least {LEAST_SAMPLES * baud:,} are needed"
-        )
     levels = [settings.inverted]
     if settings.inverted is None:
         levels = [False, True] if measured is None or measured.inverted is None else [measured.inverted]

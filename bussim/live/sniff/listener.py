@@ -7,6 +7,7 @@ from functools import partial
 from typing import assert_never
 
 from bussim.engines.modbus.adu import COLON, LAST_STATION, LF
+from bussim.engines.modbus.gaps import STANDARD_GAPS
 from bussim.engines.modbus.pdu import EXCEPTION_BIT
 from bussim.engines.nn.frames import HEADERS
 from bussim.line.characters import LineTiming
@@ -27,8 +28,8 @@ _RESYNCHRONISED = 3
 class Listener:
     """Listens to one bus of a known protocol, and records what it decodes.
 
-    ``tolerance`` is the silence (ticks) inside a frame that a system may have made, 0 where times are
-    ``exact``. ``lanes`` are the wires of the line, one a direction where there are two. ``begin`` is the tick
+    ``tolerance`` is the silence (ticks) inside a frame that a system may have made. ``exact``: times are those
+    of the line, so that distances prove something. ``lanes`` are the wires of the line, one a direction where there are two. ``begin`` is the tick
     at which the recording begins, None: with its first character. ``names`` are those of stations that are
     known; ``decoders`` are the classes that decode an N:N link and a Modbus bus.
     """
@@ -55,15 +56,17 @@ class Listener:
         # The silence of a line: behind a request no station begins to reply before.
         match protocol:
             case LineProtocol.NN:
-                self.decoder = decoders[0](line(silence=silence_of(protocol, timing)), sink, names)
+                silence = silence_of(protocol, timing)
+                self.decoder = decoders[0](line(silence=silence, closest=silence), sink, names)
             case LineProtocol.RTU | LineProtocol.ASCII:
                 silence = silence_of(LineProtocol.RTU, timing)
-                self.decoder = modbus = decoders[1](line(silence=silence), sink)
+                closest = min(silence, timing.characters(STANDARD_GAPS.end))
+                self.decoder = modbus = decoders[1](line(silence=silence, closest=closest), sink)
                 split = partial(split, expects=modbus.expected)
             case _:
                 assert_never(protocol)
         self.splitters = [split(lane=lane) for lane in range(lanes)]
-        self._near = silence_of(protocol, timing) + tolerance
+        self._near = silence_of(protocol, timing) + (0 if exact else tolerance)
         self._begin = begin
         #: A receiver that is switched on inside a frame has its first character at the latest then.
         self._torn_until = max(self._near, timing.characters(_RESYNCHRONISED))

@@ -103,7 +103,7 @@ class ModbusDecoder(Decoder):
         """See the base class."""
         frame = heard.frame
         alike = self._alike
-        if alike and not (isinstance(frame, Adu) and frame.chars == alike[0].chars):
+        if alike and not _same(heard, alike[0]):
             if heard.verdict in (Verdict.STRAY, Verdict.TORN):
                 self._count(heard, heard.verdict.value, "unknown")
                 return
@@ -166,7 +166,7 @@ class ModbusDecoder(Decoder):
     def _twin(self, heard: Heard, open_: _Open) -> bool:
         """Whether a frame repeats the open request closer than any master repeats one."""
         close = heard.start - open_.heard.end < self._line.silence
-        return close and heard.chars == open_.heard.chars and not open_.echoed
+        return close and _same(heard, open_.heard) and not open_.echoed
 
     def _twice(self, heard: Heard, open_: _Open) -> None:
         open_.echoed = True
@@ -186,8 +186,8 @@ class ModbusDecoder(Decoder):
         self._damaged_request = False
         attempt = 1
         if self._failed is not None:
-            chars, number, outcome = self._failed
-            if chars == heard.chars:
+            failed, number, outcome = self._failed
+            if _same(failed, heard):
                 attempt = number + 1
                 self._repeated += 1
                 self._most_attempts = max(attempt, self._most_attempts)
@@ -228,7 +228,7 @@ class ModbusDecoder(Decoder):
         if open_.lost:
             outcome = "undecided"
         else:
-            self._failed = (open_.heard.chars, open_.attempt, outcome)
+            self._failed = (open_.heard, open_.attempt, outcome)
         self._transaction(open_, None, outcome, now)
 
     # -- frames that are all alike -------------------------------------------------------------
@@ -243,7 +243,8 @@ class ModbusDecoder(Decoder):
             self._settle_echoes(frames, asked)
             return
         if self._line.exact:
-            twins = [after for before, after in pairwise(frames) if self._close(before, after)]
+            closest = self._line.closest
+            twins = [after for before, after in pairwise(frames) if after.start - before.end < closest]
             for heard in twins:
                 frames.remove(heard)
                 self._drop(heard)
@@ -259,7 +260,7 @@ class ModbusDecoder(Decoder):
             if (
                 open_ is not None
                 and not open_.damaged
-                and open_.heard.chars == heard.chars
+                and _same(open_.heard, heard)
                 and heard.start - open_.heard.end <= limit
             ):
                 self._respond(heard, open_)
@@ -275,7 +276,7 @@ class ModbusDecoder(Decoder):
             elif after is not None and self._close(heard, after):
                 twin = after
                 self._request(heard, asked)
-            elif self._open is not None and self._open.heard.chars == heard.chars:
+            elif self._open is not None and _same(self._open.heard, heard):
                 self._respond(heard, self._open)
             else:
                 self._request(heard, asked)
@@ -332,6 +333,11 @@ class ModbusDecoder(Decoder):
         return BusTotals(
             line.bus, line.baud, line.format, nodes, self.busy, self.frames, collisions=0, undetected=0
         )
+
+
+def _same(one: Heard, other: Heard) -> bool:
+    """Whether two frames say the same, however they are written."""
+    return isinstance(one.frame, Adu) and isinstance(other.frame, Adu) and one.frame[:2] == other.frame[:2]
 
 
 def _boundary(waits: Sequence[int]) -> float | None:

@@ -110,7 +110,7 @@ def fitted(seed: int) -> LinkEstimate:
 
 
 def test_a_station_whose_poll_ends_the_recording_has_nothing_estimated() -> None:
-    observer = LinkObserver(Line("link", NN_LINE.baud, str(NN_LINE.format), 0), Collector())
+    observer = LinkObserver(Line("link", NN_LINE.baud, str(NN_LINE.format), 0, 0), Collector())
     poll = encode_poll(1, 0)
     observer.heard(Heard(LineProtocol.NN, 0, 1000, poll.chars, poll))
     found = observer.estimate()
