@@ -74,9 +74,13 @@ class Lanes:
         #: First and last microsecond of the picture; behind the last frame the line is seen idle.
         self.begin = 0 if selection.start is None else microseconds(selection.start)
         idle = max(microseconds(bus.timing.characters(4)) for bus in survey.buses.values())
+        # A decoder needs the falling edge of the first start bit: where a frame begins with the picture, the
+        # line is idle before it, and all is later by that.
+        self._later = idle if survey.start is not None and microseconds(survey.start) == self.begin else 0
         self.end = microseconds(survey.end) + idle
         if selection.stop is not None:
             self.end = min(self.end, microseconds(selection.stop))
+        self.end += self._later
 
     def decoders(self) -> Iterator[str]:
         """What PulseView needs to decode the lanes, as lines for the user."""
@@ -110,7 +114,7 @@ class Lanes:
                 for lanes, lows in each.up_to(frame.start):
                     pending += self._events(lanes, lows)
             pending.sort()
-            settled = bisect_left(pending, (microseconds(frame.start),))
+            settled = bisect_left(pending, (microseconds(frame.start) + self._later,))
             if settled:
                 yield from _changes(low, pending[:settled])
                 del pending[:settled]
@@ -143,14 +147,15 @@ class Lanes:
 
     def _events(self, lanes: tuple[int, ...], lows: Sequence[Interval]) -> Iterator[_Event]:
         """When lanes begin (+1) and end (-1) to be pulled low, inside the picture."""
-        begin, end, half, whole = self.begin, self.end, TICKS_PER_US // 2, TICKS_PER_US
+        later, half, whole = self._later, TICKS_PER_US // 2, TICKS_PER_US
+        begin, end = self.begin, self.end - later
         for first, last in lows:
             since, until = (first + half) // whole, (last + half) // whole
             if since < begin or until > end:
                 since, until = max(since, begin), min(until, end)
             if since < until:
-                yield since, 1, lanes
-                yield until, -1, lanes
+                yield since + later, 1, lanes
+                yield until + later, -1, lanes
 
 
 class _Driven:

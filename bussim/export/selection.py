@@ -91,6 +91,7 @@ class Survey:
 
     buses: dict[str, BusSurvey]
     frames: int = 0
+    start: int | None = None
     end: int = 0
     lateness: int = 0
 
@@ -118,6 +119,7 @@ def survey(selection: Selection) -> Survey:
             seen.protocols.append(frame.protocol)
         if frame.damaged_at:
             seen.receivers += [name for name in frame.damaged_at if name not in seen.receivers]
+        found.start = frame.start if found.start is None else min(found.start, frame.start)
         found.end = max(found.end, frame.end)
         found.frames += 1
         newest = max(newest, frame.start)

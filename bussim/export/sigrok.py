@@ -2,7 +2,7 @@
 
 A ZIP archive (sigrok wiki, "File format: sigrok/v2"): ``version`` is 2, ``metadata`` names rate and
 channels, ``logic-1-1``, ``logic-1-2``, … hold the samples, a bit a channel, lowest byte first.
-Sample 0 is the window's first microsecond.
+Sample 0 is the window's first microsecond, or where a frame begins then, of the idle line before it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Value Change Dump (IEEE 1364, section 18): the waveform for PulseView, GTKWave and others.
 
-Time counts in microseconds from the run's start. Each bus is a scope with its own lane and one for
+Time counts in microseconds from the run's start (where a frame begins with the window: later by the idle line
+before it). Each bus is a scope with its own lane and one for
 each transmitter, see :mod:`bussim.export.lanes`.
 """
 

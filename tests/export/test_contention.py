@@ -29,7 +29,7 @@ from bussim.trace.records import FrameRecord
 from tests.export.samples import LINK, exported
 from tests.export.samples import trace as made_up
 from tests.export.test_waveforms import crowds
-from tests.export.waves import Lows, merged, of_sr, of_vcd
+from tests.export.waves import Lows, idle_before, merged, of_sr, of_vcd
 
 #: A driver that is released late, two stations with one number, and one that jabbers; b is never polled and
 #: hears all of it.
@@ -209,8 +209,9 @@ def test_the_lane_of_a_bus_is_its_level_to_the_microsecond(frames: list[FrameRec
     lanes = Lanes(selection, survey(selection))
     drivers = [driver_of(each, each.damaged_bits) for each in frames]
     level = merged(line_lows(drivers, disputed_of(selection.trace.header, "link")))
-    found, since = [], 0
-    for us, lane, now in lanes.changes():
+    found, since, idle = [], 0, idle_before(frames)
+    for later, lane, now in lanes.changes():
+        us = later - idle
         if lane == 0 and now:
             found.append((since, us))
         elif lane == 0:

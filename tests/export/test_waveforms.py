@@ -15,7 +15,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.trace.records import FrameRecord, TraceBus
 from bussim.units import TICKS_PER_SECOND
 from tests.export.samples import FEEDER, LINK, bits_of, exchanges, exported, frame, link_frames, trace
-from tests.export.waves import clipped, lows, of_sr, of_vcd
+from tests.export.waves import clipped, idle_before, lows, of_sr, of_vcd
 
 
 @st.composite
@@ -51,8 +51,9 @@ def test_lanes_are_low_where_the_frames_pull_them_low(frames: list[FrameRecord])
     assert [lane.name for lane in lanes.lanes] == ["link", "press1", "press2", "press3"]
     found: dict[str, list[tuple[int, int]]] = {lane.name: [] for lane in lanes.lanes}
     since: dict[int, int] = {}
-    last = 0
-    for us, lane, level in lanes.changes():
+    last, idle = 0, idle_before(frames)
+    for later, lane, level in lanes.changes():
+        us = later - idle
         assert us >= last
         last = us
         assert (lane in since) is (level == 1), "a change that changes nothing"
@@ -72,9 +73,11 @@ def test_a_window_shows_what_is_in_it(frames: list[FrameRecord], ends: tuple[int
     if not any(each.end >= start and each.start < stop for each in frames):
         return
     lanes = lanes_of(frames, start, stop)
-    begin, end = microseconds(start), min(microseconds(stop), lanes.end)
+    idle = idle_before((each for each in frames if each.end >= start and each.start < stop), start)
+    begin, end = microseconds(start), min(microseconds(stop), lanes.end - idle)
     levels, found = {}, []
-    for us, lane, level in lanes.changes():
+    for later, lane, level in lanes.changes():
+        us = later - idle
         assert begin <= us <= end
         if lane == 0 and level == 1:
             found.append((levels[0], us))
@@ -83,7 +86,7 @@ def test_a_window_shows_what_is_in_it(frames: list[FrameRecord], ends: tuple[int
 
 
 def test_damage_in_one_receiver_is_a_lane_of_its_own() -> None:
-    one = frame(LINK, 0, "press1", b"\x0511A2", damaged=(4, 21), damaged_at={"press3": (21, 33)})
+    one = frame(LINK, 72_000, "press1", b"\x0511A2", damaged=(4, 21), damaged_at={"press3": (21, 33)})
     two = frame(LINK, 10 * one.end, "press3", b"\x05", damaged_at={"press3": (1,)})
     lanes = lanes_of([one, two])
     assert [lane.name for lane in lanes.lanes][-1] == "press3_rx"
@@ -137,7 +140,7 @@ def test_a_session_counts_from_the_window_and_a_vcd_from_the_run(tmp_path: Path)
 
 
 def test_a_long_idle_time_takes_many_chunks_and_little_room(tmp_path: Path) -> None:
-    frames = [frame(LINK, start * TICKS_PER_SECOND, "press1", b"\x0511A2") for start in (0, 30)]
+    frames = [frame(LINK, start * TICKS_PER_SECOND, "press1", b"\x0511A2") for start in (1, 31)]
     path = exported(trace(*frames), tmp_path / "a.sr", "sr")
     found, count = of_sr(path)
     assert count > 30_000_000
@@ -163,7 +166,7 @@ def test_more_than_sixty_four_lanes_are_refused(tmp_path: Path) -> None:
 
 def test_names_that_the_formats_cannot_hold_are_replaced_and_stay_apart(tmp_path: Path) -> None:
     bus = TraceBus("the line", BusProtocol.SERIAL, 9600, "8N1", ("a b", "a,b", "a=b:c", "日本"), {})
-    frames = [frame(bus, 0, "a b", b"\x01"), frame(bus, 100_000, "a,b", b"\x02")]
+    frames = [frame(bus, 72, "a b", b"\x01"), frame(bus, 100_000, "a,b", b"\x02")]
     path = exported(trace(*frames, buses=(bus,)), tmp_path / "a.vcd", "vcd")
     found, _, _ = of_vcd(path)
     assert list(found) == ["the_line", "a_b", "a_b-2", "a_b_c", "日本"]

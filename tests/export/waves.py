@@ -42,6 +42,14 @@ def merged(parts: Iterable[tuple[int, int]]) -> Lows:
     return found
 
 
+def idle_before(frames: Iterable[FrameRecord], begin: int = 0, *, bit: float = 1e6 / 38400) -> int:
+    """How long a picture that begins at a tick is idle before its first frame, in µs.
+
+    Four characters of ten bits where one begins with it, so that a decoder sees its falling edge; else 0.
+    """
+    return round(40 * bit) if microseconds(min(each.start for each in frames)) == microseconds(begin) else 0
+
+
 def clipped(parts: Lows, begin: int, end: int) -> Lows:
     return [
         (max(first, begin), min(last, end)) for first, last in parts if max(first, begin) < min(last, end)

@@ -28,10 +28,11 @@ _RESYNCHRONISED = 3
 class Listener:
     """Listens to one bus of a known protocol, and records what it decodes.
 
-    ``tolerance`` is the silence (ticks) inside a frame that a system may have made. ``exact``: times are those
-    of the line, so that distances prove something. ``lanes`` are the wires of the line, one a direction where there are two. ``begin`` is the tick
-    at which the recording begins, None: with its first character. ``names`` are those of stations that are
-    known; ``decoders`` are the classes that decode an N:N link and a Modbus bus.
+    ``tolerance`` is the silence (ticks) inside a frame that a system may have made. ``exact``: times are
+    those of the line, so that distances prove something. ``lanes`` are the wires of the line, one a direction
+    where there are two. ``begin`` is the tick at which the recording begins, None: with its first character.
+    ``names`` are those of stations that are known; ``decoders`` are the classes that decode an N:N link and a
+    Modbus bus.
     """
 
     def __init__(

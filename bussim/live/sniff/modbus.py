@@ -65,9 +65,8 @@ class ModbusDecoder(Decoder):
         self._open: _Open | None = None
         self._alike: list[Heard] = []  # frames whose direction their neighbours will tell
         self._alike_asked: Asked | None = None
-        self._failed: tuple[bytes, int, str] | None = (
-            None  # the latest failed attempt: frame, number, outcome
-        )
+        #: The latest failed attempt: its request, number and outcome.
+        self._failed: tuple[Heard, int, str] | None = None
         self._slowest: dict[int, int] = {}
         self._master_lane: int | None = None
         self._told_apart = 0  # requests that cannot be taken for their responses…
