@@ -26,7 +26,7 @@ from bussim.results.store.load import FolderRows, load_run
 from bussim.results.summary.latency import LatencyBounds
 from bussim.scenario.build.trace_header import trace_header
 from bussim.scenario.model import Scenario
-from bussim.scenario.provenance import section_origins
+from bussim.scenario.provenance import ASSUMED
 from bussim.trace.records import RunTotals
 from bussim.version import __version__
 
@@ -129,12 +129,9 @@ def _rests_on(scenario: Scenario, summary: Mapping[str, Any]) -> dict[str, Any]:
     from bussim.exact.from_scenario import from_scenario
     from bussim.exact.sizing.assumptions import rests_on
 
-    links = {
-        bus: rests_on(model, summary["links"].get(bus, ()))
-        for bus, model in from_scenario(scenario, ignore_faults=True).items()
-    }
-    origins = section_origins(scenario)
-    return {"links": links, **{section: at for section, at in origins.items() if summary.get(section)}}
+    models = from_scenario(scenario, ignore_faults=True)
+    links = {bus: rests_on(model, summary["links"].get(bus, ())) for bus, model in models.items()}
+    return {"links": links, "other figures": ASSUMED}
 
 
 def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBounds]]:

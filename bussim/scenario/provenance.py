@@ -35,14 +35,6 @@ _MADE_OF: dict[tuple[str, ...], str] = {
     (*_CLEAN, *_ERRORS, _JITTER, _SCANS): "refresh_gap_ms stale_ms healthy_at_s",
 }
 FIGURES = {figure: inputs for inputs, figures in _MADE_OF.items() for figure in figures.split()}
-#: Fields of profiles that the figures of a run's other sections are made of, beside what is entered.
-_SECTIONS = {
-    "plcs": ("error_count", "link_scan_unit"),
-    "buses": ("transaction_time", "begun_holds"),
-    "ports": ("transaction_time", "begun_holds"),
-    "devices": ("transaction_time", "begun_holds"),
-    "latency": ("reply", "instruction_times"),
-}
 
 
 def _rank(origin: str) -> int:
@@ -84,11 +76,6 @@ def classes(inputs: Mapping[str, str], keys: Iterable[str]) -> dict[str, dict[st
         if key in FIGURES
     }
     return {"inputs": dict(inputs), "figures": figures}
-
-
-def section_origins(scenario: Scenario) -> dict[str, str]:
-    """The classes of a run's figures beside its links, by section of its summary."""
-    return {name: _of(scenario.plcs, *fields, least=ENTERED) for name, fields in _SECTIONS.items()}
 
 
 def in_words(found: Mapping[str, Mapping[str, str]]) -> list[str]:

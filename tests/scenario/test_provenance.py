@@ -92,12 +92,6 @@ def _short(scenario: str) -> str:
     return read(scenario).replace("duration: ", "duration: 2 s #")
 
 
-def test_every_section_of_a_run_has_an_origin() -> None:
-    summary = bussim.run("nn_with_modbus", rows=False).summary
-    sections = {"links", "buses", "plcs", "ports", "devices"}
-    assert {name for name in sections if summary[name]} == set(summary["rests_on"])
-
-
 def test_every_figure_of_a_sizing_has_a_class() -> None:
     found = json.loads(CliRunner().invoke(size, ["electrical_noise", "--json"]).stdout)["links"]["link"]
     settings = {"D8179", "D8180", "attempts"}

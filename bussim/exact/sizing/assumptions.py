@@ -100,15 +100,11 @@ def setting_assumptions(model: LinkModel) -> tuple[str, ...]:
     noise = "the noise is as entered", "with ten times as much", scaled_noise(model, 10)
     if not model.noisy:
         noise = "no noise (none is entered)", "at the level bad", with_level(model, LEVELS[BAD])
-    found = [
-        (
-            Assumption(name, alternative, before, then, None).weight,
-            f"{name}; {alternative}: {changes(before, then)}",
-        )
-        for name, alternative, changed in (*_alternatives(model), noise)
-        if changed.valid
-        for then in (_as_set(changed),)
-    ]
+    found = []
+    for name, alternative, changed in (*_alternatives(model), noise):
+        if changed.valid and (said := changes(before, then := _as_set(changed))) != _NOTHING:
+            weight = Assumption(name, alternative, before, then, None).weight
+            found.append((weight, f"{name}; {alternative}: {said}"))
     return tuple(text for _, text in sorted(found, reverse=True)[:_MOST])
 
 

@@ -14,7 +14,7 @@ from bussim.engines.nn.frames import data_chars
 from bussim.exact.link import TIMEOUT_UNIT, LineNoise, LinkModel, frame_ticks
 from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals, Rate
-from bussim.exact.text import at_most, ms_at_least, ms_at_most
+from bussim.exact.text import a_year, at_most, ms_at_least, ms_at_most
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
@@ -118,8 +118,10 @@ def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
             shown = f"a probability of {at_most(value):.1e}"
         case "heartbeat":
             shown = f"{about(at_most(value))} times a year"
+        case "errors" if value <= checked.goals.errors:
+            shown = "more than one error in 20 link scans"
         case _:
-            shown = f"{about(at_most(value))} a year"
+            shown = f"{a_year(value)} a year"
     attempts = checked.grid.attempts[index[row]]
     return f"the best is {shown} (attempts {attempts}, D8180 {checked.grid.timeouts[column] // TIMEOUT_UNIT})"
 
@@ -246,7 +248,7 @@ def _no_further(model: LinkModel, goals: Goals, name: str) -> Goals:
 def _rounded(given: float, value: float) -> Rate:
     """A rate a year that is not less than a value, in the unit of the given one."""
     unit = Rate.of(given).unit
-    return Rate(at_most(value / float(Rate(1.0, unit))), unit)
+    return Rate(at_most(value / float(Rate(1.0, unit)), 1), unit)
 
 
 def relaxed(goals: Goals, name: str, factor: float) -> Goals:

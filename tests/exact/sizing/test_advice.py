@@ -16,6 +16,7 @@ from rich.console import Console
 
 from bussim.commands.size.show import show_sizing
 from bussim.exact.link import LineNoise, LinkModel, NoiseSource
+from bussim.exact.scan.outages import clean_scan
 from bussim.exact.sizing.choice import recommend
 from bussim.exact.sizing.evaluation import evaluate_goals, missed_per_year, noise_views, rows_of
 from bussim.exact.sizing.goals import FORMS, OUTAGE, Goals
@@ -188,7 +189,11 @@ def brute(model: LinkModel, goals: Goals, names: tuple[str, ...]) -> bool:
         if "heartbeat" not in names or goals.heartbeat is None:
             return True
         preset, most = goals.heartbeat
-        if all(missed_per_year(view.with_setting(*setting), preset) <= most for view in noise_views(model)):
+        if preset < clean_scan(model, slowest=False):
+            return False  # every gap is longer
+        # The level bad comes first: it takes the least time to work out.
+        views = [view.with_setting(*setting) for view in reversed(noise_views(model))]
+        if all(missed_per_year(view, preset) <= most for view in views):
             return True
     return False
 
