@@ -8,7 +8,7 @@ import pytest
 
 from bussim.engines.modbus.adu import Mode
 from bussim.live.recordings.open import Kind, kind_of, open_recording
-from bussim.live.recordings.source import Way
+from bussim.live.recordings.source import LineSetup
 from bussim.trace.records import FrameRecord, TraceBus
 from bussim.units import TICKS_PER_MS
 from tests.export.samples import FEEDER, LINK, PUMPS, exchanges, exported, link_frames, timing, trace
@@ -30,7 +30,7 @@ def test_a_recording_of_the_export_has_its_characters(
     assert kind is (Kind.SIGROK if to == "sr" else Kind.PACKETS)
     own = timing(bus.baud, bus.format)
     source = open_recording(path, channels=(bus.name,))
-    read = [char for chunk in source.chunks(Way(own, False, (bus.name,))) for char in chunk.chars]
+    read = [char for chunk in source.chunks(LineSetup(own, False, (bus.name,))) for char in chunk.chars]
     sent = [
         (value, each.start + own.characters(index))
         for each in frames
@@ -51,7 +51,7 @@ def test_a_frame_that_begins_with_the_window_is_read_whole(tmp_path: Path, start
     own = timing(LINK.baud, LINK.format)
     for to in ("sr", "pcapng"):
         path = exported(trace(*frames, buses=(LINK,)), tmp_path / f"a.{to}", to, start=start)
-        chunks = open_recording(path, channels=(LINK.name,)).chunks(Way(own, False, (LINK.name,)))
+        chunks = open_recording(path, channels=(LINK.name,)).chunks(LineSetup(own, False, (LINK.name,)))
         assert bytes(char.value for chunk in chunks for char, _, _ in chunk.chars) == b"".join(
             each.chars for each in frames
         )

@@ -21,6 +21,7 @@ from bussim.live.arrival import Arrivals, Timed
 from bussim.live.options import PortOptions
 from bussim.live.port import LivePort
 from bussim.live.runner import EngineRunner, Handling
+from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.listener import Listener
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector
@@ -66,7 +67,7 @@ def test_the_two_halves_of_an_nn_link_on_one_wire() -> None:
     )
     stop = threading.Event()
     heard = Collector()
-    listener = Listener("link", NN_LINE, heard, tolerance=20 * TICKS_PER_MS)
+    listener = Listener("link", NN_LINE, heard, LineProtocol.NN, tolerance=20 * TICKS_PER_MS)
     with TerminalPair() as pair:
         sides = [
             (Slave(SlaveConfig(1, (0, 1, 2), 10 * TICKS_PER_MS, 100_000, 18_750)), pair.right, Noted(block)),

@@ -28,7 +28,7 @@ line_options = with_options(
         type=click.Choice(PROTOCOLS),
         default="auto",
         show_default=True,
-        help="What is spoken; auto: what is recognised.",
+        help="The protocol; auto: what is recognised.",
     ),
     click.option(
         "-b", "baud", metavar="N", type=_RATES, help="Rate, unless found (port: 38400, Modbus 19200)."
@@ -88,15 +88,15 @@ class OpenLine:
     @property
     def timing(self) -> LineTiming:
         """Rate and format of the line."""
-        return self.found.reading.way.timing
+        return self.found.reading.setup.timing
 
     def listener_options(self) -> dict[str, Any]:
         """What a listener has to know of it."""
-        way = self.found.reading.way
+        setup = self.found.reading.setup
         return {
             "exact": self.source.exact,
             "tolerance": self.tolerance if self.source.tolerant else 0,
-            "lanes": max(len(way.channels), self.source.lanes),
+            "wires": max(len(setup.channels), self.source.wires),
             "echo": self.found.reading.score.echo,
             "begin": self.source.begin,
             "names": self.names,
@@ -137,13 +137,13 @@ def port_timing(settings: Settings) -> LineTiming:
 
 def read(line: OpenLine, listener: Listener, limit: int | None) -> int:
     """Read a recording up to a tick, to the end of its listener; returns the tick at which it ends."""
-    for chars, lane, lost in line.source.chunks(line.found.reading.way):
+    for chars, wire, lost in line.source.chunks(line.found.reading.setup):
         if limit is not None and chars and chars[-1][2] > limit:
             listener.close(limit)
             return limit
         if lost:
             listener.lost()
-        listener.chars(chars, lane)
+        listener.chars(chars, wire)
     end = line.source.end()
     listener.close(end)
     return max(end or 0, listener.last)

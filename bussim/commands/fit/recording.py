@@ -52,8 +52,8 @@ def fit(
     line = open_line(source, settings or Settings(), bus=bus, tolerance=longest)
     protocol, timing = line.found.reading.protocol, line.timing
     if protocol is None:
-        told = [*line.found.warnings.values(), *map(described, line.found.described), _HOW]
-        raise RunError(f"{source}: " + "\n".join(told))
+        found = [*line.found.warnings.values(), *map(described, line.found.described), _HOW]
+        raise RunError(f"{source}: " + "\n".join(found))
     sink = Collector(bus_of={line.names.get(0, station_name(0)): line.bus})
     observers = (LinkObserver, BusObserver)
     listener = Listener(line.bus, timing, sink, protocol, decoders=observers, **line.listener_options())

@@ -113,8 +113,8 @@ def to_json(
         "protocol": None if listener is None else listener.protocol.value,
         "baud": timing.baud,
         "format": str(timing.format),
-        "inverted": None if line is None else line.found.reading.way.inverted,
-        "channels": [] if line is None else list(line.found.reading.way.channels),
+        "inverted": None if line is None else line.found.reading.setup.inverted,
+        "channels": [] if line is None else list(line.found.reading.setup.channels),
         "suggested": _suggested(line.found.suggested if line is not None else None),
         "exact_times": exact,
         "times": ("exact" if exact else "system") if line is None else line.source.times,
@@ -165,13 +165,13 @@ COUNTS = (
 def _suggested(reading: Reading | None) -> dict[str, Any] | None:
     if reading is None:
         return None
-    way = reading.way
+    setup = reading.setup
     return {
         "protocol": None if reading.protocol is None else reading.protocol.value,
-        "baud": way.timing.baud,
-        "format": str(way.timing.format),
-        "inverted": way.inverted,
-        "channels": list(way.channels),
+        "baud": setup.timing.baud,
+        "format": str(setup.timing.format),
+        "inverted": setup.inverted,
+        "channels": list(setup.channels),
     }
 
 
@@ -214,7 +214,7 @@ _SHOWN = {
     "strays": ("stray", "(characters that are no frame, as of a driver that switches off)"),
     "echoes": ("request", "heard twice: echoes"),
     "broadcast": ("request", "to all stations"),
-    "undecided": ("request", "whose outcome the recording does not tell"),
+    "undecided": ("request", "whose outcome the recording does not show"),
     "late": ("response", "after the master's timeout"),
     "wrong_seen": ("wrong response", "before the right one"),
     "recorder_damage": ("frame", "damaged at the recorder only"),

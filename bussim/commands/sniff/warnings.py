@@ -1,4 +1,4 @@
-"""What a reader of a recording has to be told, by code."""
+"""What a reader of a recording has to know, by code."""
 
 from __future__ import annotations
 

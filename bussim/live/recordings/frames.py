@@ -9,17 +9,17 @@ from pathlib import Path
 from bussim.engines.contract import RxChar
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.arrival import GOOD, Timed, placed
-from bussim.live.recordings.source import Chunk, Facts, Source, Way
+from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.trace.file import Trace, read_trace
 from bussim.trace.levels import characters_of, disputed_of, is_plain
 from bussim.trace.records import FrameRecord, TraceBus
 
-#: A trace has frames in the order in which they ended; so many may begin before one that is told earlier.
+#: A trace has frames in the order in which they ended; so many may begin before one that is recorded earlier.
 _LATE = 256
 #: The free protocol has no frames of its own: nothing of it is damage.
 _FREE = "free"
-#: Most frames that are read together: a station that sends without end overlaps every other.
-_TOGETHER = 512
+#: Most frames that are read at once: a station that sends without end overlaps every other.
+_AT_ONCE = 512
 
 
 class TraceFile(Source):
@@ -38,25 +38,25 @@ class TraceFile(Source):
     @property
     def protocol(self) -> str | None:
         """The protocol of its first frame that has one."""
-        spoken = (frame.protocol for frame in self._trace.of(FrameRecord, bus=self.bus.name))
-        return next((protocol for protocol in spoken if protocol != _FREE), None)
+        protocols = (frame.protocol for frame in self._trace.of(FrameRecord, bus=self.bus.name))
+        return next((protocol for protocol in protocols if protocol != _FREE), None)
 
-    def chunks(self, way: Way) -> Iterator[Chunk]:
+    def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """See the source of a recording."""
-        together: list[FrameRecord] = []
+        batch: list[FrameRecord] = []
         until = 0
-        character = way.timing.characters(1)
+        character = setup.timing.characters(1)
         for frame in self._in_order():
-            if together and (frame.start >= until or len(together) >= _TOGETHER):
-                yield Chunk(self._received(together, way.timing))
-                together, until = [], 0
-            together.append(frame)
+            if batch and (frame.start >= until or len(batch) >= _AT_ONCE):
+                yield Chunk(self._received(batch, setup.timing))
+                batch, until = [], 0
+            batch.append(frame)
             # A receiver may still be inside a character that began in what is damaged.
             until = max(
-                until, frame.driven_until, frame.end + (0 if self._plain(frame, way.timing) else character)
+                until, frame.driven_until, frame.end + (0 if self._plain(frame, setup.timing) else character)
             )
-        if together:
-            yield Chunk(self._received(together, way.timing))
+        if batch:
+            yield Chunk(self._received(batch, setup.timing))
 
     def _in_order(self) -> Iterator[FrameRecord]:
         """The frames by their starts."""

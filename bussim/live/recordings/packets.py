@@ -17,7 +17,7 @@ from typing import BinaryIO, NamedTuple
 from bussim.engines.contract import RxChar
 from bussim.live.arrival import placed
 from bussim.live.recordings.errors import RecordingError
-from bussim.live.recordings.source import Chunk, Facts, Source, Way
+from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.units import TICKS_PER_SECOND
 
 _SECTION = 0x0A0D0D0A
@@ -223,7 +223,7 @@ class PacketFile(Source):
 
     def __init__(self, path: Path, channels: tuple[str, ...]) -> None:
         self._path, self._channels = path, channels
-        self.lanes = max(1, len(channels))
+        self.wires = max(1, len(channels))
         self.facts = Facts()
         with self._opened() as file:
             reader = PacketReader(file, str(path))
@@ -243,15 +243,15 @@ class PacketFile(Source):
         except OSError as error:
             raise RecordingError(f"{self._path} cannot be read: {error.strerror or error}") from error
 
-    def _lane(self, reader: PacketReader, number: int) -> int:
-        """The lane of an interface, -1 if it is not read."""
+    def _wire(self, reader: PacketReader, number: int) -> int:
+        """The wire of an interface, -1 if it is not read."""
         names = (reader.interfaces[number].name, str(number))
-        return next((lane for lane, name in enumerate(self._channels) if name in names), -1)
+        return next((wire for wire, name in enumerate(self._channels) if name in names), -1)
 
     def _wanted(self, reader: PacketReader, number: int) -> bool:
-        return not self._channels or self._lane(reader, number) >= 0
+        return not self._channels or self._wire(reader, number) >= 0
 
-    def chunks(self, way: Way) -> Iterator[Chunk]:
+    def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """See the source of a recording.
 
         The first packet is time 0 in a pcap file, and where times count from 1970.
@@ -261,21 +261,21 @@ class PacketFile(Source):
         with self._opened() as file:
             reader = PacketReader(file, str(self._path))
             for number, tick, data in reader.packets():
-                lane = self._lane(reader, number) if self._channels else 0 if number == self._chosen else -1
-                if lane < 0 or not data:
+                wire = self._wire(reader, number) if self._channels else 0 if number == self._chosen else -1
+                if wire < 0 or not data:
                     continue
                 if since is None and tick is not None:
                     since = tick if reader.classic or tick > _A_MONTH else 0
                 # A simple packet has no time: right behind the one before.
                 begun = end if tick is None else max(tick - (since or 0), 0)
-                chars = placed(data, begun, way.timing)
+                chars = placed(data, begun, setup.timing)
                 if marked and max(data) >= _MARK:
                     chars = [
                         char if byte < _MARK else (RxChar(byte & ~_MARK, parity_ok=False), char[1], char[2])
                         for byte, char in zip(data, chars, strict=True)
                     ]
                 end = chars[-1][2]
-                yield Chunk(chars, lane)
+                yield Chunk(chars, wire)
             if reader.cut:
                 self.facts.warnings["cut_file"] = "the file ends inside a packet, which is left out"
 

@@ -63,16 +63,16 @@ _COMMA_TIME = re.compile(r"\d+,\d+[\s;,]+\S")
 
 
 class Row(NamedTuple):
-    """Bytes that came together, in a line. ``tick`` is their time, None where the file has none.
+    """Bytes that came at once, in a line. ``tick`` is their time, None where the file has none.
 
-    ``lane`` tells their sender where the file does, else None; ``flag`` is what was wrong with a single
+    ``wire`` is their sender where the file does, else None; ``flag`` is what was wrong with a single
     character; ``bare``: the time is no date, clock or epoch, and stays as it is.
     """
 
     line: int
     tick: int | None
     data: bytes
-    lane: int | None = None
+    wire: int | None = None
     flag: int = 0
     bare: bool = True
 
@@ -148,8 +148,8 @@ def general(lines: Iterable[str], per_second: int, *, decimal_comma: bool) -> Ro
                 yield Unreadable(number, f"{text[:30]!r} is no time of a day")
                 continue
         word = found["direction"]
-        lane = None if word is None else _DIRECTIONS[word.lower()]
-        yield Row(number, tick, data, lane, bare=found["clock"] is None)
+        wire = None if word is None else _DIRECTIONS[word.lower()]
+        yield Row(number, tick, data, wire, bare=found["clock"] is None)
 
 
 def unit_of(heading: str) -> int:
@@ -167,7 +167,7 @@ def saleae(lines: Iterable[str], heading: list[str]) -> Rows:
     time_at = at.get("start_time", 0)
     data_at = at.get("data", at.get("value", 1))
     errors = [(index, PARITY if "parity" in name else STOP) for name, index in at.items() if "error" in name]
-    lanes: dict[str, int] = {}
+    wires: dict[str, int] = {}
     begun = False
     for number, line in enumerate(lines, 1):
         if not begun or not line.strip():
@@ -192,8 +192,8 @@ def saleae(lines: Iterable[str], heading: list[str]) -> Rows:
         for index, wrong in errors:
             if index < len(fields) and fields[index].strip():
                 flag |= STOP if "framing" in fields[index].lower() else wrong
-        lane = lanes.setdefault(fields[at["name"]], len(lanes)) if "name" in at else None
-        yield Row(number, tick, bytes((value,)), lane, flag, bare=found["clock"] is None)
+        wire = wires.setdefault(fields[at["name"]], len(wires)) if "name" in at else None
+        yield Row(number, tick, bytes((value,)), wire, flag, bare=found["clock"] is None)
 
 
 def _value(text: str) -> int | None:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.live.arrival import Timed
 from bussim.live.recordings.errors import RecordingError
-from bussim.live.recordings.source import Chunk, Facts, Source, Way
+from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.live.recordings.waveform import SPIKE, Receiver
 from bussim.units import TICKS_PER_SECOND
 
@@ -148,20 +148,20 @@ class SigrokFile(Source):
                 f"at least {LEAST_SAMPLES * baud:,} are needed"
             )
 
-    def chunks(self, way: Way) -> Iterator[Chunk]:
+    def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """See the source of a recording."""
         import numpy as np
 
-        self.enough_samples(way.timing.baud)
-        receivers = [Receiver(way.timing, self.rate, inverted=bool(way.inverted)) for _ in way.channels]
+        self.enough_samples(setup.timing.baud)
+        receivers = [Receiver(setup.timing, self.rate, inverted=bool(setup.inverted)) for _ in setup.channels]
         self.facts = Facts()
-        shortest = SPIKE * self.rate / way.timing.baud
+        shortest = SPIKE * self.rate / setup.timing.baud
         for found, until in self.changes():
-            self.facts.spikes += sum(int((np.diff(found[name]) < shortest).sum()) for name in way.channels)
+            self.facts.spikes += sum(int((np.diff(found[name]) < shortest).sum()) for name in setup.channels)
             yield from _merged(
                 [
                     receiver.feed(found[name].tolist(), until)
-                    for name, receiver in zip(way.channels, receivers, strict=True)
+                    for name, receiver in zip(setup.channels, receivers, strict=True)
                 ]
             )
         yield from _merged([receiver.feed((), inf) for receiver in receivers])
@@ -223,12 +223,12 @@ class SigrokFile(Source):
         raise RecordingError(f"{self._name}: its samples {self._capture!r} are missing")
 
 
-def _merged(lanes: list[list[Timed]]) -> Iterator[Chunk]:
+def _merged(wires: list[list[Timed]]) -> Iterator[Chunk]:
     """Characters of all wires by time, in chunks of one wire."""
-    if len(lanes) == 1:
-        if lanes[0]:
-            yield Chunk(lanes[0])
+    if len(wires) == 1:
+        if wires[0]:
+            yield Chunk(wires[0])
         return
-    every = sorted((char[1], lane, at) for lane, chars in enumerate(lanes) for at, char in enumerate(chars))
-    for lane, together in groupby(every, itemgetter(1)):
-        yield Chunk([lanes[lane][at] for _, _, at in together], lane)
+    every = sorted((char[1], wire, at) for wire, chars in enumerate(wires) for at, char in enumerate(chars))
+    for wire, together in groupby(every, itemgetter(1)):
+        yield Chunk([wires[wire][at] for _, _, at in together], wire)

@@ -15,11 +15,11 @@ class Chunk(NamedTuple):
     """Characters of one wire of the line, in order. ``lost``: before them is what cannot be read."""
 
     chars: list[Timed]
-    lane: int = 0
+    wire: int = 0
     lost: bool = False
 
 
-class Way(NamedTuple):
+class LineSetup(NamedTuple):
     """How a recording is read: rate and format of its line, and where in it the line is.
 
     ``inverted``: the line idles low (None: the recording has no levels). ``channels`` are the names of its
@@ -34,7 +34,7 @@ class Way(NamedTuple):
 
 @dataclass(slots=True)
 class Facts:
-    """What a recording tells besides characters, complete when it was read to its end."""
+    """What a recording has besides characters, complete when it was read to its end."""
 
     unreadable: list[str] = field(default_factory=list)  # the first ones, each with its reason
     unreadable_lines: int = 0
@@ -54,8 +54,8 @@ class Source(ABC):
 
     ``exact``: its times are those of the line. ``tolerant``: a frame may come in parts, so that the distance
     between characters proves little. ``times``: "exact", "system" or "none". ``begin`` is the tick at which
-    it begins, None: with its first character. ``resolution`` is that of its times, in ticks. ``lanes`` are
-    the wires of the line, one a direction where it tells directions.
+    it begins, None: with its first character. ``resolution`` is that of its times, in ticks. ``wires`` are
+    the wires of the line, one a direction where it gives directions.
     """
 
     exact: bool
@@ -63,11 +63,11 @@ class Source(ABC):
     times: str
     resolution: int
     begin: int | None = None
-    lanes: int = 1
+    wires: int = 1
     facts: Facts
 
     @abstractmethod
-    def chunks(self, way: Way) -> Iterator[Chunk]:
+    def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """Its characters. Raises RecordingError where it is damaged."""
 
     def end(self) -> int | None:

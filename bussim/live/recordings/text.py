@@ -24,20 +24,20 @@ from bussim.live.recordings.rows import (
     socat,
     unit_of,
 )
-from bussim.live.recordings.source import Chunk, Facts, Source, Way
+from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.units import TICKS_PER_SECOND
 
 #: Characters of a line: 64 KiB of bytes, far more than comes at once.
 LONGEST_LINE = 200_000
 _START = re.compile(r"#\s*time\s*:\s*start\b", re.IGNORECASE)
 _SEPARATOR = re.compile(r"[\s,;]")
-#: Lines by which the form is told.
-_LOOKED_AT = 200
+#: Lines by which the form is recognised.
+_EXAMINED = 200
 _BOMS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 _A_MONTH = 30 * 86_400 * TICKS_PER_SECOND
 _HALF_A_DAY = 43_200 * TICKS_PER_SECOND
-#: Characters that come one by one are handed on together.
-_TOGETHER = 256
+#: Characters that come one by one are handed on at once.
+_AT_ONCE = 256
 FORMS = (
     'lines "time [direction] bytes" (time in seconds, with a unit, or as a clock), the CSV of Saleae Logic, '
     "what socat -x, esphome's uart_debug, mbpoll -v and libmodbus print"
@@ -51,7 +51,7 @@ class TextFile(Source):
         self._path = path
         self.facts = Facts()
         with self._opened() as file:
-            head = list(islice(_lines(file), _LOOKED_AT))
+            head = list(islice(_lines(file), _EXAMINED))
         rows = [line for line in head if line.strip() and not line.lstrip().startswith("#")]
         self._heading = _heading(rows[0]) if rows else []
         self._from_start = any(_START.match(line) for line in head)
@@ -69,11 +69,11 @@ class TextFile(Source):
         self.exact, self.tolerant = self._saleae, not self._libmodbus
         self.times = "none" if self._libmodbus else "exact" if self._saleae else "system"
         first = self._rows(head, decimal_comma=False)
-        lanes = {row.lane for row in first if isinstance(row, Row) and row.lane is not None}
-        #: Wires of the line: one for each direction that is told.
-        self.lanes = max(2, 1 + max(lanes)) if lanes and not (self._saleae and lanes == {0}) else 1
-        #: Whether programs tell directions.
-        self.directions = bool(lanes) and not self._saleae
+        wires = {row.wire for row in first if isinstance(row, Row) and row.wire is not None}
+        #: Wires of the line: one for each direction that is given.
+        self.wires = max(2, 1 + max(wires)) if wires and not (self._saleae and wires == {0}) else 1
+        #: Whether programs write directions.
+        self.directions = bool(wires) and not self._saleae
         self.resolution = TICKS_PER_SECOND // 10 ** min(9, max(map(_decimals, body), default=0))
 
     def _opened(self) -> TextIO:
@@ -103,16 +103,16 @@ class TextFile(Source):
             heading = heading and found is None
             yield found
 
-    def chunks(self, way: Way) -> Iterator[Chunk]:
+    def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """See the source of a recording. Raises RecordingError if most lines cannot be read."""
         self.facts = facts = Facts()
-        arrivals, readable, lost = Arrivals(way.timing, whole=True), 0, False
+        arrivals, readable, lost = Arrivals(setup.timing, whole=True), 0, False
         before: int | None = None
         base: int | None = None
-        together: list[Timed] = []
-        lane = 0
+        batch: list[Timed] = []
+        wire = 0
         with self._opened() as file:
-            for found in self._rows(_lines(file), decimal_comma=way.decimal_comma):
+            for found in self._rows(_lines(file), decimal_comma=setup.decimal_comma):
                 if found is None:
                     continue
                 if isinstance(found, Unreadable):
@@ -121,9 +121,9 @@ class TextFile(Source):
                     continue
                 tick, data = found.tick, found.data
                 if tick is None:  # no times: lines are far enough apart to be different frames
-                    tick = arrivals.busy_until + way.timing.characters(len(data) + _APART)
+                    tick = arrivals.busy_until + setup.timing.characters(len(data) + _APART)
                 elif base is None:
-                    length = 0 if self._from_start else way.timing.characters(len(data))
+                    length = 0 if self._from_start else setup.timing.characters(len(data))
                     base = 0 if found.bare and tick < _A_MONTH else tick - length
                     tick -= base
                 else:
@@ -141,21 +141,21 @@ class TextFile(Source):
                 before = tick
                 readable += 1
                 if self._saleae:
-                    char, flag = placed(data, tick, way.timing)[0], found.flag
+                    char, flag = placed(data, tick, setup.timing)[0], found.flag
                     if flag:
                         char = (RxChar(data[0], not flag & PARITY, not flag & STOP), char[1], char[2])
-                    own = min(found.lane or 0, self.lanes - 1)
-                    if together and (own != lane or len(together) >= _TOGETHER):
-                        yield Chunk(together, lane, lost)
-                        together, lost = [], False
-                    lane = own
-                    together.append(char)
+                    own = min(found.wire or 0, self.wires - 1)
+                    if batch and (own != wire or len(batch) >= _AT_ONCE):
+                        yield Chunk(batch, wire, lost)
+                        batch, lost = [], False
+                    wire = own
+                    batch.append(char)
                     continue
-                chars = placed(data, tick, way.timing) if self._from_start else arrivals.chunk(data, tick)
-                yield Chunk(chars, min(found.lane or 0, self.lanes - 1), lost)
+                chars = placed(data, tick, setup.timing) if self._from_start else arrivals.chunk(data, tick)
+                yield Chunk(chars, min(found.wire or 0, self.wires - 1), lost)
                 lost = False
-        if together:
-            yield Chunk(together, lane)
+        if batch:
+            yield Chunk(batch, wire)
         if facts.unreadable_lines > readable:
             first = "; ".join(facts.unreadable)
             raise RecordingError(

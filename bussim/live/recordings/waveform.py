@@ -23,7 +23,7 @@ STANDARD = (
 )
 #: A measured rate so close to a standard one is that one.
 _CLOSE = 0.025
-#: Distances of edges are looked at up to so many bits: those of one character.
+#: Distances of edges are used up to so many bits: those of one character.
 _INSIDE = 11
 #: A share of them must be whole bits within so much of a bit, and so many of one bit.
 _WHOLE, _WITHIN, _SINGLE = 0.95, 0.25, 0.02
@@ -35,7 +35,7 @@ _LEAST = 10
 
 
 class Measured(NamedTuple):
-    """What the edges of a channel tell: bits a second (``standard``: by its name) and the level of pauses.
+    """What the edges of a channel show: bits a second (``standard``: by its name) and the level of pauses.
 
     ``fits``: the distances of edges are whole numbers of bits; else the rate is the likeliest of none.
     ``inverted`` is None where there is no pause.
@@ -111,7 +111,7 @@ class Receiver:
     """A UART at a rate and format, fed with edges: characters with verdicts, in ticks.
 
     It starts on a falling edge, samples at bit centres, and is ready again at the middle of the (first) stop
-    bit. A start bit that is high at its centre was a glitch. With two stop bits both are looked at.
+    bit. A start bit that is high at its centre was a glitch. With two stop bits both are sampled.
     ``rate`` is in samples a second; ``inverted``: the line idles low. The level before the first edge is
     high.
     """

@@ -15,7 +15,7 @@ class Line(NamedTuple):
     """What a decoder knows of the line before it hears anything. Times are ticks.
 
     ``silence`` is shorter than the wait for a reply, ``closest`` (3.5 characters) than that of any station.
-    ``exact``: times are those of the line, so that the distance of two frames proves something. ``lanes`` is
+    ``exact``: times are those of the line, so that the distance of two frames proves something. ``wires`` is
     the number of wires, one a direction where there are two. ``echo``: each request is heard twice; None: to
     be found out.
     """
@@ -26,7 +26,7 @@ class Line(NamedTuple):
     silence: int
     closest: int
     exact: bool = True
-    lanes: int = 1
+    wires: int = 1
     echo: bool | None = None
 
 
@@ -55,7 +55,7 @@ class Decoder(ABC):
         """Take in what was heard next."""
 
     def lost(self) -> None:  # noqa: B027 - for decoders to which it matters
-        """Something was on the line here that the recording does not tell."""
+        """Something was on the line here that the recording does not show."""
 
     def close(self) -> None:  # noqa: B027 - for decoders to which it matters
         """Nothing more will be heard."""

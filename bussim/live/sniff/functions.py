@@ -69,8 +69,8 @@ class Asked(NamedTuple):
         return self.pdu[0]
 
     @property
-    def unanswered(self) -> bool:
-        """Whether nobody may respond: a broadcast that writes, or the request to listen only."""
+    def without_response(self) -> bool:
+        """Whether no station may respond: a broadcast that writes, or the request to listen only."""
         return self.pdu[:3] == _LISTEN_ONLY or (self.station == BROADCAST and self.function in _BROADCAST)
 
     @property

@@ -46,7 +46,7 @@ class Heard(NamedTuple):
     """Characters that belong together. ``frame`` is None where they are no sound frame: ``reason`` says why.
 
     ``start`` is the first edge, ``end`` the last stop bit, in ticks. ``flags`` has one of 0, PARITY, STOP and
-    their sum for each character; b"" where all are 0. ``lane`` counts the wires of a line from 0. ``part``:
+    their sum for each character; b"" where all are 0. ``wire`` counts the wires of a line from 0. ``part``:
     it is no whole piece, but continues the one before, or the recording ends in it.
     """
 
@@ -57,12 +57,12 @@ class Heard(NamedTuple):
     frame: Frame | Adu | None
     reason: str = ""
     flags: bytes = b""
-    lane: int = 0
+    wire: int = 0
     part: bool = False
     verdict: Verdict = Verdict.SOUND
 
     def record(self, bus: str, kind: str, sender: str, baud: int, fmt: str) -> FrameRecord:
-        """The record of a trace. Of a wrong character the parity or stop bit is told as damaged."""
+        """The record of a trace. Of a wrong character the parity or stop bit is marked as damaged."""
         frame = self.frame
         form = CharFormat.parse(fmt)
         bits = [

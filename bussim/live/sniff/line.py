@@ -1,7 +1,7 @@
 """Finds out how a recording is read: rate, polarity, format, protocol and channels of its line.
 
 What the user says is obeyed. Where another reading gives more than twice as many sound characters, it is
-told beside.
+named beside.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.frames import TraceFile
 from bussim.live.recordings.packets import PROTOCOLS, PacketFile
 from bussim.live.recordings.sigrok import LEAST_SAMPLES, Channel, SigrokFile
-from bussim.live.recordings.source import Chunk, Source, Way
+from bussim.live.recordings.source import Chunk, LineSetup, Source
 from bussim.live.recordings.text import TextFile
 from bussim.live.recordings.waveform import Measured, Receiver, measure
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
@@ -25,18 +25,18 @@ from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.trace.records import Record
 
-#: Rate and format where nothing tells them (Modbus over serial line, section 2.5.1).
+#: Rate and format where nothing gives them (Modbus over serial line, section 2.5.1).
 USUAL = {
     LineProtocol.NN: NN_LINE,
     LineProtocol.RTU: LineTiming(19200, CharFormat(8, "E", 1)),
     LineProtocol.ASCII: LineTiming(19200, CharFormat(7, "E", 1)),
 }
-#: Formats that are tried; of two stop bits it is told afterwards.
+#: Formats that are tried; of two stop bits it is decided afterwards.
 FORMATS = tuple(map(CharFormat.parse, ("8N1", "8E1", "8O1", "7E1", "7O1", "7N1")))
 #: Sound frames that settle a protocol; fewer must have half of all characters.
 _ENOUGH = 3
-#: Characters by which a line is found; where they tell nothing, so many.
-_LOOKED_AT, _AT_MOST = 8_000, 200_000
+#: Characters by which a line is found; where they decide nothing, so many.
+_EXAMINED, _AT_MOST = 8_000, 200_000
 #: A channel with fewer edges is named, but not tried.
 _LEAST_EDGES = 20
 #: Pieces that are shown where nothing fits, and how many characters of each.
@@ -73,7 +73,7 @@ class Score(NamedTuple):
     characters: int = 0
     sound_characters: int = 0
     sound: int = 0
-    answered: int = 0
+    responses: int = 0
     wrong: int = 0
     echo: bool = False
 
@@ -95,9 +95,9 @@ class Score(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A way to read a recording, the protocol of its line (None: not recognised), and how well that fits."""
+    """A line setup, its protocol (None: not recognised), and how well they fit a recording."""
 
-    way: Way
+    setup: LineSetup
     protocol: LineProtocol | None
     score: Score
 
@@ -143,13 +143,13 @@ def score(
     *,
     exact: bool = True,
     tolerance: int = 0,
-    lanes: int = 1,
-    limit: int = _LOOKED_AT,
+    wires: int = 1,
+    limit: int = _EXAMINED,
     sound: list[Heard] | None = None,
 ) -> Score:
     """How well a protocol fits characters, at most ``limit`` of them. ``sound`` takes the sound frames."""
     listener = Listener(
-        "line", timing, _Nothing(), protocol, exact=exact, tolerance=tolerance, lanes=lanes, begin=None
+        "line", timing, _Nothing(), protocol, exact=exact, tolerance=tolerance, wires=wires, begin=None
     )
     frames = 0
     chunks = iter(chunks)
@@ -158,7 +158,7 @@ def score(
         chunk = next(chunks, None)
         more = chunk is not None and listener.characters < limit
         for heard in (
-            listener.close() if chunk is None or not more else listener.chars(chunk.chars, chunk.lane)
+            listener.close() if chunk is None or not more else listener.chars(chunk.chars, chunk.wire)
         ):
             if heard.verdict is Verdict.SOUND:
                 frames += 1
@@ -183,10 +183,10 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
         case TraceFile():
             return _of_trace(source, settings)
         case PacketFile():
-            spoken = PROTOCOLS.get(source.interface.link_type)
+            given = PROTOCOLS.get(source.interface.link_type)
             rate, commas = source.interface.speed, [False]
         case TextFile():
-            spoken, rate = None, 0
+            given, rate = None, 0
             commas = [True, False] if source.decimal_comma else [False]
         case _:
             raise TypeError(source)
@@ -197,15 +197,15 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
             usual = USUAL[protocol]
             timing = LineTiming(wanted.baud or rate or usual.baud, wanted.format(usual.format))
             for comma in commas:
-                way = Way(timing, None, settings.channels, comma)
+                setup = LineSetup(timing, None, settings.channels, comma)
                 try:
                     fits = score(
-                        source.chunks(way),
+                        source.chunks(setup),
                         protocol,
                         timing,
                         exact=source.exact,
                         tolerance=tolerance if source.tolerant else 0,
-                        lanes=source.lanes,
+                        wires=source.wires,
                         limit=limit,
                     )
                 except RecordingError as error:
@@ -213,19 +213,19 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
                     if len(errors) == len(commas):
                         raise errors[0] from None
                 else:
-                    yield Reading(way, protocol, fits)
+                    yield Reading(setup, protocol, fits)
 
-    known = LineProtocol(spoken) if spoken else None
-    told = [known] if known else list(LineProtocol)
-    said = [settings.protocol] if settings.protocol else told
+    known = LineProtocol(given) if given else None
+    possible = [known] if known else list(LineProtocol)
+    said = [settings.protocol] if settings.protocol else possible
     best = _best(lambda limit: readings(settings, said, limit))
     suggested = None
     if settings.protocol is not None and not best.score.recognised:
-        other = _best(lambda limit: readings(settings, told, limit))
+        other = _best(lambda limit: readings(settings, possible, limit))
         suggested = other if _far_better(other, best) else None
     warnings: dict[str, str] = {}
     if len(commas) > 1:
-        what = "a decimal comma" if best.way.decimal_comma else "no decimal comma"
+        what = "a decimal comma" if best.setup.decimal_comma else "no decimal comma"
         warnings["decimal_comma"] = f"the times are read with {what}: that gives more sound frames"
     return _line(best, suggested, settings, warnings, lambda: [_begins(source, best)])
 
@@ -235,20 +235,20 @@ def _of_trace(source: TraceFile, settings: Settings) -> FoundLine:
     timing = LineTiming(
         settings.baud or source.bus.baud, settings.format(CharFormat.parse(source.bus.format))
     )
-    spoken = settings.protocol or (LineProtocol(source.protocol) if source.protocol else None)
-    return FoundLine(Reading(Way(timing), spoken, Score(echo=bool(settings.echo))))
+    given = settings.protocol or (LineProtocol(source.protocol) if source.protocol else None)
+    return FoundLine(Reading(LineSetup(timing), given, Score(echo=bool(settings.echo))))
 
 
 def _begins(source: Source, best: Reading) -> dict[str, Any]:
     """How a recording begins in which nothing is recognised."""
-    chunks = islice(source.chunks(best.way), _SHOWN_CHARS)
+    chunks = islice(source.chunks(best.setup), _SHOWN_CHARS)
     chars = [char for chunk in chunks for char in chunk.chars]
     return {"characters": best.score.characters, "pieces": _pieces(chars)}
 
 
 def _best(readings: Callable[[int], Iterable[Reading]]) -> Reading:
-    best = max(readings(_LOOKED_AT), key=lambda each: each.score.rank)
-    if best.score.recognised or best.score.characters < _LOOKED_AT:
+    best = max(readings(_EXAMINED), key=lambda each: each.score.rank)
+    if best.score.recognised or best.score.characters < _EXAMINED:
         return best
     return max(readings(_AT_MOST), key=lambda each: each.score.rank)
 
@@ -264,24 +264,24 @@ def _line(
     warnings: dict[str, str],
     describe: Callable[[], list[dict[str, Any]]],
 ) -> FoundLine:
-    """What is told of the best reading: its protocol only if it is said or recognised."""
+    """What is reported of the best reading: its protocol only if it is said or recognised."""
     if suggested is not None:
-        way = suggested.way
+        setup = suggested.setup
         warnings["wrong_line_settings"] = (
             f"with these settings {best.score.sound_characters:,} characters are in sound frames; "
-            f"{suggested.score.sound_characters:,} are at {way.timing.baud} bps {way.timing.format}"
-            + (", inverted" if way.inverted else "")
-            + (f", channel {', '.join(way.channels)}" if way.channels else "")
+            f"{suggested.score.sound_characters:,} are at {setup.timing.baud} bps {setup.timing.format}"
+            + (", inverted" if setup.inverted else "")
+            + (f", channel {', '.join(setup.channels)}" if setup.channels else "")
         )
     if not best.score.recognised and settings.protocol is None:
         protocol = suggested.protocol if suggested is not None else None
-        best = Reading(best.way, protocol, best.score)
+        best = Reading(best.setup, protocol, best.score)
     described: list[dict[str, Any]] = []
     if not best.score.recognised and suggested is None:
         warnings["not_recognised"] = "no protocol is recognised in it"
         described = describe()
     if settings.echo:
-        best = Reading(best.way, best.protocol, best.score._replace(echo=True))
+        best = Reading(best.setup, best.protocol, best.score._replace(echo=True))
     return FoundLine(best, suggested, described, warnings)
 
 
@@ -318,9 +318,9 @@ def _in_waveform(source: SigrokFile, settings: Settings) -> FoundLine:
             if wire.measured and wire.measured.standard and wire.measured.fits:
                 source.enough_samples(settings.baud or wire.measured.baud, f"channel {wire.name}: ")
         timing = _usual(settings)
-        best = Reading(Way(timing, bool(settings.inverted), names[:1]), settings.protocol, Score())
+        best = Reading(LineSetup(timing, bool(settings.inverted), names[:1]), settings.protocol, Score())
     measured = {wire.name: wire.measured for wire in wires}
-    found = measured.get(best.way.channels[0])
+    found = measured.get(best.setup.channels[0])
     if found is not None and not found.standard and best.score.recognised and not settings.baud:
         warnings["rate"] = f"{found.baud} bps is not a standard rate"
     return _line(
@@ -343,22 +343,22 @@ def _of_wires(source: SigrokFile, wires: Sequence[_Wire], settings: Settings) ->
     if not readings:
         return None
     best = max(
-        readings, key=lambda each: (each.score.recognised, each.score.answered > 0, *each.score.rank[1:])
+        readings, key=lambda each: (each.score.recognised, each.score.responses > 0, *each.score.rank[1:])
     )
     alike = [
         each
         for each in readings
         if each.score.recognised
-        and (each.way.timing, each.way.inverted, each.protocol)
-        == (best.way.timing, best.way.inverted, best.protocol)
+        and (each.setup.timing, each.setup.inverted, each.protocol)
+        == (best.setup.timing, best.setup.inverted, best.protocol)
     ]
     if len(alike) < 2 or best.protocol is None:
         return best
-    way = best.way._replace(channels=tuple(each.way.channels[0] for each in alike))
-    fits = score(source.chunks(way), best.protocol, way.timing, lanes=len(alike))
+    setup = best.setup._replace(channels=tuple(each.setup.channels[0] for each in alike))
+    fits = score(source.chunks(setup), best.protocol, setup.timing, wires=len(alike))
     # Where one channel has both directions, others repeat a part of it.
-    several = len(settings.channels) > 1 or fits.answered > 2 * best.score.answered
-    return Reading(way, best.protocol, fits) if several else best
+    several = len(settings.channels) > 1 or fits.responses > 2 * best.score.responses
+    return Reading(setup, best.protocol, fits) if several else best
 
 
 def _of_wire(source: SigrokFile, wire: _Wire, settings: Settings) -> Reading | None:
@@ -370,7 +370,7 @@ def _of_wire(source: SigrokFile, wire: _Wire, settings: Settings) -> Reading | N
     if settings.inverted is None:
         levels = [False, True] if measured is None or measured.inverted is None else [measured.inverted]
     found = [
-        Reading(Way(timing, inverted, (wire.name,)), protocol, fits)
+        Reading(LineSetup(timing, inverted, (wire.name,)), protocol, fits)
         for inverted in levels
         for form in FORMATS
         if settings.allows(form)
@@ -405,8 +405,8 @@ def _scores(
 
 def _stop_bits(source: SigrokFile, wire: _Wire, best: Reading) -> Reading:
     """The reading with two stop bits, if no character of a sound frame begins before they are over."""
-    timing, form = best.way.timing, best.way.timing.format
-    chars = _received(source, wire.channel, timing, inverted=bool(best.way.inverted))
+    timing, form = best.setup.timing, best.setup.timing.format
+    chars = _received(source, wire.channel, timing, inverted=bool(best.setup.inverted))
     frames: list[Heard] = []
     if best.protocol is not None:
         score([Chunk(chars)], best.protocol, timing, limit=len(chars) + 1, sound=frames)
@@ -421,7 +421,7 @@ def _stop_bits(source: SigrokFile, wire: _Wire, best: Reading) -> Reading:
     if not apart or min(apart) < timing.bits(form.bits) + timing.bits(1) // 2:
         return best
     two = LineTiming(timing.baud, CharFormat(form.data_bits, form.parity, 2))
-    return Reading(best.way._replace(timing=two), best.protocol, best.score)
+    return Reading(best.setup._replace(timing=two), best.protocol, best.score)
 
 
 def _description(

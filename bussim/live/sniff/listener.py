@@ -29,7 +29,7 @@ class Listener:
     """Listens to one bus of a known protocol, and records what it decodes.
 
     ``tolerance`` is the silence (ticks) inside a frame that a system may have made. ``exact``: times are
-    those of the line, so that distances prove something. ``lanes`` are the wires of the line, one a direction
+    those of the line, so that distances prove something. ``wires`` are the wires of the line, one a direction
     where there are two. ``begin`` is the tick at which the recording begins, None: with its first character.
     ``names`` are those of stations that are known; ``decoders`` are the classes that decode an N:N link and a
     Modbus bus.
@@ -44,14 +44,14 @@ class Listener:
         *,
         exact: bool = True,
         tolerance: int = 0,
-        lanes: int = 1,
+        wires: int = 1,
         echo: bool | None = None,
         begin: int | None = 0,
         names: Mapping[int, str] | None = None,
         decoders: tuple[type[LinkDecoder], type[ModbusDecoder]] = (LinkDecoder, ModbusDecoder),
     ) -> None:
         self.bus, self.timing, self.protocol = bus, timing, protocol
-        line = partial(Line, bus, timing.baud, str(timing.format), exact=exact, lanes=lanes, echo=echo)
+        line = partial(Line, bus, timing.baud, str(timing.format), exact=exact, wires=wires, echo=echo)
         split = partial(splitter, protocol, timing, tolerance)
         self.decoder: LinkDecoder | ModbusDecoder
         # The silence of a line: behind a request no station begins to reply before.
@@ -66,7 +66,7 @@ class Listener:
                 split = partial(split, expects=modbus.expected)
             case _:
                 assert_never(protocol)
-        self.splitters = [split(lane=lane) for lane in range(lanes)]
+        self.splitters = [split(wire=wire) for wire in range(wires)]
         self._near = silence_of(protocol, timing) + (0 if exact else tolerance)
         self._begin = begin
         #: A receiver that is switched on inside a frame has its first character at the latest then.
@@ -78,7 +78,7 @@ class Listener:
         self.characters = 0
         self.last = 0
 
-    def chars(self, chars: list[Timed], lane: int = 0) -> list[Heard]:
+    def chars(self, chars: list[Timed], wire: int = 0) -> list[Heard]:
         """Take in characters of a wire; returns what is known now, in order."""
         found: list[Heard] = []
         if not chars:
@@ -88,9 +88,9 @@ class Listener:
             self._begin = chars[0][1]
         if len(self.splitters) > 1:
             for other in self.splitters:
-                if other.lane != lane:
+                if other.wire != wire:
                     self._take(other.idle(chars[0][1]), found)
-        self._take(self.splitters[lane].take(chars), found)
+        self._take(self.splitters[wire].take(chars), found)
         self.last = max(self.last, chars[-1][2])
         return found
 
@@ -100,7 +100,7 @@ class Listener:
         for each in self.splitters:
             self._take(each.idle(now), found)
         if self._piece is not None and now - self._piece[0].end >= self._near:
-            self._judge(None, found)
+            self._decide(None, found)
         return found
 
     def close(self, now: int | None = None) -> list[Heard]:
@@ -108,7 +108,7 @@ class Listener:
         found: list[Heard] = []
         for each in self.splitters:
             self._take(each.close(now), found)
-        self._judge(None, found)
+        self._decide(None, found)
         self.decoder.close()
         return found
 
@@ -117,18 +117,18 @@ class Listener:
         self.decoder.lost()
 
     def _take(self, heards: Iterator[Heard], found: list[Heard]) -> None:
-        """What a splitter found: a piece is judged when it is known what follows it."""
+        """What a splitter found: a piece is decided on when it is known what follows it."""
         for heard in heards:
             if heard.frame is None:
-                self._judge(None, found)
+                self._decide(None, found)
                 self._piece = (heard, self._sound_end)
                 continue
-            self._judge(heard.start, found)
+            self._decide(heard.start, found)
             self._first = False
             self._sound_end = heard.end
-            self._tell(heard, found)
+            self._report(heard, found)
 
-    def _judge(self, follows: int | None, found: list[Heard]) -> None:
+    def _decide(self, follows: int | None, found: list[Heard]) -> None:
         """Say what became of the piece that waits; ``follows`` is the start of a sound frame behind it."""
         if self._piece is None:
             return
@@ -136,7 +136,7 @@ class Listener:
         near = (before is not None and heard.start - before < self._near) or (
             follows is not None and follows - heard.end < self._near
         )
-        self._tell(heard._replace(verdict=self._verdict(heard, near=near)), found)
+        self._report(heard._replace(verdict=self._verdict(heard, near=near)), found)
         self._first = False
 
     def _verdict(self, heard: Heard, *, near: bool) -> Verdict:
@@ -153,7 +153,7 @@ class Listener:
             return Verdict.STRAY
         return Verdict.DAMAGED
 
-    def _tell(self, heard: Heard, found: list[Heard]) -> None:
+    def _report(self, heard: Heard, found: list[Heard]) -> None:
         self.decoder.heard(heard)
         found.append(heard)
 

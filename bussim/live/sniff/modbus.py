@@ -1,9 +1,9 @@
 """Modbus traffic as a listener sees it: requests paired with their responses.
 
 A frame is a response if a request of its station and function is open and it fits that request; else it is
-a request if its function, byte count and quantity allow that; else it is a response to nobody, or a wrong
-one. A write to one coil or register and its response are the same bytes: which is which
-is told by the wires that they come on, by an echo, or by the times between frames that are all alike.
+a request if its function, byte count and quantity allow that; else it is a response without a request, or a
+wrong one. A write to one coil or register and its response are the same bytes: which is which is known by
+the wires that they come on, by an echo, or by the times between frames that are all alike.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ NO_ATTEMPT = frozenset(("broadcast", "undecided"))
 #: Two frames that are alike are request and response if the second comes after at most so many times the
 #: slowest response of its station, or of nothing is known, after so many ticks.
 _SLOWEST, _FIRST = 3, TICKS_PER_SECOND
-#: The medians of waits for responses and of pauses differ at least by this factor, or nobody can tell them.
+#: The medians of waits for responses and of pauses differ at least by this factor, or nothing is decided.
 _APART = 1.5
-#: So many frames that are alike are looked at together at most.
+#: So many frames that are alike are evaluated at once at most.
 _MOST_ALIKE = 512
 #: The share of requests that come twice where the recording has echoes, in tenths.
 _ECHOED = 9
@@ -63,29 +63,29 @@ class ModbusDecoder(Decoder):
     def __init__(self, line: Line, sink: Sink) -> None:
         super().__init__(line, sink)
         self._open: _Open | None = None
-        self._alike: list[Heard] = []  # frames whose direction their neighbours will tell
+        self._alike: list[Heard] = []  # frames whose direction their neighbours will show
         self._alike_asked: Asked | None = None
         #: The latest failed attempt: its request, number and outcome.
         self._failed: tuple[Heard, int, str] | None = None
         self._slowest: dict[int, int] = {}
-        self._master_lane: int | None = None
-        self._told_apart = 0  # requests that cannot be taken for their responses…
-        self._twins = 0  # …and those of them that came twice at once
+        self._master_wire: int | None = None
+        self._distinct = 0  # requests that cannot be taken for their responses…
+        self._doubled = 0  # …and those of them that came twice at once
         self._damaged_request = False  # the latest frame was damaged and no request was open
         self._most_attempts = 1
         self._repeated = 0
         self._dropped: Counter[int] = Counter()  # damaged responses without a repeat, by attempt
         self.late = 0  # responses that came after the master's timeout
-        self.wrong_seen = 0  # wrong answers that the right one followed
+        self.wrong_seen = 0  # wrong responses that the right one followed
         self.stations: set[int] = set()
         self.reserved: set[int] = set()  # stations beyond 247 that were asked
 
-    def expected(self, lane: int) -> Asked | None:
-        """The request that is open for a response on a lane."""
+    def expected(self, wire: int) -> Asked | None:
+        """The request that is open for a response on a wire."""
         if self._alike:
             return self._alike_asked
         open_ = self._open
-        if open_ is None or (self._line.lanes > 1 and open_.heard.lane == lane):
+        if open_ is None or (self._line.wires > 1 and open_.heard.wire == wire):
             return None
         return open_.asked
 
@@ -94,7 +94,7 @@ class ModbusDecoder(Decoder):
         """Whether each request is heard twice."""
         if self._line.echo is not None:
             return self._line.echo
-        return self._twins > 0 and 10 * self._twins >= _ECHOED * self._told_apart
+        return self._doubled > 0 and 10 * self._doubled >= _ECHOED * self._distinct
 
     # -- what is heard -------------------------------------------------------------------------
 
@@ -138,20 +138,20 @@ class ModbusDecoder(Decoder):
 
     def _frame(self, heard: Heard, frame: Adu) -> None:
         open_, asked = self._open, asked_of(frame.station, frame.pdu)
-        several = self._line.lanes > 1
-        other_lane = several and open_ is not None and open_.heard.lane != heard.lane
-        if asked is not None and asked.function in REPEATED and not several and not asked.unanswered:
+        several = self._line.wires > 1
+        other_wire = several and open_ is not None and open_.heard.wire != heard.wire
+        if asked is not None and asked.function in REPEATED and not several and not asked.without_response:
             self._alike, self._alike_asked = [heard], asked
-        elif open_ is not None and self._twin(heard, open_) and not several:
+        elif open_ is not None and self._is_double(heard, open_) and not several:
             self._twice(heard, open_)
         elif (
             open_ is not None
-            and (other_lane or not several)
+            and (other_wire or not several)
             and frame.station == open_.asked.station
             and responds(frame.pdu, open_.asked)
         ):
             self._respond(heard, open_)
-        elif asked is not None and (not several or self._master_lane in (None, heard.lane)):
+        elif asked is not None and (not several or self._master_wire in (None, heard.wire)):
             self._request(heard, asked)
         else:
             self._count(heard, "unknown", "unknown")
@@ -162,14 +162,14 @@ class ModbusDecoder(Decoder):
                 self.recorder_damage += self._damaged_request
             self._damaged_request = False
 
-    def _twin(self, heard: Heard, open_: _Open) -> bool:
+    def _is_double(self, heard: Heard, open_: _Open) -> bool:
         """Whether a frame repeats the open request closer than any master repeats one."""
         close = heard.start - open_.heard.end < self._line.silence
         return close and _same(heard, open_.heard) and not open_.echoed
 
     def _twice(self, heard: Heard, open_: _Open) -> None:
         open_.echoed = True
-        self._twins += 1
+        self._doubled += 1
         self._drop(heard)
 
     def _drop(self, heard: Heard) -> None:
@@ -195,9 +195,9 @@ class ModbusDecoder(Decoder):
             self._failed = None
         if asked.station > LAST_STATION:
             self.reserved.add(asked.station)
-        self._told_apart += asked.function not in REPEATED
+        self._distinct += asked.function not in REPEATED
         open_ = _Open(asked, heard, attempt)
-        if asked.unanswered:
+        if asked.without_response:
             self._transaction(open_, None, "broadcast", heard.end)
         else:
             self._open = open_
@@ -210,8 +210,8 @@ class ModbusDecoder(Decoder):
         took = heard.start - open_.heard.end
         if exception or asked.function not in REPEATED:
             self._slowest[asked.station] = max(took, self._slowest.get(asked.station, 0))
-        if self._line.lanes > 1:
-            self._master_lane = open_.heard.lane
+        if self._line.wires > 1:
+            self._master_wire = open_.heard.wire
         self.late += open_.attempt > 1 and took < self._line.silence
         self.wrong_seen += open_.wrong
         kind = "exception" if exception else "response"
@@ -243,8 +243,8 @@ class ModbusDecoder(Decoder):
             return
         if self._line.exact:
             closest = self._line.closest
-            twins = [after for before, after in pairwise(frames) if after.start - before.end < closest]
-            for heard in twins:
+            doubles = [after for before, after in pairwise(frames) if after.start - before.end < closest]
+            for heard in doubles:
                 frames.remove(heard)
                 self._drop(heard)
         limit = self._longest_wait(frames, asked.station)
@@ -268,12 +268,12 @@ class ModbusDecoder(Decoder):
 
     def _settle_echoes(self, frames: list[Heard], asked: Asked) -> None:
         """A request is heard twice, its response once."""
-        twin: Heard | None = None
+        double: Heard | None = None
         for heard, after in zip(frames, [*frames[1:], None], strict=True):
-            if heard is twin:
+            if heard is double:
                 self._drop(heard)
             elif after is not None and self._close(heard, after):
-                twin = after
+                double = after
                 self._request(heard, asked)
             elif self._open is not None and _same(self._open.heard, heard):
                 self._respond(heard, self._open)
@@ -284,7 +284,7 @@ class ModbusDecoder(Decoder):
         return after.start - before.end < self._line.silence
 
     def _longest_wait(self, frames: Sequence[Heard], station: int) -> float | None:
-        """The longest wait for a response among frames that are alike; None if nobody can tell."""
+        """The longest wait for a response among frames that are alike; None if it cannot be known."""
         waits = [after.start - before.end for before, after in pairwise(frames)]
         limit = _boundary(waits) if len(waits) > 1 else None
         if limit is None and station in self._slowest:
@@ -293,7 +293,7 @@ class ModbusDecoder(Decoder):
 
     # -- records -------------------------------------------------------------------------------
 
-    def _transaction(self, open_: _Open, answer: Heard | None, outcome: str, end: int) -> None:
+    def _transaction(self, open_: _Open, response: Heard | None, outcome: str, end: int) -> None:
         asked, heard = open_.asked, open_.heard
         self.outcomes[outcome] += 1
         self._take(
@@ -308,16 +308,16 @@ class ModbusDecoder(Decoder):
                 quantity=asked.quantity,
                 sent=heard.start,
                 asked=heard.end,
-                answer_start=answer.start if answer else None,
-                answer_end=answer.end if answer else None,
+                answer_start=response.start if response else None,
+                answer_end=response.end if response else None,
                 end=end,
                 taken=end,
                 outcome=outcome,
                 error=ERRORS[outcome],
-                exception=answer.frame.pdu[1] if outcome == "exception" and answer else 0,  # type: ignore[union-attr]
+                exception=response.frame.pdu[1] if outcome == "exception" and response else 0,  # type: ignore[union-attr]
                 served=None,
                 mismatched=False,
-                chars=len(heard.chars) + (len(answer.chars) if answer else 0),
+                chars=len(heard.chars) + (len(response.chars) if response else 0),
             )
         )
 
@@ -357,5 +357,5 @@ def _boundary(waits: Sequence[int]) -> float | None:
     if median(long) < _APART * max(1, median(short)):
         return None
     limit = (short[-1] + long[0]) / 2
-    together = sum(max(pair) < limit for pair in pairwise(waits))
-    return limit if 10 * together <= len(short) else None
+    overlapping = sum(max(pair) < limit for pair in pairwise(waits))
+    return limit if 10 * overlapping <= len(short) else None

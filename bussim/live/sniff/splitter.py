@@ -16,7 +16,7 @@ from bussim.engines.nn.frames import Frame
 from bussim.live.arrival import PARITY, STOP, Timed
 from bussim.live.sniff.heard import Heard, LineProtocol
 
-#: Characters of a piece that are told at once at most; more come as parts.
+#: Characters of a piece that are reported at once at most; more come as parts.
 MOST_DAMAGE = 600
 
 
@@ -31,9 +31,9 @@ class Splitter(ABC):
     protocol: ClassVar[LineProtocol]
     reason: ClassVar[str]
 
-    def __init__(self, silence: int, tolerance: int = 0, lane: int = 0) -> None:
+    def __init__(self, silence: int, tolerance: int = 0, wire: int = 0) -> None:
         self.silence, self.longest = silence, silence + tolerance
-        self.lane = lane
+        self.wire = wire
         self._data = bytearray()
         self._flags = bytearray()
         self._starts: list[int] = []
@@ -44,7 +44,7 @@ class Splitter(ABC):
         self._inside = 0  # index of the silence inside what may be one frame, 0: none
         self._end: int | None = None
         self._in_parts = False  # a sound frame came in parts, with a silence inside
-        self._told = 0  # characters of the piece under way that were told as parts
+        self._reported = 0  # characters of the piece under way that were reported as parts
         self._closed = False  # a silence follows the characters that there are
 
     def take(self, chars: Iterable[Timed]) -> Iterator[Heard]:
@@ -80,9 +80,9 @@ class Splitter(ABC):
 
     @abstractmethod
     def _frame_at(self, at: int, *, closed: bool) -> Frame | Adu | int:
-        """The frame that begins at an index; else how many characters tell (0: none begins there).
+        """The frame that begins at an index; else how many characters decide (0: none begins there).
 
-        Parity and stop bits are not looked at. ``closed``: the characters that there are, are all.
+        Parity and stop bits are not checked. ``closed``: the characters that there are, are all.
         """
 
     def _split(self, *, closed: bool) -> Iterator[Heard]:
@@ -103,13 +103,13 @@ class Splitter(ABC):
         while at < count:
             if at > first and self._ends_piece(first, at):
                 yield self._piece(first, at)
-                first, self._told = at, 0
+                first, self._reported = at, 0
             found = self._frame_at(at, closed=closed)
             if isinstance(found, (Frame, Adu)):
                 if at > first:
                     yield self._piece(first, at)
                 first = at + len(found.chars)
-                self._told = 0
+                self._reported = 0
                 sound = not any(self._flags[at:first])
                 self._in_parts |= sound and any(at < gap < first for gap in self._breaks)
                 yield self._heard(at, first, found if sound else None, "" if sound else self.reason)
@@ -121,10 +121,10 @@ class Splitter(ABC):
                 at += 1
                 if at - first >= MOST_DAMAGE:
                     yield self._piece(first, at)
-                    self._told += at - first
+                    self._reported += at - first
                     first = at
         if closed and first < count:
-            waits = not self._told and first in self._breaks and self._frame_at(first, closed=False)
+            waits = not self._reported and first in self._breaks and self._frame_at(first, closed=False)
             if waits and isinstance(waits, int):
                 self._drop(first)
                 self._at, self._inside = 0, count - first
@@ -132,7 +132,7 @@ class Splitter(ABC):
                 return
             yield self._piece(first, count)
             first = at = count
-            self._told = 0
+            self._reported = 0
         self._drop(first)
         self._at = at - first
         self._need = max(0, self._need - first)
@@ -142,7 +142,7 @@ class Splitter(ABC):
         return at in self._breaks and not self._in_parts
 
     def _piece(self, first: int, last: int) -> Heard:
-        return self._heard(first, last, None, self.reason, part=self._told > 0)
+        return self._heard(first, last, None, self.reason, part=self._reported > 0)
 
     def _heard(
         self, first: int, last: int, frame: Frame | Adu | None, reason: str, *, part: bool = False
@@ -160,7 +160,7 @@ class Splitter(ABC):
             frame,
             reason,
             flags,
-            self.lane,
+            self.wire,
             part,
         )
 

@@ -28,7 +28,7 @@ from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.splitter import Splitter
 from bussim.units import TICKS_PER_SECOND, round_half_up
 
-#: Gives the request that is open for a response on a lane.
+#: Gives the request that is open for a response on a wire.
 Expects = Callable[[int], Asked | None]
 
 
@@ -54,18 +54,18 @@ def splitter(
     timing: LineTiming,
     tolerance: int,
     *,
-    lane: int = 0,
+    wire: int = 0,
     expects: Expects = lambda _: None,
 ) -> Splitter:
     """The splitter of a protocol. ``tolerance`` ticks of silence may be inside a frame."""
     silence = silence_of(protocol, timing)
     match protocol:
         case LineProtocol.NN:
-            return NnSplitter(silence, tolerance, lane)
+            return NnSplitter(silence, tolerance, wire)
         case LineProtocol.ASCII:
-            return AsciiSplitter(silence, tolerance, lane)
+            return AsciiSplitter(silence, tolerance, wire)
         case LineProtocol.RTU:
-            return RtuSplitter(silence, tolerance, lane, expects)
+            return RtuSplitter(silence, tolerance, wire, expects)
         case _:
             assert_never(protocol)
 
@@ -106,8 +106,8 @@ class AsciiSplitter(Splitter):
     protocol = LineProtocol.ASCII
     reason = "LRC or layout"
 
-    def __init__(self, silence: int, tolerance: int, lane: int) -> None:
-        super().__init__(silence, tolerance, lane)
+    def __init__(self, silence: int, tolerance: int, wire: int) -> None:
+        super().__init__(silence, tolerance, wire)
         self.unusual = 0
 
     def _frame_at(self, at: int, *, closed: bool) -> Adu | int:
@@ -149,8 +149,8 @@ class RtuSplitter(Splitter):
     protocol = LineProtocol.RTU
     reason = "CRC or length"
 
-    def __init__(self, silence: int, tolerance: int, lane: int, expects: Expects) -> None:
-        super().__init__(silence, tolerance, lane)
+    def __init__(self, silence: int, tolerance: int, wire: int, expects: Expects) -> None:
+        super().__init__(silence, tolerance, wire)
         self._expects = expects
 
     def _frame_at(self, at: int, *, closed: bool) -> Adu | int:
@@ -166,12 +166,12 @@ class RtuSplitter(Splitter):
         return 0
 
     def _sizes(self, at: int) -> Iterator[int]:
-        """Sizes that a frame may have, the likeliest first; negative: so many characters tell."""
+        """Sizes that a frame may have, the likeliest first; negative: so many characters decide."""
         data, count = self._data, len(self._data)
         if at + 1 == count:
             yield -2
             return
-        asked = self._expects(self.lane)
+        asked = self._expects(self.wire)
         expected = response_size(data, at + 1, asked) if asked and asked.station == data[at] else 0
         for size in (expected, request_size(data, at + 1), response_size(data, at + 1, None)):
             if size:

@@ -13,7 +13,7 @@ from bussim.engines.nn.frames import encode_poll
 from bussim.line.characters import NN_LINE
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.recordings.frames import TraceFile
-from bussim.live.recordings.source import Way
+from bussim.live.recordings.source import LineSetup
 from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.heard import Heard, LineProtocol
 from bussim.live.sniff.listener import Listener
@@ -100,7 +100,7 @@ def fitted(seed: int) -> LinkEstimate:
     result = bussim.run(from_data(scenario(seed)), trace=True, rows=False)
     listener = Listener("link", NN_LINE, Collector(), LineProtocol.NN, decoders=(LinkObserver, ModbusDecoder))
     trace = result.open_trace()
-    for chunk in TraceFile(trace, trace.bus("link")).chunks(Way(NN_LINE)):
+    for chunk in TraceFile(trace, trace.bus("link")).chunks(LineSetup(NN_LINE)):
         listener.chars(chunk.chars)
     listener.close()
     assert isinstance(listener.decoder, LinkObserver)

@@ -24,7 +24,7 @@ class Sent(NamedTuple):
 
     at: float
     chars: bytes
-    lane: int = 0
+    wire: int = 0
     flips: tuple[int, ...] = ()
 
 
@@ -152,7 +152,7 @@ def nn_link(serial: Serial, scans: int, slaves: int = 2, *, begin: float = 0.05)
     rng, now, sent = random.Random(slaves), begin, []
     gap = 0.0004175 * 38400 / serial.baud
     for scan in range(scans):
-        for lane, chars in (
+        for wire, chars in (
             (0, nn_data(0, scan % 16, rng.randbytes(8))),
             *(
                 pair_
@@ -160,7 +160,7 @@ def nn_link(serial: Serial, scans: int, slaves: int = 2, *, begin: float = 0.05)
                 for pair_ in ((0, nn_poll(k, scan % 16)), (1, nn_data(k, scan % 16, rng.randbytes(8))))
             ),
         ):
-            sent.append(Sent(now, chars, lane))
+            sent.append(Sent(now, chars, wire))
             now += serial.lasts(len(chars)) + gap
         now += 10 * gap
     return sent

@@ -28,7 +28,7 @@ LINES = [
 random.Random(1).shuffle(LINES)
 
 
-def spoken(serial: Serial, seed: int, count: int = 25) -> tuple[list, str, int]:
+def exchange_of(serial: Serial, seed: int, count: int = 25) -> tuple[list, str, int]:
     """What is sent on a line of this format, the protocol, and the number of exchanges."""
     if serial.data == 8:
         return modbus(serial, count, seed)[0], "modbus-rtu", count
@@ -43,7 +43,7 @@ def spoken(serial: Serial, seed: int, count: int = 25) -> tuple[list, str, int]:
     ids=lambda value: f"{value.baud}-{value.name}" if isinstance(value, Serial) else str(value),
 )
 def test_rate_polarity_format_and_protocol_are_found(serial: Serial, inverted: bool, tmp_path: Path) -> None:
-    sent, protocol, exchanges = spoken(serial, serial.baud // 100 + serial.stops + inverted)
+    sent, protocol, exchanges = exchange_of(serial, serial.baud // 100 + serial.stops + inverted)
     level = wave(sent, serial, 8 * serial.baud)
     path = sigrok(tmp_path / "line.sr", 8 * serial.baud, {"D0": level ^ inverted})
     found = sniffed(path)
@@ -161,8 +161,8 @@ def test_what_is_no_serial_line_is_not_recognised(kind, seed: int, tmp_path: Pat
 
 def split(serial: Serial, rate: int, seed: int) -> tuple[dict[str, np.ndarray], int]:
     sent, _ = modbus(serial, 30, seed)
-    lanes = [wave([each for each in sent if each.lane == lane], serial, rate) for lane in (0, 1)]
-    return {"TX": lanes[0], "RX": lanes[1]}, len(sent)
+    wires = [wave([each for each in sent if each.wire == wire], serial, rate) for wire in (0, 1)]
+    return {"TX": wires[0], "RX": wires[1]}, len(sent)
 
 
 def test_two_directions_on_two_channels_are_one_line(tmp_path: Path) -> None:
@@ -204,10 +204,10 @@ def test_too_few_samples_are_refused_with_the_rate_that_was_found(
 
 @pytest.mark.parametrize("off", [-0.02, -0.01, 0.01, 0.02])
 def test_a_clock_that_is_off_is_read_at_its_standard_rate(off: float, tmp_path: Path) -> None:
-    told, real = Serial(9600, 8, "E", 1), Serial(round(9600 * (1 + off)), 8, "E", 1)
+    nominal, real = Serial(9600, 8, "E", 1), Serial(round(9600 * (1 + off)), 8, "E", 1)
     path = sigrok(tmp_path / "line.sr", 100_000, {"D0": wave(modbus(real, 25, 2)[0], real, 100_000)})
     found = sniffed(path)
-    assert (found["baud"], found["format"], ok(found)) == (told.baud, "8E1", 25)
+    assert (found["baud"], found["format"], ok(found)) == (nominal.baud, "8E1", 25)
 
 
 def test_short_spikes_hide_no_rate(tmp_path: Path) -> None:

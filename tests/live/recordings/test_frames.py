@@ -87,8 +87,8 @@ def test_strays_change_nothing(kind: str, share: float, tmp_path: Path) -> None:
             both.append(sniffed(sigrok(tmp_path / f"{number}.sr", rate, {"D0": wave(each, serial, rate)})))
     plain, with_strays = both
     assert with_strays["strays"] == with_strays["stray_characters"] == strays(sent, serial, share, 2)[1]
-    told = ("protocol", "frames", "damaged", "unasked", "outcomes", "exchanges", "link", "scans_unmeasured")
-    assert {key: with_strays.get(key) for key in told} == {key: plain.get(key) for key in told}
+    keys = ("protocol", "frames", "damaged", "unasked", "outcomes", "exchanges", "link", "scans_unmeasured")
+    assert {key: with_strays.get(key) for key in keys} == {key: plain.get(key) for key in keys}
 
 
 def test_damage_is_counted_once_and_named(tmp_path: Path) -> None:
@@ -135,9 +135,9 @@ def test_outcomes_of_exchanges() -> None:
         (2.0, read), (2.02, rtu(1, 3, 2, 0, 1)),  # too short: wrong
         (3.0, read), (3.02, rtu(2, 3, 4, 0, 1, 0, 2)),  # of another station: wrong…
         (3.06, right),  # …and then the right one
-        (4.0, read), (4.1, read), (4.12, right), (4.14, right),  # late: answers the repeat, and one too many
+        (4.0, read), (4.1, read), (4.12, right), (4.14, right),  # late: a response to the repeat, and one too many
         (5.0, rtu(0, 6, 0, 1, 0, 1)),  # to all
-        (5.5, rtu(0, 3, 0, 1, 0, 1)),  # a read that nobody may answer
+        (5.5, rtu(0, 3, 0, 1, 0, 1)),  # a read to which no station may respond
         (6.0, other), (6.02, rtu(2, 4, 2, 0, 5)),
         (7.0, rtu(250, 3, 0, 0, 0, 1)), (7.02, rtu(250, 3, 2, 0, 5)),
         (8.0, read),  # open at the end
@@ -174,7 +174,7 @@ def test_echoes_are_told_from_responses(echo_after: float | None) -> None:
     ("waits", "expected"),
     [
         ([0.02, 0.5] * 10, {"ok": 10, "undecided": 1}),  # requests and responses
-        ([0.05] * 19, {"unclear": 20}),  # nobody can tell
+        ([0.05] * 19, {"unclear": 20}),  # it cannot be known
         ([0.02, 0.5] * 5 + [0.3] + [0.02, 0.5] * 5, {"ok": 10, "no_answer": 1, "undecided": 1}),
         ([0.1, 0.1, 0.7] * 6, {"unclear": 19}),  # threes are no pairs
         ([0.02], {"ok": 1}),
@@ -210,7 +210,7 @@ def test_damage_at_the_recorder_only() -> None:
         frames += [(now, other), (now + 0.03, rtu(2, 4, 2, 0, number))]
         now += 0.3
     decoder = listened(frames, timing).decoder
-    assert decoder.recorder_damage == 2  # one request that was answered, one response that was not repeated
+    assert decoder.recorder_damage == 2  # one request with a response, one response that was not repeated
 
 
 def test_modbus_ascii_with_odd_ends(tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ def test_a_run_is_the_same_in_every_recording_of_it(seed: int, tmp_path: Path) -
                 run["format"],
                 ["link"],
             )
-        # Neither a text nor RTU in pcapng tells the parity: a frame of which only that is wrong is sound there.
+        # Neither a text nor RTU in pcapng has the parity: a frame of which only that is wrong is sound there.
         blind = name == "line.txt" or (name == "line.pcapng" and protocol == "modbus-rtu")
         parity = run["parity_errors"] if blind else 0
         # The distance of a text's lines proves nothing: a damaged frame of up to three characters is a stray.

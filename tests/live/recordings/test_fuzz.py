@@ -23,7 +23,7 @@ from bussim.live.recordings.frames import TraceFile
 from bussim.live.recordings.open import open_recording
 from bussim.live.recordings.packets import PacketReader
 from bussim.live.recordings.sigrok import SigrokFile
-from bussim.live.recordings.source import Way
+from bussim.live.recordings.source import LineSetup
 from bussim.live.recordings.text import TextFile
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.line import Settings, find_line
@@ -93,9 +93,9 @@ def test_text(lines: list[str]) -> None:
             source = TextFile(path)
             for comma in (False, True):
                 before = 0
-                for chunk in source.chunks(Way(LINE, decimal_comma=comma)):
+                for chunk in source.chunks(LineSetup(LINE, decimal_comma=comma)):
                     assert chunk.chars
-                    assert 0 <= chunk.lane < source.lanes
+                    assert 0 <= chunk.wire < source.wires
                     assert all(start <= end for _, start, end in chunk.chars)
                     assert chunk.chars[-1][2] >= before
                     before = chunk.chars[-1][1]
@@ -125,7 +125,7 @@ def test_sigrok(metadata: bytes, samples: bytes, name: str) -> None:
             session = SigrokFile(path)
             try:
                 found = find_line(session, Settings(), 0)
-                list(session.chunks(found.reading.way))
+                list(session.chunks(found.reading.setup))
             finally:
                 session.close()
         except UsageError as error:
@@ -142,7 +142,7 @@ def test_any_file(data: bytes, head: bytes) -> None:
             source = open_recording(path)
             found = find_line(source, Settings(), 0)
             if not isinstance(source, TraceFile):
-                list(source.chunks(found.reading.way))
+                list(source.chunks(found.reading.setup))
 
 
 chunks = st.lists(
@@ -182,8 +182,8 @@ def test_every_character_is_told_once_and_in_order(
     heard += listener.close()
     assert all(before.start <= after.start for before, after in pairwise(heard))
     assert all(len(one.chars) <= MOST_DAMAGE + 600 for one in heard)
-    told = b"".join(one.chars for one in heard)
-    assert told == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
+    decoded = b"".join(one.chars for one in heard)
+    assert decoded == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
 
 
 @some

@@ -41,10 +41,10 @@ def value(found: dict[str, Any], key: str) -> Any:
 def test_what_is_known_of_a_recording_is_found(name: str) -> None:
     found = sniffed(FILES / name, *KNOWN[name]["options"])
     for key, low, *high in KNOWN[name]["known"]:
-        told = value(found, key)
-        if isinstance(told, list):
-            assert low in told, key
+        known = value(found, key)
+        if isinstance(known, list):
+            assert low in known, key
         elif high:
-            assert low <= told <= high[0], key
+            assert low <= known <= high[0], key
         else:
-            assert told == low, key
+            assert known == low, key

@@ -42,7 +42,7 @@ def socat(verbose: bool) -> list[str]:
     lines = []
     for at, each in ROWS:
         data = hexed(each)
-        head = f"{'<' if each.lane else '>'} {clock(at, '%Y/%m/%d %H:%M:%S.%f')}  length={len(each.chars)} from=0 to={len(each.chars) - 1}"
+        head = f"{'<' if each.wire else '>'} {clock(at, '%Y/%m/%d %H:%M:%S.%f')}  length={len(each.chars)} from=0 to={len(each.chars) - 1}"
         lines.append(head)
         if verbose:
             pairs = data.split()
@@ -96,11 +96,11 @@ FORMS: dict[str, Callable[[], list[str]]] = {
     "date": lambda: line_by_line(lambda at, each: f"{clock(at, '%Y-%m-%d %H:%M:%S,%f')} {hexed(each)}"),
     "date with slashes and zone": lambda: line_by_line(lambda at, each: f"{clock(at, '%Y/%m/%dT%H:%M:%S.%f')}+01:00 {hexed(each)}"),
     "since 1970": lambda: line_by_line(lambda at, each: f"{1_767_600_000 + at:.6f} {hexed(each)}"),
-    "Tx and Rx": lambda: line_by_line(lambda at, each: f"{at:.6f} {'Rx' if each.lane else 'TX'}: {hexed(each)}"),
-    "Send and Recv": lambda: line_by_line(lambda at, each: f"{clock(at)} {'Recv' if each.lane else 'Send'} {hexed(each)}"),
-    "Req and Rsp": lambda: line_by_line(lambda at, each: f"{at:.6f},{'Rsp' if each.lane else 'Req'} -> {hexed(each)}"),
-    "arrows": lambda: line_by_line(lambda at, each: f"{at:.6f} {'<-' if each.lane else '->'} {hexed(each)}"),
-    "esphome": lambda: line_by_line(lambda at, each: f"[{clock(at)[:-3]}][D][uart_debug:114]: {'<<<' if each.lane else '>>>'} {hexed(each, ':').upper()}"),
+    "Tx and Rx": lambda: line_by_line(lambda at, each: f"{at:.6f} {'Rx' if each.wire else 'TX'}: {hexed(each)}"),
+    "Send and Recv": lambda: line_by_line(lambda at, each: f"{clock(at)} {'Recv' if each.wire else 'Send'} {hexed(each)}"),
+    "Req and Rsp": lambda: line_by_line(lambda at, each: f"{at:.6f},{'Rsp' if each.wire else 'Req'} -> {hexed(each)}"),
+    "arrows": lambda: line_by_line(lambda at, each: f"{at:.6f} {'<-' if each.wire else '->'} {hexed(each)}"),
+    "esphome": lambda: line_by_line(lambda at, each: f"[{clock(at)[:-3]}][D][uart_debug:114]: {'<<<' if each.wire else '>>>'} {hexed(each, ':').upper()}"),
     "socat -x": lambda: socat(False),
     "socat -x -v": lambda: socat(True),
     "Saleae Logic 1": saleae_1,
@@ -109,7 +109,7 @@ FORMS: dict[str, Callable[[], list[str]]] = {
     "mbpoll": lambda: [
         "mbpoll 1.0-0 - ModBus(R) Master Simulator", "Opening /dev/ttyUSB0 at 9600 bauds (N, 8, 1)", "",
         "-- Polling slave 1... (Ctrl-C to stop)",
-        *(line for _, each in ROWS for line in (["<" + hexed(each).replace(" ", "><") + ">", "[1]: \t 123"] if each.lane else ["[" + hexed(each).replace(" ", "][") + "]", "Waiting for a confirmation..."])),
+        *(line for _, each in ROWS for line in (["<" + hexed(each).replace(" ", "><") + ">", "[1]: \t 123"] if each.wire else ["[" + hexed(each).replace(" ", "][") + "]", "Waiting for a confirmation..."])),
     ],
 }  # fmt: skip
 GARBAGE = [

@@ -23,7 +23,7 @@ from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.live.arrival import Arrivals, Timed, placed
 from bussim.live.recordings.frames import TraceFile
-from bussim.live.recordings.source import Way
+from bussim.live.recordings.source import LineSetup
 from bussim.live.sniff.heard import LineProtocol, Verdict
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.listener import Listener
@@ -81,7 +81,7 @@ def test_a_link_is_watched_as_the_master_reports_it(press_line: bussim.Result) -
     names = {0: "press1", 1: "press2", 2: "press3"}
     listener = Listener("link", NN_LINE, sink, LineProtocol.NN, names=names)
     trace = press_line.open_trace()
-    for chunk in TraceFile(trace, trace.bus("link")).chunks(Way(NN_LINE)):
+    for chunk in TraceFile(trace, trace.bus("link")).chunks(LineSetup(NN_LINE)):
         listener.chars(chunk.chars)
     listener.close()
     recorded = list(press_line.open_trace().of(ScanRecord))
@@ -225,7 +225,9 @@ def heard_in(frames: list[FrameRecord]) -> list[Verdict]:
     bus = TraceBus("link", BusProtocol.NN, NN_LINE.baud, str(NN_LINE.format), (), {})
     trace = Trace(TraceHeader(buses=(bus,), seed=1, duration=10 * TICKS_PER_SECOND), lambda _: iter(frames))
     listener = Listener("link", NN_LINE, Noted(), LineProtocol.NN)
-    found = [h for chunk in TraceFile(trace, bus).chunks(Way(NN_LINE)) for h in listener.chars(chunk.chars)]
+    found = [
+        h for chunk in TraceFile(trace, bus).chunks(LineSetup(NN_LINE)) for h in listener.chars(chunk.chars)
+    ]
     return [each.verdict for each in found + listener.close(10 * TICKS_PER_SECOND)]
 
 
