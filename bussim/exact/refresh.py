@@ -21,7 +21,7 @@ import numpy as np
 
 from bussim.exact.bursts.channel import Matrix
 from bussim.exact.bursts.exchange import poll_path
-from bussim.exact.bursts.state_mixture import StateMixture, StateTransitions, failures
+from bussim.exact.bursts.state_mixture import StateMixture, Transitions, failures
 from bussim.exact.link import MASTER, LinkModel, Station
 from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import spread_of
@@ -55,12 +55,12 @@ class _Heard(NamedTuple):
     more ticks and then the next attempt. ``missed``: the master alone got it. The rest fails unheard.
     """
 
-    clean: StateTransitions
-    torn: StateTransitions
-    headless: StateTransitions
-    after_torn: StateTransitions
-    after_headless: StateTransitions
-    missed: StateTransitions
+    clean: Transitions
+    torn: Transitions
+    headless: Transitions
+    after_torn: Transitions
+    after_headless: Transitions
+    missed: Transitions
     fails: tuple[tuple[float, int, Matrix], tuple[float, int, Matrix]]
 
 
@@ -134,8 +134,8 @@ class _Chain:
         model = self.model
         outcome = self.line.outcome(poll_path(model, receiver), model.data_bits)
         missed, taken = (
-            StateTransitions.single(model.data, outcome.hit),
-            StateTransitions.single(model.data, outcome.clean),
+            Transitions.single(model.data, outcome.hit),
+            Transitions.single(model.data, outcome.clean),
         )
         heard = self.chain.begun().times(outcome.clean)
         scale = heard.total
@@ -245,14 +245,14 @@ class _Chain:
         rest = float(model.silent_cost) - whole
         mirrored = not station.turnaround.values and unit != 0
         return _Heard(
-            clean=StateTransitions.single(whole, replied @ clean[0], unit),
-            torn=StateTransitions.single(whole, replied @ torn[0], unit),
-            headless=StateTransitions.single(whole, replied @ headless[0], unit),
-            after_torn=StateTransitions.single(model.quiet, line.after(model.quiet)),
-            after_headless=StateTransitions.single(
+            clean=Transitions.single(whole, replied @ clean[0], unit),
+            torn=Transitions.single(whole, replied @ torn[0], unit),
+            headless=Transitions.single(whole, replied @ headless[0], unit),
+            after_torn=Transitions.single(model.quiet, line.after(model.quiet)),
+            after_headless=Transitions.single(
                 rest - width if mirrored else rest, wait, unit if mirrored else 0
             ),
-            missed=StateTransitions.single(whole, replied @ clean[1], unit),
+            missed=Transitions.single(whole, replied @ clean[1], unit),
             fails=((float(model.silent_cost), 0, silent), (whole + model.quiet, unit, torn_missed)),
         )
 
@@ -262,18 +262,16 @@ class _Chain:
         ended = ended + heard.headless.matrix[0] @ heard.after_headless.matrix[0]
         return np.asarray(ended + heard.fails[0][2] + heard.fails[1][2], dtype=np.float64)
 
-    def _unheard(self, heard: _Heard, attempts: int, mark: int) -> StateTransitions:
+    def _unheard(self, heard: _Heard, attempts: int, mark: int) -> Transitions:
         """An exchange of which the receiver hears nothing: with a reply, or in error, which sets ``mark``."""
         levels = failures(*heard.fails, attempts)
         shift, code, matrix = float(heard.missed.shift[0]), int(heard.missed.code[0]), heard.missed.matrix[0]
         parts = [(s + shift, c + code, m @ matrix) for level in levels[:-1] for s, c, m in level]
-        return StateTransitions.of(parts + [(s, c | mark, m) for s, c, m in levels[-1]])
+        return Transitions.of(parts + [(s, c | mark, m) for s, c, m in levels[-1]])
 
-    def _taken(self, heard: _Heard, attempts: int) -> StateTransitions:
+    def _taken(self, heard: _Heard, attempts: int) -> Transitions:
         """An exchange up to the first reception."""
         levels = failures(*heard.fails, max(attempts - 1, 0))
         takes = heard.clean.matrix[0] + heard.torn.matrix[0] + heard.headless.matrix[0]
         shift, code = float(heard.clean.shift[0]), int(heard.clean.code[0])
-        return StateTransitions.of(
-            [(s + shift, c + code, m @ takes) for level in levels for s, c, m in level]
-        )
+        return Transitions.of([(s + shift, c + code, m @ takes) for level in levels for s, c, m in level])

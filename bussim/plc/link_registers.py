@@ -19,12 +19,7 @@ from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # named with the lin
 from bussim.plc.errors import SerialErrors, serial_error
 from bussim.plc.memory import BlockRange, Device, Memory, block_range
 from bussim.plc.ports.cpavl import COM2_STATION
-from bussim.plc.profiles import (
-    MAX_RETRIES,
-    MAX_SLAVES,
-    Profile,
-    attempts_per_poll,
-)
+from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, Profile, attempts_per_poll
 from bussim.plc.system_devices import WATCHDOG
 from bussim.units import TICKS_PER_MS
 

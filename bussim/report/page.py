@@ -134,10 +134,7 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
         f"Scenario {summary['scenario']}, {summary['duration_s']:g} s simulated, seed {summary['seed']}, "
         f"bussim {summary['bussim']}."
     )
-    whole = [
-        tables.plcs(source),
-        *node_tables(summary),
-    ]
+    whole = [tables.plcs(source), *node_tables(summary)]
     said = summary["verdict"]
     links = [_link(source, bus, drawn) for bus in summary["links"]]
     buses = [

@@ -282,11 +282,8 @@ class Controller:
         motion = self.axis.motion
         if motion is None:
             return
-        at_once = (
-            reason in (StopReason.LIMIT, StopReason.HOME, StopReason.DISABLED, StopReason.POWER)
-            or self.parameters["stop_mode"]
-        )
-        stopping = motion.cut(now) if at_once else motion.slowed(now)
+        by_signal = reason in (StopReason.LIMIT, StopReason.HOME, StopReason.DISABLED, StopReason.POWER)
+        stopping = motion.cut(now) if by_signal or self.parameters["stop_mode"] else motion.slowed(now)
         if stopping is motion:
             return  # it is ramping down already, or comes to its end anyway
         self._stop = self._stop or reason

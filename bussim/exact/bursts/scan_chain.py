@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bussim.exact.bursts.exchange import Attempt, Exchange, attempt_at, exchange_at, line_of
-from bussim.exact.bursts.state_mixture import MARK, StateMixture, StateTransitions, exchange_transitions
+from bussim.exact.bursts.state_mixture import MARK, StateMixture, Transitions, exchange_transitions
 from bussim.exact.link import LinkModel, Station
 from bussim.exact.scan.memoryless import Fails
 from bussim.exact.scan.mixture import Distribution
@@ -51,7 +51,7 @@ class ScanChain:
         self.sums = TurnaroundSums(station.turnaround for station in model.alive)
         self._attempts = {s.number: attempt_at(self.line, model, s) for s in model.stations}
         self._exchanges: dict[tuple[int, int], Exchange] = {}
-        self._transitions: dict[tuple[int, int], StateTransitions] = {}
+        self._transitions: dict[tuple[int, int], Transitions] = {}
         # Indices of the flags that a scan's start depends on.
         remembered = model.alive if model.absent.probes else ()
         self._bits = {station.number: bit for bit, station in enumerate(remembered)}
@@ -159,7 +159,7 @@ class ScanChain:
         """
         return MARK << self._bits.get(station.number, 0) if station.alive else 0
 
-    def transitions(self, station: Station, *, flagged: bool) -> StateTransitions:
+    def transitions(self, station: Station, *, flagged: bool) -> Transitions:
         """The components of an exchange with a station whose flag is on or off."""
         attempts = self.model.attempts_at(flagged=flagged)
         key = (station.number, attempts)

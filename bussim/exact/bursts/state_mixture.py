@@ -30,7 +30,7 @@ _COUNTS = MARK - 1
 _MANY, _KEPT, _CELL, _CELLS = 1_500, 600, 7_200.0, 600
 
 
-class StateTransitions(NamedTuple):
+class Transitions(NamedTuple):
     """What may follow: shift in ticks, code, and a matrix (state before, state after) each."""
 
     shift: Floats
@@ -38,13 +38,13 @@ class StateTransitions(NamedTuple):
     matrix: NDArray[np.float64]
 
     @classmethod
-    def single(cls, shift: float, matrix: Matrix, code: int = 0) -> StateTransitions:
+    def single(cls, shift: float, matrix: Matrix, code: int = 0) -> Transitions:
         """A single transition."""
         return cls(np.full(1, float(shift)), np.full(1, code, dtype=np.int64), matrix[None])
 
     @classmethod
-    def of(cls, parts: Sequence[tuple[float, int, Matrix]]) -> StateTransitions:
-        """StateTransitions from (shift, code, matrix); those that cannot happen are left out."""
+    def of(cls, parts: Sequence[tuple[float, int, Matrix]]) -> Transitions:
+        """Transitions from (shift, code, matrix); those that cannot happen are left out."""
         kept = [part for part in parts if part[2].max(initial=0.0) > 0.0] or list(parts[:1])
         shifts, codes, matrices = zip(*kept, strict=True)
         return cls(np.array(shifts, dtype=np.float64), np.array(codes, dtype=np.int64), np.stack(matrices))
@@ -68,7 +68,7 @@ class StateMixture:
         """All weight."""
         return float(self.weight.sum())
 
-    def then(self, transitions: StateTransitions, floor: float) -> StateMixture:
+    def then(self, transitions: Transitions, floor: float) -> StateMixture:
         """These components followed by transitions; those lighter than ``floor`` are dropped."""
         states = transitions.matrix.shape[2]
         starts = self.weight.shape[1]
@@ -163,7 +163,7 @@ def failures(
 
 def exchange_transitions(
     attempt: Attempt, silent: float, whole: float, quiet: float, unit: int, attempts: int, mark: int
-) -> StateTransitions:
+) -> Transitions:
     """The components of an exchange: failed attempts, then a reply, or an error after all of them.
 
     Times in ticks: ``silent`` of an attempt that runs to its deadline, ``whole`` of one with a reply
@@ -177,4 +177,4 @@ def exchange_transitions(
         for shift, code, matrix in level
     ]
     parts += [(shift, code | mark, matrix) for shift, code, matrix in levels[-1]]
-    return StateTransitions.of(parts)
+    return Transitions.of(parts)

@@ -22,16 +22,7 @@ from bussim.plc.link_registers import bad_parameters, setting_values
 from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
 from bussim.plc.ports.spec import FreeSpec, PollSpec
-from bussim.scenario.model import (
-    DropReply,
-    Fault,
-    Plc,
-    PowerOff,
-    Scenario,
-    Slow,
-    Stop,
-    Window,
-)
+from bussim.scenario.model import DropReply, Fault, Plc, PowerOff, Scenario, Slow, Stop, Window
 from bussim.units import round_half_up
 from bussim.wording import names
 
@@ -103,10 +94,7 @@ class _Reader:
             if any(poll.sends for poll in said):
                 self.scripted.setdefault(port.bus, []).append(port.node)
             if polls:
-                self._no_list(
-                    port,
-                    "it speaks a free protocol: an exchange ends when the other nodes let it",
-                )
+                self._no_list(port, "it speaks a free protocol: an exchange ends when the other nodes let it")
             return
         if plc.program is not None and protocol.endswith("-master") and (polls or plc.program.uses_ports):
             self._program(port, "drives RS2" if not polls else "makes scans longer beside its polls")

@@ -9,13 +9,7 @@ import numpy as np
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.sizing.assumptions import Assumption, assumptions
 from bussim.exact.sizing.choice import Choice, choice_of, recommend
-from bussim.exact.sizing.evaluation import (
-    Checked,
-    evaluate_goals,
-    least,
-    rows_of,
-    timeout_floor,
-)
+from bussim.exact.sizing.evaluation import Checked, evaluate_goals, least, rows_of, timeout_floor
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.margin import Margin, margins
 from bussim.exact.sizing.noise_levels import NoiseLevels, noise_levels_of

@@ -64,7 +64,6 @@ class LinkDecoder(Decoder):
         self.scans_unmeasured = 0
         self.polls = 0
         #: Polls that came again though the reply to them was sound.
-        self.repeats_after_reply = 0
         self.healthy_at: int | None = None
         #: Ticks from a failed poll's end to the master's next frame, the shortest: timeout and gap.
         self.shortest_wait: int | None = None
@@ -130,7 +129,6 @@ class LinkDecoder(Decoder):
         station = frame.station
         self._given_up(heard.start, station)
         again = (station, frame.counter) == self._taken
-        self.repeats_after_reply += again
         if self._last_failed == station or again:
             self._attempt += 1
         else:

@@ -15,15 +15,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from bussim.errors import Problem
-from bussim.plc.program.text.catalog import (
-    FORMS,
-    LABEL,
-    NOT_SIMULATED,
-    Form,
-    Instruction,
-    Spec,
-    steps_of,
-)
+from bussim.plc.program.text.catalog import FORMS, LABEL, NOT_SIMULATED, Form, Instruction, Spec, steps_of
 from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
 from bussim.wording import nearest, shorten
