@@ -30,14 +30,14 @@ class Gateway:
     def __init__(self, number: int, bus: BusSurvey) -> None:
         if number > _MOST_BUSES:
             raise UsageError(f"--encap udp has addresses for {_MOST_BUSES} buses: choose a --bus")
-        self._net = 10 << 24 | number << 16
+        self._network = 10 << 24 | number << 16
         self._stations = bus.stations
         self._masters: dict[str, int] = {}
         for node in bus.nodes:
             if node not in self._stations:
-                self._masters[node] = self._net | (len(self._masters) + 1) & 0xFF
-        self._all_stations = self._net | 0xFFFF
-        self._asking = next(iter(self._masters.values()), self._net | 1)
+                self._masters[node] = self._network | (len(self._masters) + 1) & 0xFF
+        self._all_stations = self._network | 0xFFFF
+        self._asking = next(iter(self._masters.values()), self._network | 1)
 
     def names(self) -> dict[IPv4Address, str]:
         """Nodes by their addresses."""
@@ -59,13 +59,13 @@ class Gateway:
         return _packet(own, PORT, self._all_stations, PORT, chars)
 
     def _station(self, station: int) -> int:
-        return self._net | 1 << 8 | station & 0xFF
+        return self._network | 1 << 8 | station & 0xFF
 
     def _address(self, node: str) -> int:
         station = self._stations.get(node)
         if station is not None:
             return self._station(station)
-        return self._masters.get(node, self._net | 0xFF)
+        return self._masters.get(node, self._network | 0xFF)
 
 
 def _packet(source: int, source_port: int, target: int, target_port: int, data: bytes) -> bytes:

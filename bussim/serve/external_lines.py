@@ -81,7 +81,7 @@ class BridgedLine(PartlyExternalLine, ABC):
 
     def accepted(self, reading: Reading) -> None:
         """See the line."""
-        super().accepted(reading._replace(blamed=None))
+        super().accepted(reading._replace(origin=None))
 
 
 class ExternalSerialBus(BridgedLine, SerialBus):

@@ -155,7 +155,8 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     """Choose D8179 and D8180 of a link; the setting that the model has does not matter.
 
     Without noise nothing could be concluded from the errors, and noise that is entered is never known to a
-    factor: the goals must be met at the level ``bad`` as well (:func:`~bussim.exact.sizing.evaluation.noise_views`).
+    factor: the goals must be met at the level ``bad`` as well
+    (:func:`~bussim.exact.sizing.evaluation.noise_views`).
     """
     goals = goals or Goals()
     if model.obstacles:

@@ -230,5 +230,5 @@ def _merged(wires: list[list[Timed]]) -> Iterator[Chunk]:
             yield Chunk(wires[0])
         return
     every = sorted((char[1], wire, at) for wire, chars in enumerate(wires) for at, char in enumerate(chars))
-    for wire, together in groupby(every, itemgetter(1)):
-        yield Chunk([wires[wire][at] for _, _, at in together], wire)
+    for wire, batch in groupby(every, itemgetter(1)):
+        yield Chunk([wires[wire][at] for _, _, at in batch], wire)

@@ -92,7 +92,7 @@ def draw(
         for name, value in marks.items():
             # Marks that would lie on each other share the height, in the order of their names.
             same = [other for other in marks if abs(marks[other] - value) < near]
-            low, high = (place / len(same) for place in (same.index(name), same.index(name) + 1))
+            low, high = (index / len(same) for index in (same.index(name), same.index(name) + 1))
             colour = "black" if alone else RUNS[number]
             axes.axvline(milliseconds(value), low, high, color=colour, linestyle=MARKS[name], linewidth=1.2)
     axes.set_xlabel(times)

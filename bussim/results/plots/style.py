@@ -126,8 +126,8 @@ class Picture(Figure):
         """A text on lines of at most so many inches, without what matplotlib would take for a formula."""
         lines = [""]
         for word in text.split(" "):
-            for place, part in enumerate([word] if self.width_of(word, points) <= inches else word):
-                joined = f"{lines[-1]} {part}" if lines[-1] and not place else lines[-1] + part
+            for index, part in enumerate([word] if self.width_of(word, points) <= inches else word):
+                joined = f"{lines[-1]} {part}" if lines[-1] and not index else lines[-1] + part
                 if lines[-1] and self.width_of(joined, points) > inches:
                     lines.append(part)
                 else:

@@ -129,7 +129,7 @@ class LineNode(Protocol):
 class Reading(NamedTuple):
     """A valid frame that a node read character by character.
 
-    ``sender`` is the node that sent it, None if none did: then ``blamed`` is the latest transmission that
+    ``sender`` is the node that sent it, None if none did: then ``origin`` is the latest transmission that
     it was made of. ``hints`` are the engine's.
     """
 
@@ -138,7 +138,7 @@ class Reading(NamedTuple):
     start: int
     now: int
     sender: LineNode | None
-    blamed: Transmission | None
+    origin: Transmission | None
     hints: int
 
 
@@ -208,7 +208,7 @@ class Transmission:
     collided = False
     cut = False
     silent = False  # nothing of it reaches the wire
-    believed = False  # some receiver accepted it as another frame
+    mistaken = False  # some receiver accepted it as another frame
     shared = 0  # how many more nodes receive it, through the bus's shared listener
     listeners: tuple[tuple[LineNode, ReceiveFrame], ...] = ()
     _lows: dict[Bits, list[Interval]] | None = None

@@ -243,13 +243,13 @@ class Line(Cable):
 
     def accepted(self, reading: Reading) -> None:
         """A node has read a valid frame: an undetected error if no node sent it."""
-        blamed = reading.blamed
-        if reading.sender is None and blamed is not None:
-            if not blamed.believed:
-                blamed.believed = True
+        origin = reading.origin
+        if reading.sender is None and origin is not None:
+            if not origin.mistaken:
+                origin.mistaken = True
                 self.undetected_frames += 1
             receiver, what = reading.port.name, self.what(reading.frame)
-            self._line_reporter.undetected(reading.now, receiver, blamed.sender.name, what)
+            self._line_reporter.undetected(reading.now, receiver, origin.sender.name, what)
 
     # -- drivers going off -------------------------------------------------------------------------
 

@@ -200,16 +200,16 @@ class Receiver:
     def _accepted(self, frame: WireFrame, start: int, end: int, hints: int) -> None:
         """Report a valid frame that the engine has read to the line, with the node that really sent it."""
         true_sender: LineNode | None = None
-        blamed: Transmission | None = None
+        origin: Transmission | None = None
         for part in self._parts:
             tx = part.tx
             if tx.start < end:
-                blamed = tx
+                origin = tx
                 # Its first edge is not the transmission's where a fault put a character before it.
                 if tx.frame is not None and tx.start <= start < tx.end and tx.frame.chars == frame.chars:
                     true_sender = tx.sender
                     break
-        self._port.line.accepted(Reading(self._port, frame, start, end, true_sender, blamed, hints))
+        self._port.line.accepted(Reading(self._port, frame, start, end, true_sender, origin, hints))
 
     def _on_idle(self, now: int) -> None:
         coming = self._next
