@@ -77,7 +77,8 @@ def describe(scenario: Scenario) -> str:
 def _program(program: Program) -> str:
     """A program's size."""
     number = _count(len(program.instructions), "instruction")
-    return f"program of {_count(program.steps, 'step')} ({number})"
+    kind = f"; {program.kind}" if program.kind else ""
+    return f"program of {_count(program.steps, 'step')} ({number}){kind}"
 
 
 def _polls(scenario: Scenario) -> int:
@@ -97,7 +98,11 @@ def _as_json(examined: Examined) -> dict[str, object]:
         "ok": found is not None,
         "scenario": found.name if found is not None else None,
         "programs": {
-            plc.name: {"steps": plc.program.steps, "instructions": len(plc.program.instructions)}
+            plc.name: {
+                "steps": plc.program.steps,
+                "instructions": len(plc.program.instructions),
+                **({"read_as": plc.program.kind} if plc.program.kind else {}),
+            }
             for plc in (found.plcs if found is not None else ())
             if plc.program is not None
         },

@@ -21,13 +21,17 @@ LINK_SETTINGS = 8038
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A program that can run. Two are equal if their text and name are."""
+    """A program that can run. Two are equal if their text and name are.
+
+    ``kind`` is what its file was taken for, "" where it has none.
+    """
 
     text: str = field(repr=False)
     name: str
     instructions: tuple[Instruction, ...] = field(repr=False)
     blocks: tuple[BasicBlock, ...] = field(repr=False)
     warnings: tuple[Problem, ...] = field(repr=False)
+    kind: str = ""
 
     @classmethod
     def parse(cls, text: str, source_name: str) -> Program:

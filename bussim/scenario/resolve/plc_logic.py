@@ -18,12 +18,15 @@ from bussim.scenario.schema.programs import InputIn, ProgramIn
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.input_table import read_times
 from bussim.scenario.yaml.source_map import Path, Report
+from bussim.wording import counted, shorten
 
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
 
 #: A program's text, comments and all; a run's scenario holds all of them.
 MAX_PROGRAM = 128 * 1024
+#: What a programming tool makes of that in its tables.
+MAX_EXPORT = 16 * MAX_PROGRAM
 MAX_CSV = 1024 * 1024
 
 #: How a message names another line of the program; no word of a program has a blank in it.
@@ -99,10 +102,11 @@ def read_logic(
 def _program(
     path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report
 ) -> tuple[Program | None, Origin | None]:
+    kind = ""
     if given.file is not None:
         origin = Origin(given.file, _inner(path, "file", report))
         try:
-            text = files.read(given.file, MAX_PROGRAM)
+            text, kind = _exported(given.file, files)
         except ValueError as error:
             report.error(origin.path, str(error))
             return None, origin
@@ -127,7 +131,26 @@ def _program(
         # A run's warnings have no marks: the PLC's name shows whose program it is.
         named = replace(problem, message=f"{plc.name}: {problem.message}")
         report.add(origin.problem(report, named, warning=True), fatal=False)
-    return program, origin
+    return replace(program, kind=kind), origin
+
+
+def _exported(name: str, files: Files) -> tuple[str, str]:
+    """A file as an instruction list, and what it was taken for. Raises ValueError with a predicate."""
+    from bussim.plc.program.text.exports import listing  # what only a scenario with programs pays
+
+    found = listing(files.read(name, MAX_EXPORT, coded=True))
+    if found.comments is not None:
+        raise ValueError(
+            f"is {shorten(name)}, which holds {found.kind}, {counted(len(found.comments), 'device')}, and no "
+            "program; export the program itself"
+        )
+    text = found.text
+    if len(text.encode()) > MAX_PROGRAM:
+        text = re.sub("(?m)^ +", "", text)  # columns are dispensable
+    if len(text.encode()) > MAX_PROGRAM:
+        raise ValueError(f"is {shorten(name)}, which has more than {MAX_PROGRAM >> 10} KiB")
+    coding = files.codings.get(name, "UTF-8")
+    return text, f"{name} read as {found.kind}, {coding}"
 
 
 def _inner(path: Path, key: str, report: Report) -> Path:

@@ -25,7 +25,7 @@ from bussim.wording import show
 
 #: How many devices a scenario may observe, and how many latencies it may measure.
 MAX_OBSERVED, MAX_LATENCIES = 1000, 100
-PROGRAM_ENDING = ".il"
+PROGRAM_ENDINGS = (".il", ".csv", ".txt", ".lst")
 #: The shortest time that a stimulus may stay on or off, 10 µs: whatever is shorter costs time, and no
 #: input of a PLC would let it through.
 SHORTEST_LEVEL = 720
@@ -35,7 +35,9 @@ Level = Annotated[int, time(SHORTEST_LEVEL)]
 class ProgramIn(Model):
     """A program: a file, or its text."""
 
-    example = "the name of a file such as press1.il, or the program's lines as a block (program: |)"
+    example = (
+        "the name of a file such as press1.il or main.csv, or the program's lines as a block (program: |)"
+    )
 
     file: FileName | None = None
     text: Annotated[str, Field()] | None = None
@@ -47,7 +49,7 @@ class ProgramIn(Model):
             return value
         if "\n" in value:
             return {"text": value}
-        if value.casefold().endswith(PROGRAM_ENDING):
+        if value.casefold().endswith(PROGRAM_ENDINGS):
             return {"file": value}
         raise fail(f"is {show(value)}, expected {cls.example}; another file name needs {{file: …}}")
 

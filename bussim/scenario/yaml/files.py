@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import itertools
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -21,20 +22,61 @@ _KINDS = (
     (stat.S_ISBLK, "a device of the system"),
 )
 
+#: Codings of programming tools, those of code pages in the order in which they are tried: few Japanese
+#: texts are GB 2312 too.
+_CODECS = {
+    "UTF-8": "utf-8-sig",
+    "UTF-16": "utf-16",
+    "UTF-16LE": "utf-16-le",
+    "UTF-16BE": "utf-16-be",
+    "GB 2312": "gb2312",
+    "Shift-JIS": "cp932",
+    "GBK": "gbk",
+    "Big5": "big5",
+}
+#: Katakana of half width alone, which Shift-JIS has in single bytes.
+_HALF_WIDTH = re.compile(rb"[\x00-\x7f\xa6-\xdf]*")
+
+#: What code pages make of bytes that mean nothing in them.
+_UNASSIGNED = re.compile("[\x80-\x9f\ue000-\uf8ff]")
+
+
+def _coding(raw: bytes) -> str:
+    """The coding of a programming tool's text; UTF-8 where it is none of theirs."""
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "UTF-16"
+    if b"\0" in raw[:2]:
+        return "UTF-16BE" if raw[0] == 0 else "UTF-16LE"
+    names = [name for name in _CODECS if not name.startswith("UTF-16")]
+    if _HALF_WIDTH.fullmatch(raw):
+        names.insert(1, "Shift-JIS")
+    for name in names:
+        try:
+            if not _UNASSIGNED.search(raw.decode(_CODECS[name])):
+                return name
+        except UnicodeDecodeError:
+            continue
+    return "UTF-8"
+
 
 class Files:
     """Finds them beside the scenario, and those that come with bussim among the built-in programs.
 
     ``folder`` is the scenario's; None: where the program was started. ``texts`` are those that were read,
-    by the names that the scenario has for them; such a one is not read again.
+    by the names that the scenario has for them; such a one is not read again. ``codings`` are those of the
+    files of programming tools.
     """
 
     def __init__(self, folder: Path | None, texts: dict[str, str] | None = None) -> None:
         self._folder = folder
         self.texts = {} if texts is None else texts
+        self.codings: dict[str, str] = {}
 
-    def read(self, name: str, most: int) -> str:
-        """The text of a file. Raises ValueError with a predicate for the user."""
+    def read(self, name: str, most: int, *, coded: bool = False) -> str:
+        """The text of a file; ``coded``: a programming tool may have written it, in UTF-16 or a code page.
+
+        Raises ValueError with a predicate for the user.
+        """
         if name in self.texts:
             return self.texts[name]
         path = self._find(name)
@@ -47,11 +89,12 @@ class Files:
             raise ValueError(f"is {shorten(name)}, which cannot be read: {error.strerror or error}") from None
         if len(raw) > most:
             raise ValueError(f"is {shorten(name)}, which has more than {most >> 10} KiB")
+        coding = _coding(raw) if coded else "UTF-8"
         try:
-            text = raw.decode("utf-8-sig")
+            text = raw.decode(_CODECS[coding])
         except UnicodeDecodeError as error:
             raise ValueError(f"is {shorten(name)}, {_encoding(raw, error.start)}") from None
-        self.texts[name] = text
+        self.texts[name], self.codings[name] = text, coding
         return text
 
     def _find(self, name: str) -> Path | None:

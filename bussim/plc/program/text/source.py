@@ -3,9 +3,11 @@
 A line is ``[step number] mnemonic operands``, separated by blanks, tabs or commas, or a label
 (``P0``), alone or in front of an instruction. Operands may also stand on lines of their own below their
 instruction, as programming tools print them. ``;``, ``//``, ``#`` and ``'`` begin a comment, ``(* … *)``
-and ``/* … */`` hold one. Capitals or not makes no difference; between a device's letter and its number
-may be blanks (``X 0``), and in front of a comparison's sign (``LD = D0 K1``). Step numbers are read over:
-a list that was edited keeps its old ones.
+and ``/* … */`` hold one. Capitals or not, of full width or not makes no difference; between a device's letter
+and its number may be blanks (``X 0``), in front of a comparison's sign too (``LD = D0 K1``), behind it none
+(``LD=D0 K1``), and a handheld programmer's SP in front of a preset (``OUT T0 SP K50``). Several instructions
+may stand on a line. Step numbers are read over: a list that was edited keeps its old ones;
+only where lines have several must they rise, for a list printed in columns is read downwards.
 """
 
 from __future__ import annotations
@@ -36,6 +38,8 @@ _DIGITS = re.compile(r"[0-9][0-9A-Fa-f]*(?:[VvZz][0-9]?)?", re.ASCII)  # behind 
 _SIGNS = frozenset(("=", ">", "<", "<>", "<=", ">="))
 _LABEL = re.compile(r"[Pp][0-9]+:?", re.ASCII)
 _STEP = re.compile(r"[0-9]+:?", re.ASCII)
+_COMPARISON = re.compile(r"((?:LD|AND|OR)D?(?:<>|<=|>=|=|<|>))([^=<>]+)", re.ASCII | re.IGNORECASE)
+_FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
 #: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
 #: each other the earlier one is meant.
 _COMMON_NAMES = """
@@ -90,12 +94,15 @@ class Source:
         #: Whether the text was read to its end.
         self.whole = False
         self._step = 0
+        self._number = -1  # the latest step number that is written
+        self._columns = False  # whether a line had several
         self._open = False  # whether a comment was not closed
         self._statement: _Statement | None = None
         if len(text) > MAX_CHARACTERS:
             self._wrong(0, 0, f"has {len(text)} characters, allowed {MAX_CHARACTERS}")
             return
-        text = self._without_comments(text.replace("\r\n", "\n").replace("\r", "\n"))
+        text = text.replace("\r\n", "\n").replace("\r", "\n").translate(_FULL_WIDTH)
+        text = self._without_comments(text)
         # Not str.splitlines, which also breaks at form feeds and other characters no editor counts.
         for number, line in enumerate(text.split("\n"), 1):
             self._line(number, line)
@@ -128,15 +135,23 @@ class Source:
         return _COMMENT.sub(blank, text)
 
     def _line(self, number: int, line: str) -> None:
-        words = _joined(number, line)
-        if words and _STEP.fullmatch(words[0].text):
+        steps = 0
+        for words in _statements(_joined(number, line)):
+            head = words[0]
+            if not _STEP.fullmatch(head.text):
+                self._begin_or_go_on(words)
+                continue
+            step, steps = int(head.text.rstrip(":")), steps + 1
             if len(words) == 1:
                 self._finish()
-                self._wrong(number, words[0].column, "a step number without an instruction")
-                return
-            words = words[1:]
-        if words:
-            self._begin_or_go_on(words)
+                self._wrong(number, head.column, "a step number without an instruction")
+                continue
+            self._columns = self._columns or steps > 1
+            if self._columns and step <= self._number:
+                below = "put the columns of a printed list below each other"
+                self._wrong(number, head.column, f"step {step} behind step {self._number}; {below}")
+            self._number = step
+            self._begin_or_go_on(words[1:])
 
     def _begin_or_go_on(self, words: list[_Word]) -> None:
         statement, head = self._statement, words[0]
@@ -165,6 +180,8 @@ class Source:
             self._finish()
             head, *rest = rest
         name = head.text.upper()
+        if name == "OUT" and len(rest) > 1 and rest[1].text.upper() == "SP":
+            del rest[1]
         if rest and rest[0].text in _SIGNS and name + rest[0].text in FORMS:
             name, rest = name + rest[0].text, rest[1:]
         form = FORMS.get(name)
@@ -224,9 +241,34 @@ def _joined(number: int, line: str) -> list[_Word]:
         ):
             words[-1] = last._replace(text=last.text + text)
         else:
-            words.append(_Word(text, number, start + 1))
+            words.extend(_word(text, number, start + 1))
         end = match.end()
     return words
+
+
+def _word(text: str, line: int, column: int) -> Iterator[_Word]:
+    """A word, or two where a comparison's first operand follows its sign at once."""
+    if match := _COMPARISON.fullmatch(text):
+        yield _Word(match[1], line, column)
+        text, column = match[2], column + match.start(2)
+    yield _Word(text, line, column)
+
+
+def _statements(words: list[_Word]) -> Iterator[list[_Word]]:
+    """The words of a line, each instruction with its step number and operands apart."""
+    begun = head = 0
+    form = None
+    for at, word in enumerate(words):
+        name = word.text.upper()
+        full = form is not None and at - head > len(form.spec.slots)
+        if name in FORMS or name in NOT_SIMULATED or (full and _LABEL.fullmatch(word.text)):
+            first = at - 1 if at and _STEP.fullmatch(words[at - 1].text) else at
+            if first > begun:
+                yield words[begun:first]
+                begun = first
+            head, form = at, FORMS.get(name)
+    if words:
+        yield words[begun:]
 
 
 def _is_operand(word: _Word) -> bool:

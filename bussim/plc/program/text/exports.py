@@ -1,0 +1,140 @@
+"""What programming tools write: tables of a program or of device comments, told from instruction lists.
+
+GX Works2 and GX Developer export a program as rows of a step, statements, an instruction, one device and
+notes, seven or nine columns separated by tabs or commas; further operands stand in rows of their own.
+Device comments are rows of a device, perhaps a label, and a comment. Headings are those of the English,
+Japanese and Chinese tools; where a table has none, what stands in its columns decides.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from bussim.plc.memory import parse_device
+from bussim.plc.program.text.catalog import FORMS
+
+_HEADS = {
+    "instruction": ["instruction", "命令", "指令", "命令語", "命令语"],
+    "device": [
+        "i/o(device)",
+        "i/o",
+        "デバイス",
+        "i/o(デバイス)",
+        "软元件",
+        "i/o(软元件)",
+        "軟元件",
+        "i/o(軟元件)",
+    ],
+    "comment": ["comment", "コメント", "注释", "註解", "注解", "软元件注释"],
+    "name": [
+        "device name",
+        "device",
+        *["デバイス名", "デバイス", "软元件名", "软元件", "軟元件名", "軟元件"],
+    ],
+}
+_QUOTED = re.compile(r'"((?:[^"]|"")*)"?')
+_OPERAND = re.compile(r"(?:[XYMSTCDR]|TN|TS|CN|CS)[0-9]+", re.ASCII)
+#: Headings and rules of printed lists.
+_PRINTED = re.compile(
+    r"\s*(?:(?:step|ステップ|步).*(?:instruction|命令|指令).*|[-=_*]{3,}[-=_* ]*)", re.IGNORECASE
+)
+
+
+class _Cell(NamedTuple):
+    column: int  # of its text, from 0
+    text: str
+
+
+class Listing(NamedTuple):
+    """``kind`` in words; a program's ``text`` as an instruction list, line for line; or ``comments``."""
+
+    kind: str
+    text: str = ""
+    comments: dict[str, str] | None = None
+
+
+def listing(text: str) -> Listing:
+    """What a file's text is: an export of a program, of device comments, or an instruction list."""
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    delimiter = "\t" if any("\t" in line for line in lines) else ","
+    words = "columns separated by " + ("tabs" if delimiter == "\t" else "commas")
+    rows = [_cells(line, delimiter) for line in lines]
+    filled = [row for row in rows if any(cell.text for cell in row)]
+    head, where = _heading(rows)
+    named = any(cell.text.upper() in FORMS for row in filled for cell in row)
+    if "comment" in where or (not named and _are_comments(filled)):
+        return Listing(f"device comments ({words})", comments=_comments(rows[head:], where.get("comment")))
+    wide = sum(len(row) > 4 or line.startswith('"') for row, line in zip(rows, lines, strict=True) if row)
+    if "instruction" not in where and (2 * wide < len(filled) or not named):
+        plain = (";" + line[1:] if _PRINTED.fullmatch(line) else line for line in lines)
+        return Listing("an instruction list", "\n".join(plain))
+    at = where["instruction"] if "instruction" in where else _busiest(filled)
+    device = where.get("device", at + 1)
+    done = (_plain(row, at, device, body=number >= head) for number, row in enumerate(rows))
+    return Listing(f"a program exported by a programming tool ({words})", "\n".join(done))
+
+
+def _cells(line: str, delimiter: str) -> list[_Cell]:
+    found, at = [], 0
+    while at <= len(line):
+        quoted = _QUOTED.match(line, at)
+        end = line.find(delimiter, quoted.end() if quoted else at)
+        end = len(line) if end < 0 else end
+        text = quoted[1].replace('""', '"') if quoted else line[at:end]
+        blanks = len(text) - len(text.lstrip())
+        found.append(_Cell(at + bool(quoted) + blanks, text.strip()))
+        at = end + 1
+    return found
+
+
+def _heading(rows: list[list[_Cell]]) -> tuple[int, dict[str, int]]:
+    """The row below the headings, and what they name by column: of a program, or of comments."""
+    for number, row in enumerate(rows):
+        where = {
+            name: at
+            for at, cell in reversed(list(enumerate(row)))
+            for name, heads in _HEADS.items()
+            if cell.text.casefold() in heads
+        }
+        if "instruction" in where and len(row) > 2:
+            return number + 1, {name: where[name] for name in ("instruction", "device") if name in where}
+        if "comment" in where and "name" in where:
+            return number + 1, {"comment": where["comment"]}
+    return 0, {}
+
+
+def _are_comments(filled: list[list[_Cell]]) -> bool:
+    devices = sum(_OPERAND.fullmatch(row[0].text.upper()) is not None and len(row) > 1 for row in filled)
+    return 0 < len(filled) <= 2 * devices
+
+
+def _comments(rows: list[list[_Cell]], at: int | None) -> dict[str, str]:
+    """By the device's plain name; where no heading names the column, the last that has a text."""
+    found = {}
+    for row in rows:
+        texts = [cell.text for cell in row]
+        comment = texts[at] if at is not None and at < len(texts) else next(filter(None, texts[:0:-1]), "")
+        try:
+            found[str(parse_device(texts[0].upper(), observed=True))] = comment
+        except ValueError:
+            continue  # a heading, or a device that no PLC here has
+    return {name: comment for name, comment in found.items() if comment}
+
+
+def _busiest(filled: list[list[_Cell]]) -> int:
+    """The column in which most instructions stand."""
+    columns = [at for row in filled for at, cell in enumerate(row) if cell.text.upper() in FORMS]
+    return max(set(columns), key=columns.count)
+
+
+def _plain(row: list[_Cell], at: int, device: int, *, body: bool) -> str:
+    """A row as a line of an instruction list: each word at its column, then a comment of all else."""
+    words = [cell for number, cell in enumerate(row) if body and number in (at, device) and cell.text]
+    line = ""
+    if words and row[0].text.isdecimal() and at > 0:
+        words.insert(0, row[0])
+    for word in words:
+        line = f"{line:{word.column}}{word.text}"
+    rest = " ".join(cell.text for cell in row if cell.text and cell not in words)
+    return f"{line} ; {rest}".strip() if rest and not (body and rest.isdecimal()) else line
