@@ -14,24 +14,12 @@ from typing import NamedTuple
 from bussim.plc.memory import parse_device
 from bussim.plc.program.text.catalog import FORMS
 
+#: How the headings of columns are written, in small letters.
 _HEADS = {
-    "instruction": ["instruction", "命令", "指令", "命令語", "命令语"],
-    "device": [
-        "i/o(device)",
-        "i/o",
-        "デバイス",
-        "i/o(デバイス)",
-        "软元件",
-        "i/o(软元件)",
-        "軟元件",
-        "i/o(軟元件)",
-    ],
-    "comment": ["comment", "コメント", "注释", "註解", "注解", "软元件注释"],
-    "name": [
-        "device name",
-        "device",
-        *["デバイス名", "デバイス", "软元件名", "软元件", "軟元件名", "軟元件"],
-    ],
+    "instruction": ("instruction", "命令", "指令", "命令語", "命令语"),
+    "device": ("i/o", "i/o(device)", "i/o(デバイス)", "i/o(软元件)", "デバイス", "软元件", "軟元件"),
+    "comment": ("comment", "コメント", "注释", "註解", "注解", "软元件注释"),
+    "name": ("device", "device name", "デバイス", "デバイス名", "软元件", "软元件名", "軟元件名"),
 }
 _QUOTED = re.compile(r'"((?:[^"]|"")*)"?')
 _OPERAND = re.compile(r"(?:[XYMSTCDR]|TN|TS|CN|CS)[0-9]+", re.ASCII)
