@@ -8,7 +8,7 @@ from dataclasses import replace
 import click
 
 from bussim.commands.common.output import print_json
-from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.scenario_options import code_option, unsimulated_option, values_of
 from bussim.devices.contract import MasterSettings
 from bussim.errors import Problem
 from bussim.line.protocols import BusProtocol
@@ -21,17 +21,19 @@ from bussim.units import format_time
 @click.command()
 @click.argument("scenarios", metavar="SCENARIO…", nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@unsimulated_option
 @code_option
-def command(scenarios: tuple[str, ...], *, as_json: bool, allow_code: bool) -> None:
+def command(scenarios: tuple[str, ...], *, as_json: bool, allow_code: bool, allow_unsimulated: bool) -> None:
     """Name every mistake of scenarios with its line and column.
 
     SCENARIO is a file, the name of a built-in scenario, or - for standard input. The exit code is 2 if
     there is a mistake in one of them; warnings leave it at 0.
     """
     found = []
+    values = values_of((), allow_unsimulated=allow_unsimulated)
     for name in scenarios:
         shown, source = ("<stdin>", sys.stdin.buffer) if name == "-" else (name, None)
-        found.append((shown, examine(shown, allow_code=allow_code, source=source)))
+        found.append((shown, examine(shown, values, allow_code=allow_code, source=source)))
     ok = all(examined.scenario is not None for _, examined in found)
     if as_json:
         files = [{"file": name, **_as_json(examined)} for name, examined in found]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import print_json
-from bussim.commands.common.scenario_options import code_option, set_option, values_of
+from bussim.commands.common.scenario_options import code_option, set_option, unsimulated_option, values_of
 
 if TYPE_CHECKING:
     from bussim.api import Result
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables."
 )
 @click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
+@unsimulated_option
 @code_option
 def command(
     scenario: str | None,
@@ -43,6 +44,7 @@ def command(
     fmt: str,
     force: bool,
     allow_code: bool,
+    allow_unsimulated: bool,
 ) -> None:
     """Simulate a scenario and write its results.
 
@@ -55,7 +57,7 @@ def command(
     from bussim.scenario.builtin import DEFAULT
 
     source = DEFAULT if scenario is None else scenario
-    values = values_of(overrides, duration=duration, seed=seed)
+    values = values_of(overrides, allow_unsimulated=allow_unsimulated, duration=duration, seed=seed)
     loaded = loader.load(source, values, allow_code=allow_code)
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
     try:

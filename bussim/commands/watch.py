@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import print_json
-from bussim.commands.common.scenario_options import code_option, set_option, values_of
+from bussim.commands.common.scenario_options import code_option, set_option, unsimulated_option, values_of
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 from bussim.wording import counted
@@ -40,6 +40,7 @@ _MOST_DEVICES = 100
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
 @set_option
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
+@unsimulated_option
 @code_option
 def command(
     scenario: str,
@@ -55,6 +56,7 @@ def command(
     overrides: tuple[str, ...],
     force: bool,
     allow_code: bool,
+    allow_unsimulated: bool,
 ) -> None:
     """Simulate, and show chosen devices of PLCs over time: at every END at which one has changed.
 
@@ -72,7 +74,7 @@ def command(
     from bussim.version import __version__
     from bussim.wording import names
 
-    given = values_of(overrides, seed=seed)
+    given = values_of(overrides, allow_unsimulated=allow_unsimulated, seed=seed)
     loaded = loader.load(scenario, given, allow_code=allow_code)
     watched = _watched(loaded, devices)
     begin, end = _window(loaded, since, until)

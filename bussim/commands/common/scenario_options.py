@@ -20,11 +20,21 @@ code_option = click.option(
 set_option = click.option(
     "--set", "overrides", metavar="KEY.PATH=VALUE", multiple=True, help="Set a value of the scenario."
 )
+#: Programs of real PLCs have instructions that are not simulated.
+unsimulated_option = click.option(
+    "--allow-unsimulated",
+    is_flag=True,
+    help="Skip the instructions of programs that are not simulated, with a warning for each.",
+)
 
 
-def values_of(sets: Sequence[str], **short: str | None) -> list[str | Override]:
-    """What ``--set`` sets, and the options that stand for one key: ``seed``, ``duration``."""
+def values_of(
+    sets: Sequence[str], *, allow_unsimulated: bool = False, **short: str | None
+) -> list[str | Override]:
+    """What ``--set`` sets, and the options that stand for one key: ``seed``, ``allow_unsimulated``."""
     from bussim.scenario.yaml.overrides import Override
 
     given = [Override(key, value, f"--{key} {value}") for key, value in short.items() if value is not None]
+    if allow_unsimulated:
+        given.append(Override("allow_unsimulated", "true", "--allow-unsimulated"))
     return [*sets, *given]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 from bussim.errors import Problem, ProgramError
 from bussim.plc.memory import Device
@@ -23,7 +24,8 @@ LINK_SETTINGS = 8038
 class Program:
     """A program that can run. Two are equal if their text and name are.
 
-    ``kind`` is what its file was taken for, "" where it has none.
+    ``kind`` is what its file was taken for, "" where it has none. ``skips``: instructions that are not
+    simulated are left out.
     """
 
     text: str = field(repr=False)
@@ -32,14 +34,17 @@ class Program:
     blocks: tuple[BasicBlock, ...] = field(repr=False)
     warnings: tuple[Problem, ...] = field(repr=False)
     kind: str = ""
+    skips: bool = False
 
     @classmethod
-    def parse(cls, text: str, source_name: str) -> Program:
+    def parse(cls, text: str, source_name: str, *, skips: bool = False) -> Program:
         """Read a program. ``source_name`` stands in messages: the file as the user named it.
+
+        With ``skips`` instructions that are known and not simulated become warnings.
 
         Raises ProgramError with every mistake.
         """
-        source = Source(text, source_name)
+        source = Source(text, source_name, skip=skips)
         ladder = Ladder(source.instructions, source.gaps, source_name)
         problems = source.problems + ladder.problems
         # A text that was not read to its end seems to lack its END and its labels.
@@ -48,19 +53,23 @@ class Program:
         if problems:
             raise ProgramError(problems)
         instructions = source.instructions
-        warnings = tuple(_warnings(instructions, source_name))
+        warnings = (*source.skipped, *_warnings(instructions, source_name))
         blocks = tuple(cut(ladder.items, instructions))
-        return cls(text, source_name, tuple(instructions), blocks, warnings)
+        return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Program) and (self.text, self.name) == (other.text, other.name)
+        return isinstance(other, Program) and self._key == other._key
 
     def __hash__(self) -> int:
-        return hash((self.text, self.name))
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[str, str, bool]:
+        return self.text, self.name, self.skips
 
     def __reduce__(self) -> tuple[object, tuple[str, str]]:
         # Another process reads the text again: faster than sending what was made of it.
-        return Program.parse, (self.text, self.name)
+        return partial(Program.parse, skips=self.skips), (self.text, self.name)
 
     @property
     def steps(self) -> int:

@@ -40,6 +40,8 @@ def canonical(resolved: Resolved, document: DocumentIn) -> dict[str, object]:
         "observe": [str(point) for point in document.observe],
         "latency": [_latency(entry) for entry in values_of(draft.latency)],
     }
+    if document.allow_unsimulated:
+        written["allow_unsimulated"] = True
     for key in ("buses", "devices", "observe", "latency"):
         if not written[key]:
             del written[key]

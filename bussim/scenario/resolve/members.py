@@ -135,18 +135,25 @@ class Member:
 
 
 def member_of(
-    path: Path, plc: PlcIn, lines: Mapping[str, Line], power_on: int, files: Files, report: Report
+    path: Path,
+    plc: PlcIn,
+    lines: Mapping[str, Line],
+    power_on: int,
+    files: Files,
+    report: Report,
+    *,
+    skips: bool,
 ) -> Member:
     """The meaning of a PLC's entry, which is switched on at the tick ``power_on``.
 
     ``nn`` of a master also stands for the defaults of what it leaves open, so that a scenario says
     with which settings it runs. What its program sets in the first scan wins, as it does in the PLC.
-    Mistakes in programs and tables of times are reported.
+    Mistakes in programs and tables of times are reported. ``skips``: ``allow_unsimulated``.
     """
     profile = profile_of(plc.profile)
     raw = {proper: value for name, value in plc.registers.items() if (proper := device_name(name))}
     friendly = _friendly_registers(plc.nn) if plc.nn is not None else {}
-    logic = read_logic(path, plc, profile, {**friendly, **raw}, power_on, files, report)
+    logic = read_logic(path, plc, profile, {**friendly, **raw}, power_on, files, report, skips=skips)
     takes_part = plc.nn is not None or any(name in raw or name in logic.first.link for name in TAKE_PART)
     registers = {**friendly, **raw}
     if plc.nn is not None:

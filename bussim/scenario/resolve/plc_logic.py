@@ -81,6 +81,8 @@ def read_logic(
     power_on: int,
     files: Files,
     report: Report,
+    *,
+    skips: bool,
 ) -> PlcLogic:
     """What a PLC's entry says of its program and inputs; mistakes in them are reported.
 
@@ -89,7 +91,7 @@ def read_logic(
     inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
     if plc.program is None:
         return PlcLogic(inputs=inputs)
-    program, origin = _program((*path, "program"), plc, plc.program, files, report)
+    program, origin = _program((*path, "program"), plc, plc.program, files, report, skips=skips)
     if program is None:
         return PlcLogic(origin=origin, inputs=inputs)
     known = {parse_device(name): value for name, value in registers.items()}
@@ -100,7 +102,7 @@ def read_logic(
 
 
 def _program(
-    path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report
+    path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report, *, skips: bool
 ) -> tuple[Program | None, Origin | None]:
     kind = ""
     if given.file is not None:
@@ -122,7 +124,7 @@ def _program(
 
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     try:
-        program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name)
+        program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name, skips=skips)
     except ProgramError as error:
         for problem in error.problems:
             report.add(origin.problem(report, problem), fatal=True)

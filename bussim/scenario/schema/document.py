@@ -62,6 +62,7 @@ class DocumentIn(Model):
     faults: list[Any] = Field(default_factory=list)
     observe: list[PlcDevice] = Field(default_factory=list, max_length=MAX_OBSERVED)
     latency: list[Any] = Field(default_factory=list)
+    allow_unsimulated: Flag = False  # programs' instructions that are not simulated are skipped
 
 
 class BusIn(Model):

@@ -36,6 +36,7 @@ schema: 1
 name: every key
 duration: 20 s
 seed: 7
+allow_unsimulated: true
 buses:
   - {name: link, nn: true, contention: zero_wins}
   - {name: feeder, baud: 19200, format: "8E1"}

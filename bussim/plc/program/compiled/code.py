@@ -20,6 +20,7 @@ from bussim.plc.program.text.catalog import Flow, Instruction
 from bussim.plc.program.text.flow import BasicBlock
 from bussim.plc.program.text.ladder import Both, Condition, Contact, Control, Either, Not, Rung, Saved
 from bussim.plc.program.text.operands import Operand
+from bussim.plc.program.text.unsimulated import SKIPPED
 
 #: The arrays that a function uses; arguments with defaults are faster to reach than globals.
 ARRAYS = ("X", "Y", "M", "S", "T", "C", "D", "TN", "CN", "V", "Z", "levels", "saved", "earlier", "spent")
@@ -153,6 +154,8 @@ class _Writer:
     def _output(self, at: Instruction) -> None:
         if at.spec.is_applied:
             self._applied(at)
+            return
+        if at.spec.name == SKIPPED.name:
             return
         if is_bound_coil(at):
             self._write(f"take_{at.number}(on)")

@@ -284,20 +284,6 @@ def _forms() -> dict[str, Form]:
 #: Every mnemonic that a program may use.
 FORMS: dict[str, Form] = _forms()
 
-_OTHERS = """
-    SMOV PRUN REF REFF MTR HSCS HSCR HSZ SPD PLSY PWM PLSR IST SER ABSD INCD TTMR STMR RAMP ROTC
-    SORT TKY HKY DSW SEGD SEGL ARWS ASC PR FROM TO ASCI HEX CCD VRRD VRSC PID RCR RCL WSFR WSFL SFWR
-    SFRD DECO ENCO SUM BON ANS ANR SQR FLT TCMP TZCP TADD TSUB TRD TWR GRY GBIN SWAP ECMP EZCP EADD
-    ESUB EMUL EDIV ESQR INT SIN COS TAN
-"""
-#: Instructions that an FX has and this simulation does not, with what stands in the way.
-NOT_SIMULATED: dict[str, str] = {
-    **dict.fromkeys(("STL", "RET"), "step ladders are not simulated; write the steps with SET and RST"),
-    **dict.fromkeys(("EI", "DI", "IRET"), "interrupts are not simulated"),
-    "RS": "RS is not simulated; RS2 with the port K2 does the same",
-    **dict.fromkeys(_OTHERS.split(), "it is not simulated"),
-}
-
 
 def steps_of(form: Form, operands: tuple[Operand, ...]) -> int:
     """How many program steps an instruction takes (FX programming manual)."""

@@ -14,12 +14,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 from bussim.errors import Problem
-from bussim.plc.program.text.catalog import FORMS, LABEL, NOT_SIMULATED, Form, Instruction, Spec, steps_of
+from bussim.plc.program.text.catalog import FORMS, LABEL, Form, Instruction, Spec, steps_of
 from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
+from bussim.plc.program.text.unsimulated import SKIPPED, effect_of, stand_in
 from bussim.wording import nearest, shorten
 
 #: Largest program that is read: the FX's 16 000 steps with room for comments.
@@ -39,6 +41,8 @@ _SIGNS = frozenset(("=", ">", "<", "<>", "<=", ">="))
 _LABEL = re.compile(r"[Pp][0-9]+:?", re.ASCII)
 _STEP = re.compile(r"[0-9]+:?", re.ASCII)
 _COMPARISON = re.compile(r"((?:LD|AND|OR)D?(?:<>|<=|>=|=|<|>))([^=<>]+)", re.ASCII | re.IGNORECASE)
+#: Operands of instructions that are not simulated: floating point, texts, buffer memory, bits of words.
+_OTHERS = re.compile(r"[Ee][+-]?[0-9.]+|\".*\"|[Uu][0-9]\\[Gg][0-9]+", re.ASCII)
 _FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
 #: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
 #: each other the earlier one is meant.
@@ -68,7 +72,7 @@ class _Statement(NamedTuple):
 
     def takes(self, word: _Word) -> bool:
         """Whether an operand on a line of its own belongs to it: it has too few, and a label is its own."""
-        if self.form is None:
+        if self.form is None or self.form.spec is SKIPPED:
             return not _LABEL.fullmatch(word.text)  # how many an unknown instruction takes is unknown
         try:
             first = tuple(parse_operand(word.text, word.column) for word in self.words[:1])
@@ -86,8 +90,11 @@ class Source:
     later checks blame nothing on its absence.
     """
 
-    def __init__(self, text: str, name: str) -> None:
+    def __init__(self, text: str, name: str, *, skip: bool = False) -> None:
         self.name = name
+        #: Those that are skipped, as they are not simulated: none without ``skip``.
+        self.skipped: list[Problem] = []
+        self._skip = skip
         self.instructions: list[Instruction] = []
         self.gaps: set[int] = set()
         self.problems: list[Problem] = []
@@ -155,7 +162,7 @@ class Source:
 
     def _begin_or_go_on(self, words: list[_Word]) -> None:
         statement, head = self._statement, words[0]
-        if head.text.upper() not in FORMS and _is_operand(head):
+        if head.text.upper() not in FORMS and (_OTHERS.fullmatch(head.text) or _is_operand(head)):
             if statement is not None and statement.takes(head):
                 statement.words.extend(words)
                 return
@@ -184,7 +191,13 @@ class Source:
             del rest[1]
         if rest and rest[0].text in _SIGNS and name + rest[0].text in FORMS:
             name, rest = name + rest[0].text, rest[1:]
-        form = FORMS.get(name)
+        form, effect = FORMS.get(name), effect_of(name) if self._skip else None
+        if form is None and effect and name not in ("STL", "RET"):
+            form = stand_in(name)
+            message = f"{name} is skipped, as it is not simulated: {effect}"
+            self.skipped.append(Problem(self.name, head.line, head.column, message))
+            if form.spec.slots:
+                rest = [head._replace(text="M8000")]
         self._statement = _Statement(name, head, form, rest)
         if form is None:
             self._wrong(head.line, head.column, _unknown(head.text))
@@ -197,6 +210,9 @@ class Source:
             return
         name, head, form, words = statement
         assert form is not None  # noqa: S101 - narrows the type
+        if form.spec is SKIPPED:
+            form = replace(form, spec=replace(SKIPPED, steps=1 + 2 * len(words)))
+            words = []
         before = len(self.problems)
         operands = tuple(self._operands(words))
         if len(self.problems) == before:
@@ -261,7 +277,7 @@ def _statements(words: list[_Word]) -> Iterator[list[_Word]]:
     for at, word in enumerate(words):
         name = word.text.upper()
         full = form is not None and at - head > len(form.spec.slots)
-        if name in FORMS or name in NOT_SIMULATED or (full and _LABEL.fullmatch(word.text)):
+        if name in FORMS or effect_of(name) or (full and _LABEL.fullmatch(word.text)):
             first = at - 1 if at and _STEP.fullmatch(words[at - 1].text) else at
             if first > begun:
                 yield words[begun:first]
@@ -282,6 +298,9 @@ def _is_operand(word: _Word) -> bool:
 def _unknown(word: str) -> str:
     shown = shorten(repr(word))
     upper = word.upper()
+    if effect := effect_of(upper):
+        skip = "--allow-unsimulated (allow_unsimulated: true) skips it"
+        return f"{shown} is an FX3 instruction that is not simulated; {skip}: {effect}"
     # A known instruction in a form that it does not have says more than the nearest name.
     for base in (
         upper,
@@ -289,8 +308,6 @@ def _unknown(word: str) -> str:
         upper.removeprefix("D"),
         upper.removeprefix("D").removesuffix("P"),
     ):
-        if base in NOT_SIMULATED:
-            return f"{shown}: {NOT_SIMULATED[base]}"
         if base in FORMS and base != upper and not FORMS[base].wide:
             return f"{shown}: {base} has {_forms(FORMS[base].spec)}"
     near = _nearest(upper)

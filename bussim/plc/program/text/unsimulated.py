@@ -1,0 +1,60 @@
+"""The instructions of the FX3 family that are not simulated, and what each would do to the link.
+
+Names are those of the FX3 programming manual (JY997D16601), instructions of communication also of the FX
+communication manual; forms with D in front or P behind belong to them.
+"""
+
+from __future__ import annotations
+
+import re
+
+from bussim.plc.program.text.catalog import FORMS, SPECS, Form, LadderRole, Spec
+
+#: Stands for an output that is skipped.
+SKIPPED = Spec("(skipped)", LadderRole.OUTPUT)
+#: What they would do, and their names.
+_EFFECTS = {
+    "its port stays silent; RS2 with the port K2 does the same": "RS",
+    "its port stays silent; polls: of the PLC make the same requests": "ADPRW",
+    "its port speaks to no inverter; polls: of the PLC make requests": "IVCK IVDR IVRD IVWR IVBWR IVMC EXTR",
+    "interrupts never come, what their programs write stays as it is": "I EI DI IRET HSCS HSCR HSZ",
+    "inputs and outputs change at the ends of a scan, never within it": "REF REFF PRUN",
+    "no special module is there, what it would read stays as it is": "FROM TO RD3A WR3A RBFM WBFM",
+    "its rung is never driven": "MEP MEF",
+    "the link goes on, but what it would write stays as it is, shared devices too": """
+        SMOV MTR SPD PLSY PWM PLSR IST SER ABSD INCD TTMR STMR RAMP ROTC SORT TKY HKY DSW SEGD SEGL ARWS
+        ASC PR ASCI HEX CCD VRRD VRSC PID RCR RCL WSFR WSFL SFWR SFRD DECO ENCO SUM BON ANS ANR SQR FLT
+        ZPUSH ZPOP ECMP EZCP EMOV ESTR EVAL EBCD EBIN EADD ESUB EMUL EDIV EXP LOGE LOG10 ESQR ENEG INT
+        SIN COS TAN ASIN ACOS ATAN RAD DEG WSUM WTOB BTOW UNI DIS SWAP SORT2 DSZR DVIT TBL ABS ZRN PLSV
+        DRVI DRVA TCMP TZCP TADD TSUB HTOS STOH TRD TWR HOUR GRY GBIN COMRD RND DUTY CRC HCMOV BK+ BK-
+        BKCMP= BKCMP> BKCMP< BKCMP<> BKCMP<= BKCMP>= STR VAL $+ LEN RIGHT LEFT MIDR MIDW INSTR $MOV FDEL
+        FINS POP SFR SFL LIMIT BAND ZONE SCL DABIN BINDA SCL2 HSCT LOADR SAVER INITR LOGR RWER INITER
+        FLCRT FLDEL FLWR FLRD FLCMD FLSTRD""",
+    "step ladders are not simulated; write the steps with SET and RST": "STL RET",
+}
+_EFFECT = {name: effect for effect, names in _EFFECTS.items() for name in names.split()}
+#: What stands for those that are no outputs.
+_STANDS_FOR = {
+    **dict.fromkeys(("I", "EI", "DI"), FORMS["NOP"]),
+    **dict.fromkeys(("MEP", "MEF"), FORMS["ANI"]),  # of M8000, which is always on
+    "IRET": Form(SPECS["SRET"]),
+}
+_INTERRUPT = re.compile(r"I[0-9]{1,3}:?", re.ASCII)
+
+
+def effect_of(name: str) -> str | None:
+    """What becomes of the link without a known instruction (in capitals); None if it is none of these."""
+    return _EFFECT.get(_base(name))
+
+
+def _base(name: str) -> str:
+    if _INTERRUPT.fullmatch(name):
+        return "I"
+    bare = name.removesuffix("P")
+    forms = (name, bare, name.removeprefix("D"), bare.removeprefix("D"))
+    return next((form for form in forms if form in _EFFECT), "")
+
+
+def stand_in(name: str) -> Form:
+    """What is carried out in place of one that is skipped."""
+    return _STANDS_FOR.get(_base(name), Form(SKIPPED))
