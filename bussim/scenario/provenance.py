@@ -88,4 +88,5 @@ def in_words(found: Mapping[str, Mapping[str, str]]) -> list[str]:
     *strong, weakest = sorted(set(figures.values()), key=_rank)
     plain = {key: key.removesuffix("_ms").replace("_", " ") for key in figures}
     shown = [f"{', '.join(plain[key] for key in figures if figures[key] == name)} {name}" for name in strong]
-    return [*lines, f"the weakest of these in each figure: {'; '.join([*shown, f'all others {weakest}'])}"]
+    rest = f"all {'others ' if shown else ''}{weakest}"
+    return [*lines, f"the weakest of these in each figure: {'; '.join([*shown, rest])}"]

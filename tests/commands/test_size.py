@@ -189,6 +189,29 @@ def test_a_dead_station_is_no_false_error_of_the_check() -> None:
     assert found["verify"][0]["station_errors"] == 0  # type: ignore[index]
 
 
+def test_a_refusal_says_which_assumption_would_change_it() -> None:
+    found = sized("electrical_noise", *goals("dead<=200ms"))
+    assert found["otherwise"] == [
+        "absent_station: full (assumed); with probe: D8179 = 4, D8180 = 5 would be recommended"
+    ]
+    probing = sized(
+        "electrical_noise",
+        *goals("dead<=200ms"),
+        "--set",
+        "plcs.crane.profile={base: pw10, absent_station: probe}",
+    )
+    assert (probing["recommended"]["D8179"], probing["recommended"]["D8180"]) == (4, 5)  # type: ignore[index]
+    said = printed("electrical_noise", *goals("dead<=20ms")).rstrip().splitlines()[-1].strip()
+    assert said == "no setting would meet the goals if any of them were otherwise"
+    # Refused just below the level bad, whose failed attempts take the whole timeout, and just above it.
+    below, above = (
+        sized("press_line", *goals("scan<=140ms@1e-6"), "--set", f"noise.0.ber={ber}")
+        for ber in ("9e-6", "1.1e-5")
+    )
+    assert below["recommended"] is above["recommended"] is None
+    assert below["otherwise"][0].startswith("the level bad counts beside the noise as entered")  # type: ignore[index]
+
+
 def test_a_goal_given_twice_is_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["size", "two_stations", *goals("ride>=20ms", "ride>=30ms")]) == 2
     assert "a second goal ride; give each once" in capsys.readouterr().err

@@ -64,22 +64,21 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
     line(f"the timeout is at least {ms(sizing.floor)} ms: longest reply, PLC scan and one tick of 10 ms")
     if sizing.noise_levels is not None:
         _show_noise_levels(console, sizing.noise_levels, sizing.goals.errors)
-    if best is None:
-        return
     for margin in sizing.margins:
         line(margin.in_words(sizing.goals.errors))
-    for text in (sizing.apart(), *sizing.robust_unmet):
+    for text in (sizing.apart(), *sizing.robust_unmet) if best else ():
         if text:
             line(text)
-    _show_front(console, sizing.front, sizing.goals.errors)
+    if best:
+        _show_front(console, sizing.front, sizing.goals.errors)
     for verdict in verifications:
         line(verdict.in_words())
     line("what the figures rest on:")
     for text in in_words(sizing.classes()):
         line(text, 4)
     line("the assumptions that change the answer most:")
-    for assumption in sizing.assumptions:
-        line(assumption.in_words(), 4)
+    for text in (*(assumption.in_words() for assumption in sizing.assumptions), *sizing.otherwise):
+        line(text, 4)
 
 
 def _costs(best: Choice, goal: float, level: str) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from bussim.exact.link import LinkModel
+from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.sizing.choice import Choice, choice_of, recommend
 from bussim.exact.sizing.evaluation import evaluate_goals, timeout_floor
 from bussim.exact.sizing.goals import Goals
@@ -162,15 +162,32 @@ def _alternatives(model: LinkModel) -> list[tuple[str, str, LinkModel]]:
 
 def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumption]:
     """What the level of noise that is assumed changes."""
-    name = "the level bad counts beside the noise as entered (assumed)"
-    alternative, changed = "with the noise as entered alone", model
-    if not model.noisy:
-        name = "the noise is of the level bad (assumed)"
-        alternative, changed = "at the level typical", with_level(model, LEVELS[TYPICAL])
+    name, alternative, changed = _other_noise(model)
     checked = evaluate_goals(changed, goals, alone=True)
     then = choice_of(checked.grid, model.reading, recommended.retries, recommended.timeout)
     found = Assumption(name, alternative, recommended, then, recommend(changed, goals, alone=True))
     return [found] if found.differs else []
+
+
+def _other_noise(model: LinkModel) -> tuple[str, str, LinkModel]:
+    if model.noisy:
+        name = "the level bad counts beside the noise as entered (assumed)"
+        return name, "with the noise as entered alone", model
+    changed = with_level(model, LEVELS[TYPICAL])
+    return "the noise is of the level bad (assumed)", "at the level typical", changed
+
+
+def refused_otherwise(model: LinkModel, goals: Goals) -> tuple[str, ...]:
+    """Goals that no setting meets: what would meet them if an assumption did not hold, in words."""
+    noise = _other_noise(model)
+    alternatives = [(each, False) for each in _alternatives(model)] + [(noise, True)]
+    said = [
+        f"{name}; {alternative}: D8179 = {choice.retries}, D8180 = {choice.d8180} would be recommended"
+        for (name, alternative, changed), alone in alternatives
+        if timeout_floor(changed) <= changed.timeout_range[1] * TIMEOUT_UNIT
+        and (choice := recommend(changed, goals, alone=alone))
+    ]
+    return tuple(said) or ("no setting would meet the goals if any of them were otherwise",)
 
 
 def _setting(choice: Choice) -> tuple[int, int]:

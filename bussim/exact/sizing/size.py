@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
-from bussim.exact.sizing.assumptions import Assumption, assumptions
+from bussim.exact.sizing.assumptions import Assumption, assumptions, refused_otherwise
 from bussim.exact.sizing.choice import Choice, choice_of, recommend
 from bussim.exact.sizing.evaluation import Checked, evaluate_goals, least, rows_of, timeout_floor
 from bussim.exact.sizing.goals import Goals
@@ -55,7 +55,8 @@ class Sizing:
     ``floor`` is the least timeout considered (ticks). ``noise_levels`` is there where the link has no
     noise. ``front`` are the settings that no other one beats in errors, scan with one dead and detection
     together. ``margins`` say what more noise does to the recommended setting, ``assumptions`` what it rests
-    on, what changes it most first. ``checked`` has the grid.
+    on, what changes it most first, ``otherwise`` what would meet the goals, where none does, if an assumption
+    did not hold. ``checked`` has the grid.
     """
 
     model: LinkModel
@@ -71,6 +72,7 @@ class Sizing:
     noise_levels: NoiseLevels | None = None
     margins: tuple[Margin, ...] = ()
     assumptions: tuple[Assumption, ...] = ()
+    otherwise: tuple[str, ...] = ()
     checked: Checked | None = field(default=None, compare=False)
 
     @property
@@ -146,6 +148,7 @@ class Sizing:
             "ladder": None if self.noise_levels is None else self.noise_levels.to_json(),
             "margins": [margin.to_json() for margin in self.margins],
             "assumptions": [assumption.to_json() for assumption in self.assumptions],
+            "otherwise": list(self.otherwise),
             "classes": self.classes(),
             "mov": self.mov_lines(),
         }
@@ -195,6 +198,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         noise_levels=noise_levels,
         margins=margins(model, goals, recommended) if recommended else (),
         assumptions=assumptions(model, goals, recommended) if recommended else (),
+        otherwise=() if recommended else refused_otherwise(model, goals),
         checked=checked,
     )
 

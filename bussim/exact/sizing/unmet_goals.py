@@ -55,11 +55,6 @@ def unmet_goals(model: LinkModel, goals: Goals, checked: Checked) -> tuple[Unmet
     index = sorted(set(rows_of(checked, model.reading)))
     sets = conflicts(checked, index)
     helps = tuple(change.text for change in helpful_changes(model, goals)) if sets else ()
-    if model.noisy and (alone := _setting(model, goals, alone=True)):
-        helps = (
-            f"the level bad left out, which is assumed: with the noise as entered alone, {alone}",
-            *helps,
-        )
     return tuple(Unmet(names, _conflict(checked, index, names), helps) for names in sets)
 
 
@@ -276,9 +271,9 @@ def _times(rate: float, factor: float) -> Rate:
     return Rate(known.count * factor, known.unit)
 
 
-def _setting(model: LinkModel, goals: Goals, *, alone: bool = False) -> str | None:
+def _setting(model: LinkModel, goals: Goals) -> str | None:
     """The least setting that meets all goals, in words, or None."""
-    checked = evaluate_goals(model, goals, alone=alone)
+    checked = evaluate_goals(model, goals)
     chosen = least([(checked, rows_of(checked, model.reading))])
     if chosen is None:
         return None
