@@ -221,6 +221,10 @@ def finish_picture(picture: Picture, heading: str, handles: Sequence[Artist], *,
 
 
 def shorten(text: str, length: int) -> str:
-    """At most so many characters of a text, without what matplotlib would take for a formula."""
-    text = text if len(text) <= length else text[: length - 1].rstrip() + "…"
+    """At most so many characters of a text, the middle left out: its end may be what distinguishes it.
+
+    Without what matplotlib would take for a formula.
+    """
+    if len(text) > length:
+        text = f"{text[: 2 * length // 3]}…{text[2 * length // 3 + 1 - length :]}"
     return text.replace("$", r"\$")

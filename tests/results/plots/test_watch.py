@@ -42,6 +42,15 @@ def test_the_picture_grows_no_taller_than_its_limit_and_says_what_it_shows() -> 
     assert len(watch_picture(Watch(words[:5]), 0, S, "title", "about").axes) == 5
 
 
+def test_devices_of_a_plc_with_a_long_name_can_be_told_apart() -> None:
+    name = "一台名字很长的压机它的名字由很有时间的人写成而且写得很完整"
+    devices = [Watched(name, f"M{at}", 1) for at in range(3)] + [Watched(name, "D8201", 16)]
+    axes, words = watch_picture(Watch(devices), 0, S, "title", "about").axes
+    labels = [label.get_text() for label in axes.get_yticklabels()] + [words.get_ylabel()]
+    assert [label.partition(".")[2] for label in labels] == ["M0", "M1", "M2", "D8201"]
+    assert all(len(label) == 24 and label.startswith("一台名字很长的压机") for label in labels)
+
+
 def test_a_tall_picture_has_its_times_above_and_below() -> None:
     for number, above in ((3, False), (20, True)):
         picture = watch_picture(Watch([word(at, 1) for at in range(number)]), 0, S, "title", "about")
