@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from random import Random as Luck
+import random
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,7 +27,7 @@ lists = st.lists(st.integers(0, 300), unique=True).map(lambda found: Times(tuple
 
 
 def randoms(seed: int) -> Random:
-    rng = Luck(seed)
+    rng = random.Random(seed)
     return Random(7, 11, iter(rng.random, None))
 
 
