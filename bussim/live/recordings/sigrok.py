@@ -12,9 +12,8 @@ import lzma
 import re
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import groupby
-from math import inf
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 _RATE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kKMG]?)\s*(?:Hz)?\s*")
 _SCALES = {"": 1, "k": 1_000, "K": 1_000, "M": 1_000_000, "G": 1_000_000_000}
 #: Samples that are read at once.
-_BLOCK = 1 << 20
+_BLOCK = 1 << 18
 #: Edges of a channel by which rate, format and protocol are found.
 MOST_SURVEYED = 40_000
 _LARGEST_METADATA = 1 << 20
@@ -133,7 +132,7 @@ class SigrokFile(Source):
 
         first: dict[str, list[int]] = {name: [] for name in self.channels}
         counts = dict.fromkeys(self.channels, 0)
-        for found, _ in self.changes():
+        for found, _ in self.changes(self.channels):
             for name, edges in found.items():
                 counts[name] += len(edges)
                 if len(first[name]) < MOST_SURVEYED:
@@ -155,22 +154,25 @@ class SigrokFile(Source):
         self.enough_samples(setup.timing.baud)
         receivers = [Receiver(setup.timing, self.rate, inverted=bool(setup.inverted)) for _ in setup.channels]
         self.facts = Facts()
+        latest = dict.fromkeys(setup.channels, np.empty(0, dtype=np.int64))
         shortest = SPIKE * self.rate / setup.timing.baud
-        for found, until in self.changes():
-            self.facts.spikes += sum(int((np.diff(found[name]) < shortest).sum()) for name in setup.channels)
+        for found, until in self.changes(setup.channels):
+            for name in setup.channels:
+                edges = found[name]
+                self.facts.spikes += int((np.diff(edges, prepend=latest[name]) < shortest).sum())
+                latest[name] = edges[-1:] if len(edges) else latest[name]
             yield from _merged(
                 [
                     receiver.feed(found[name].tolist(), until)
                     for name, receiver in zip(setup.channels, receivers, strict=True)
                 ]
             )
-        yield from _merged([receiver.feed((), inf) for receiver in receivers])
 
     def end(self) -> int | None:
         """See the source of a recording."""
         return (2 * self.samples * TICKS_PER_SECOND + self.rate) // (2 * self.rate)
 
-    def changes(self) -> Iterator[tuple[dict[str, np.ndarray], int]]:
+    def changes(self, names: Iterable[str]) -> Iterator[tuple[dict[str, np.ndarray], int]]:
         """The samples at which each channel changes, in blocks, and how many samples were read so far.
 
         A channel whose first sample is low has an edge there.
@@ -184,7 +186,7 @@ class SigrokFile(Source):
             changed = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
             flips = rows[changed] ^ rows[changed + 1]
             found = {}
-            for name in self.channels:
+            for name in names:
                 byte, shift = divmod(self.channels[name], 8)
                 found[name] = changed[(flips[:, byte] >> shift) & 1 == 1] + at
             before = rows[-1]

@@ -71,9 +71,9 @@ class TextFile(Source):
         first = self._rows(head, decimal_comma=False)
         wires = {row.wire for row in first if isinstance(row, Row) and row.wire is not None}
         #: Wires of the line: one for each direction that is given.
-        self.wires = max(2, 1 + max(wires)) if wires and not (self._saleae and wires == {0}) else 1
+        self.wires = 1 + max(wires) if len(wires) > 1 else 1
         #: Whether programs write directions.
-        self.directions = bool(wires) and not self._saleae
+        self.directions = self.wires > 1 and not self._saleae
         self.resolution = TICKS_PER_SECOND // 10 ** min(9, max(map(_decimals, body), default=0))
 
     def _opened(self) -> TextIO:

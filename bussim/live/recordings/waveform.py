@@ -154,7 +154,8 @@ class Receiver:
                 tick = (2 * start * TICKS_PER_SECOND + rate) // (2 * rate)
                 found.append((table[word >> 1], tick, tick + length))
                 ready = start + self._middle
-        del kept[:at]
+        # An edge whose partner is still to come stays: edges to a start bit's level have even indices.
+        del kept[: min(at, count & ~1)]
         self._ready = ready
         return found
 

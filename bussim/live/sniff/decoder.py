@@ -15,9 +15,9 @@ class Line(NamedTuple):
     """What a decoder knows of the line before it hears anything. Times are ticks.
 
     ``silence`` is shorter than the wait for a reply, ``closest`` (3.5 characters) than that of any station.
-    ``exact``: times are those of the line, so that the distance of two frames proves something. ``wires`` is
-    the number of wires, one a direction where there are two. ``echo``: each request is heard twice; None: to
-    be found out.
+    ``slack``: so far off times may be, 0 where they are those of the line, so that distances prove something.
+    ``wires`` is the number of wires, one a direction where there are two. ``echo``: each request is heard
+    twice; None: to be found out.
     """
 
     bus: str
@@ -25,7 +25,7 @@ class Line(NamedTuple):
     format: str
     silence: int
     closest: int
-    exact: bool = True
+    slack: int = 0
     wires: int = 1
     echo: bool | None = None
 

@@ -387,8 +387,7 @@ def _received(source: SigrokFile, channel: Channel, timing: LineTiming, *, inver
     """The characters of the edges by which a line is found."""
     receiver = Receiver(timing, source.rate, inverted=inverted)
     edges = channel.edges.tolist()
-    whole = channel.total == len(edges)
-    return receiver.feed(edges, float("inf") if whole else edges[-1])
+    return receiver.feed(edges, source.samples if channel.total == len(edges) else edges[-1])
 
 
 def _scores(

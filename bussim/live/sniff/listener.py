@@ -8,7 +8,6 @@ from typing import assert_never
 
 from bussim.engines.modbus.adu import COLON, LAST_STATION, LF
 from bussim.engines.modbus.gaps import STANDARD_GAPS
-from bussim.engines.modbus.pdu import EXCEPTION_BIT
 from bussim.engines.nn.frames import HEADERS
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
@@ -51,7 +50,8 @@ class Listener:
         decoders: tuple[type[LinkDecoder], type[ModbusDecoder]] = (LinkDecoder, ModbusDecoder),
     ) -> None:
         self.bus, self.timing, self.protocol = bus, timing, protocol
-        line = partial(Line, bus, timing.baud, str(timing.format), exact=exact, wires=wires, echo=echo)
+        slack = 0 if exact else tolerance
+        line = partial(Line, bus, timing.baud, str(timing.format), slack=slack, wires=wires, echo=echo)
         split = partial(splitter, protocol, timing, tolerance)
         self.decoder: LinkDecoder | ModbusDecoder
         # The silence of a line: behind a request no station begins to reply before.
@@ -67,7 +67,7 @@ class Listener:
             case _:
                 assert_never(protocol)
         self.splitters = [split(wire=wire) for wire in range(wires)]
-        self._near = silence_of(protocol, timing) + (0 if exact else tolerance)
+        self._near = silence_of(protocol, timing) + slack
         self._begin = begin
         #: A receiver that is switched on inside a frame has its first character at the latest then.
         self._torn_until = max(self._near, timing.characters(_RESYNCHRONISED))
@@ -136,8 +136,10 @@ class Listener:
         near = (before is not None and heard.start - before < self._near) or (
             follows is not None and follows - heard.end < self._near
         )
-        self._report(heard._replace(verdict=self._verdict(heard, near=near)), found)
-        self._first = False
+        verdict = self._verdict(heard, near=near)
+        self._first = self._first and verdict is Verdict.TORN
+        self._begin = heard.end  # what follows what is torn without a silence is torn, too
+        self._report(heard._replace(verdict=verdict), found)
 
     def _verdict(self, heard: Heard, *, near: bool) -> Verdict:
         chars = heard.chars
@@ -178,6 +180,6 @@ def _begins_frame(protocol: LineProtocol, chars: bytes) -> bool:
         case LineProtocol.ASCII:
             return chars[0] == COLON
         case LineProtocol.RTU:
-            return chars[0] <= LAST_STATION and len(chars) > 1 and chars[1] & ~EXCEPTION_BIT in KNOWN
+            return chars[0] <= LAST_STATION and len(chars) > 1 and chars[1] in KNOWN
         case _:
             assert_never(protocol)

@@ -164,8 +164,7 @@ class ModbusDecoder(Decoder):
 
     def _is_double(self, heard: Heard, open_: _Open) -> bool:
         """Whether a frame repeats the open request closer than any master repeats one."""
-        close = heard.start - open_.heard.end < self._line.silence
-        return close and _same(heard, open_.heard) and not open_.echoed
+        return self._close(open_.heard, heard) and _same(heard, open_.heard) and not open_.echoed
 
     def _twice(self, heard: Heard, open_: _Open) -> None:
         open_.echoed = True
@@ -241,7 +240,7 @@ class ModbusDecoder(Decoder):
         if self.echo:
             self._settle_echoes(frames, asked)
             return
-        if self._line.exact:
+        if not self._line.slack:
             closest = self._line.closest
             doubles = [after for before, after in pairwise(frames) if after.start - before.end < closest]
             for heard in doubles:
@@ -281,14 +280,14 @@ class ModbusDecoder(Decoder):
                 self._request(heard, asked)
 
     def _close(self, before: Heard, after: Heard) -> bool:
-        return after.start - before.end < self._line.silence
+        return after.start - before.end < self._line.silence + self._line.slack
 
     def _longest_wait(self, frames: Sequence[Heard], station: int) -> float | None:
         """The longest wait for a response among frames that are alike; None if it cannot be known."""
         waits = [after.start - before.end for before, after in pairwise(frames)]
         limit = _boundary(waits) if len(waits) > 1 else None
         if limit is None and station in self._slowest:
-            limit = _SLOWEST * self._slowest[station]
+            limit = _SLOWEST * self._slowest[station] + self._line.slack
         return _FIRST if limit is None and len(waits) < 2 else limit
 
     # -- records -------------------------------------------------------------------------------

@@ -73,10 +73,21 @@ class Splitter(ABC):
         if not self._data:
             return
         cut = now is None or (self._end is not None and now - self._end < self.longest)
-        yield from self._split(closed=True)
+        last: Heard | None = None
+        for heard in self._split(closed=True):
+            if last is not None:
+                yield last
+            last = heard if heard.frame is None else None
+            if last is None:
+                yield heard
         if self._data:  # what could go on
-            yield self._heard(0, len(self._data), None, self.reason, part=cut)
+            if last is not None:
+                yield last
+            last = self._heard(0, len(self._data), None, self.reason, part=cut)
             self._drop(len(self._data))
+        if last is not None:
+            # What ends with a recording whose end is known is cut there.
+            yield last._replace(part=last.part or (cut and now is not None))
 
     @abstractmethod
     def _frame_at(self, at: int, *, closed: bool) -> Frame | Adu | int:

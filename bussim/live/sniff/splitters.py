@@ -124,7 +124,10 @@ class AsciiSplitter(Splitter):
         if data[end] == CR:
             if end + 1 == count and not closed:
                 return count + 1
-            end += end + 1 < count and data[end + 1] == LF
+            if end + 1 < count and data[end + 1] == LF:
+                end += 1
+            elif end + 1 < count and not self._begins(end + 1):
+                return 0  # an LF that was damaged
         chars = bytes(data[at : end + 1])
         text = chars.rstrip(b"\r\n").upper() + b"\r\n"
         found = decode_ascii(text)
@@ -133,9 +136,20 @@ class AsciiSplitter(Splitter):
         self.unusual += text != chars
         return found._replace(chars=chars)
 
+    def _begins(self, at: int) -> bool:
+        """Whether something new begins at an index: not close behind the character before, or a colon."""
+        return self._data[at] == COLON or self._apart(at)
+
+    def _apart(self, at: int) -> bool:
+        before = self._ends[at - 1]
+        return self._starts[at] - before > before - self._starts[at - 1]
+
     def _ends_piece(self, first: int, at: int) -> bool:
-        """A damaged frame ends with its LF."""
-        return self._data[at - 1] == LF or super()._ends_piece(first, at)
+        """A damaged frame ends with its LF, or before a colon behind a pause."""
+        ends = (self._data[at - 1] == LF and self._begins(at)) or (
+            self._data[at] == COLON and self._apart(at)
+        )
+        return ends or super()._ends_piece(first, at)
 
 
 class RtuSplitter(Splitter):

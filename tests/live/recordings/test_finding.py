@@ -223,3 +223,20 @@ def test_short_spikes_hide_no_rate(tmp_path: Path) -> None:
     found = sniffed(sigrok(tmp_path / "line.sr", rate, {"D0": level}))
     assert (found["frames"], found["damaged"], ok(found)) == (len(sent), 0, 40)
     assert found["spikes"] == hit
+
+
+@pytest.mark.parametrize("block", [11, 1000])
+def test_a_session_is_read_alike_in_blocks_of_any_size(
+    block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    serial = Serial(9600, 8, "E", 1)
+    sent, _ = modbus(serial, 3, 8, damaged=0.5)
+    rng = np.random.default_rng(block)
+    noise = np.repeat(rng.integers(0, 2, 300).astype(np.uint8), rng.integers(1, 60, 300))
+    level = np.concatenate([noise, wave(sent, serial, 76_800), noise, wave(sent, serial, 76_800)])
+    path = sigrok(tmp_path / "line.sr", 76_800, {"D0": level})
+    options = ("-b", "9600", "-P", "even", "--protocol", "modbus-rtu")
+    whole = sniffed(path, *options)
+    assert whole["frames"] >= 2 * len(sent)
+    monkeypatch.setattr("bussim.live.recordings.sigrok._BLOCK", block)
+    assert sniffed(path, *options) == whole
