@@ -33,6 +33,7 @@ from tests.live.recordings.generator import (
 )
 from tests.live.recordings.reading import ok, sniffed
 from tests.selection import quick
+from tests.undrawn import undrawn
 
 SERIAL = Serial(9600, 8, "E", 1)
 RATE = 96_000
@@ -361,13 +362,14 @@ def scenario(seed: int) -> dict[str, Any]:
             ],
             "noise": [{"bus": "link", "ber": 1e-4 if kind == 5 else 1e-3}],
         }
-    return {"schema": 1, "name": "any", "seed": seed, "duration": "3 s"} | found
+    return {"schema": 1, "name": "any", "seed": seed, "duration": "2 s"} | found
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("seed", quick(7, range(35)))
+@pytest.mark.parametrize("seed", quick(3, range(35)))
 def test_a_run_is_the_same_in_every_recording_of_it(seed: int, tmp_path: Path) -> None:
-    bussim.run(from_data(scenario(seed)), out=tmp_path / "run", trace=True)
+    with undrawn():
+        bussim.run(from_data(scenario(seed)), out=tmp_path / "run", trace=True)
     trace = read_trace(tmp_path / "run")
     for ending in ("sr", "pcapng", "csv"):
         export_trace(trace, tmp_path / f"line.{ending}", ending, bus="link")
