@@ -75,7 +75,7 @@ def test_a_heartbeat_too_short_is_refused_with_figures_and_a_change_that_works(p
     assert found["recommended"] is None
     (unmet,) = found["unmet"]  # type: ignore[misc]
     assert unmet["goals"] == ["heartbeat"]
-    assert "the best is" in unmet["text"]
+    assert "each setting misses it 380,000,000 times a year or more" in unmet["text"]
     assert not any("outage" in text or "ride" in text for text in unmet["helps"])
     change = next(text for text in unmet["helps"] if text.startswith("heartbeat="))
     assert sized(packing, *goals(change.split()[0]))["recommended"] is not None

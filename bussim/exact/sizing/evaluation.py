@@ -109,8 +109,10 @@ class Checked:
         # With as many attempts, a longer timeout only lengthens the gaps.
         known = self.refused[row, : column + 1] if self.memoryless else self.refused[row, [column]]
         if not known.any():
-            quick = max(missed_at_least(view, preset) for view in self._with_setting(row, column))
-            self.refused[row, column] = quick > most or self.missed_at(row, column) > most
+            views = self._with_setting(row, column)[::-1]  # at the level bad, which takes least time, first
+            self.refused[row, column] = self.hopeless(row, column) or any(
+                missed_per_year(view, preset) > most for view in views
+            )
         return not known.any()
 
     def missed_at(self, row: int, column: int) -> float:
@@ -120,6 +122,17 @@ class Checked:
             views = self._with_setting(row, column)
             self.missed[row, column] = max(missed_per_year(view, preset) for view in views)
         return float(self.missed[row, column])
+
+    def hopeless(self, row: int, column: int) -> bool:
+        """Whether a heartbeat is missed too often with one setting for a reason that is seen at once."""
+        return (
+            self.goals.heartbeat is not None and self.missed_at_least(row, column) > self.goals.heartbeat[1]
+        )
+
+    def missed_at_least(self, row: int, column: int) -> float:
+        """A lower bound of :meth:`missed_at`, at once."""
+        preset = self.goals.heartbeat[0] if self.goals.heartbeat is not None else 0
+        return max(missed_at_least(view, preset) for view in self._with_setting(row, column))
 
     def _with_setting(self, row: int, column: int) -> list[LinkModel]:
         setting = self.grid.attempts[row], self.grid.timeouts[column]

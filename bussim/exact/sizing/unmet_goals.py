@@ -14,7 +14,7 @@ from bussim.engines.nn.frames import data_chars
 from bussim.exact.link import TIMEOUT_UNIT, LineNoise, LinkModel, frame_ticks
 from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals, Rate
-from bussim.exact.text import a_year, at_most, ms_at_least, ms_at_most
+from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
@@ -87,9 +87,9 @@ def best_value(
 ) -> tuple[float, int, int] | None:
     """The best value that a goal's figure has among settings, with its row of ``index`` and its column."""
     if name == "heartbeat":  # with the shortest timeout of each row
-        for row, met in zip(index, among, strict=True):
-            if met.any():
-                checked.missed_at(row, int(np.argmax(met)))
+        for row, column in _shortest(index, among):
+            if not checked.hopeless(row, column):
+                checked.missed_at(row, column)
     every = checked.missed if name == "heartbeat" else checked.values[name]
     values = np.where(among, every[list(index)], np.nan)
     if np.isnan(values).all():
@@ -99,10 +99,16 @@ def best_value(
     return float(values[row, column]), row, column
 
 
+def _shortest(index: Sequence[int], among: Mask) -> list[tuple[int, int]]:
+    """The setting with the shortest timeout of each row that has one."""
+    return [(row, int(np.argmax(met))) for row, met in zip(index, among, strict=True) if met.any()]
+
+
 def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
     found = best_value(checked, index, name, among)
     if found is None:
-        return "nothing better was found"
+        bound = min(checked.missed_at_least(*setting) for setting in _shortest(index, among))
+        return f"each setting misses it {about(at_least(bound))} times a year or more"
     value, row, column = found
     match name:
         case "ride":

@@ -13,6 +13,7 @@ from bussim.exact.metrics import Request, figures_of
 from bussim.exact.sizing.evaluation import (
     evaluate_goals,
     least,
+    missed_at_least,
     missed_per_year,
     noise_views,
     rows_of,
@@ -209,7 +210,18 @@ def test_a_heartbeat_that_must_not_be_missed() -> None:
     impossible = size(model, Goals(heartbeat=(120 * MS, 0.1)))
     assert impossible.recommended is None
     assert impossible.unmet[0].goals == ("heartbeat",)
-    assert "the best is" in impossible.unmet[0].text
+    assert "no setting does; each setting misses it" in impossible.unmet[0].text
+
+
+@pytest.mark.parametrize("slaves", [1, 3])
+@pytest.mark.parametrize("ber", [1e-6, 1e-5, 2e-4])
+@pytest.mark.parametrize("preset", [20, 90, 150, 320])
+def test_the_bound_on_missed_heartbeats_is_one(slaves: int, ber: float, preset: int) -> None:
+    for model in noise_views(link(slaves, ber=ber)):
+        bound, exact = missed_at_least(model, preset * MS), missed_per_year(model, preset * MS)
+        assert bound <= exact * (1 + 1e-9)
+        if preset == 20:  # less than a scan: every one is missed
+            assert bound == pytest.approx(exact)
 
 
 def test_heartbeats_with_bursts_are_evaluated_for_some_timeouts() -> None:
@@ -219,7 +231,7 @@ def test_heartbeats_with_bursts_are_evaluated_for_some_timeouts() -> None:
     found = least([(checked, rows_of(checked, PLUS_1))])
     assert found is not None
     i, j = found
-    assert checked.missed[i, j] <= 1.0
+    assert checked.missed_at(i, j) <= 1.0
     assert checked.evaluated[0].sum() <= 8
 
 
