@@ -44,7 +44,7 @@ OBSERVED_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
 _NAME = re.compile(r"([XYMSTCD]|TN|CN|V|Z)([0-9]{1,5})")
 _SLIPS = str.maketrans("OIL", "011")  # letters that are taken for digits
 _LETTERS = "XYMSTCD"
-#: An FX3U has M and D to 8511.
+#: An FX3U has M and D to 8511, S to 4095, T to 511 and R.
 _WITH_SPECIALS = 8512
 _OCTAL = "XY"
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
@@ -172,10 +172,11 @@ class Memory:
 
     def __init__(self) -> None:
         self._bits = {letter: bytearray(ranges[-1][1] + 1) for letter, ranges in BIT_RANGES.items()}
-        self._bits["M"] = bytearray(_WITH_SPECIALS)
+        self._bits |= {"M": bytearray(_WITH_SPECIALS), "S": bytearray(4096), "T": bytearray(512)}
         self._words = {
             "D": array("H", bytes(2 * _WITH_SPECIALS)),
-            "T": array("H", bytes(512)),
+            "R": array("H", bytes(2 * 32768)),
+            "T": array("H", bytes(2 * 512)),
             "C": array("L" if array("L").itemsize == 4 else "I", bytes(4 * 256)),
             "V": array("H", bytes(2 * INDEX_REGISTERS)),
             "Z": array("H", bytes(2 * INDEX_REGISTERS)),
@@ -184,7 +185,7 @@ class Memory:
         #: Called with an END before others read a special device; None: special devices are current.
         self.refresh_specials: Callable[[int], None] | None = None
         #: Of each timer and counter: whether an RST holds it.
-        self.held = {letter: bytearray(256) for letter in "TC"}
+        self.held = {letter: bytearray(512) for letter in "TC"}
 
     def bits(self, letter: str) -> bytearray:
         """All bits of a letter by address, 0 or 1 each: the memory itself, where speed matters.

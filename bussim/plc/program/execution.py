@@ -106,7 +106,7 @@ class ProgramRun:
         machine.now[0] = now - self._origin
         for memories in (machine.earlier, machine.counter_input, machine.saved):
             memories[:] = bytes(len(memories))
-        machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 256
+        machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 512
         machine.scan[0] = 0
         machine.going.clear()
         for flag in (ERROR, ERROR_LATCH, 8061):

@@ -66,7 +66,7 @@ class Machine:
         self.ports = ports
         self.origin = origin
         self.bits = {letter: memory.bits(letter) for letter in "XYMSTC"}
-        self.words = {letter: memory.words(letter) for letter in "DTCVZ"}
+        self.words = {letter: memory.words(letter) for letter in "DRTCVZ"}
         self.now = [0]
         self.scan = [0]
         self.spent = [0]
@@ -77,8 +77,8 @@ class Machine:
         #: Conditions of MC N0–N7; on where a jump has left the MC out (FX programming manual).
         self.levels = bytearray(8)
         #: Of each timer: the scan in which it was last driven (0: not), and the clock pulses by then.
-        self.timer_scan = [0] * 256
-        self.timer_pulse = [0] * 256
+        self.timer_scan = [0] * 512
+        self.timer_pulse = [0] * 512
         #: Of each timer that goes on until END without its OUT: counts, and closes it if 1 is given.
         self.going: dict[int, Callable[[int], None]] = {}
         #: Of each counter: the condition of its OUT when last carried out.

@@ -25,7 +25,7 @@ class Program:
     """A program that can run. Two are equal if their text and name are.
 
     ``kind`` is what its file was taken for, "" where it has none. ``skips``: instructions that are not
-    simulated are left out.
+    simulated are left out. ``fx3``: the PLC has an FX3U's devices.
     """
 
     text: str = field(repr=False)
@@ -35,16 +35,17 @@ class Program:
     warnings: tuple[Problem, ...] = field(repr=False)
     kind: str = ""
     skips: bool = False
+    fx3: bool = False
 
     @classmethod
-    def parse(cls, text: str, source_name: str, *, skips: bool = False) -> Program:
+    def parse(cls, text: str, source_name: str, *, skips: bool = False, fx3: bool = False) -> Program:
         """Read a program. ``source_name`` stands in messages: the file as the user named it.
 
         With ``skips`` instructions that are known and not simulated become warnings.
 
         Raises ProgramError with every mistake.
         """
-        source = Source(text, source_name, skip=skips)
+        source = Source(text, source_name, skip=skips, fx3=fx3)
         ladder = Ladder(source.instructions, source.gaps, source_name)
         problems = source.problems + ladder.problems
         # A text that was not read to its end seems to lack its END and its labels.
@@ -55,7 +56,7 @@ class Program:
         instructions = source.instructions
         warnings = (*source.skipped, *_warnings(instructions, source_name))
         blocks = tuple(cut(ladder.items, instructions))
-        return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips)
+        return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips, fx3=fx3)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Program) and self._key == other._key
@@ -64,12 +65,12 @@ class Program:
         return hash(self._key)
 
     @property
-    def _key(self) -> tuple[str, str, bool]:
-        return self.text, self.name, self.skips
+    def _key(self) -> tuple[str, str, bool, bool]:
+        return self.text, self.name, self.skips, self.fx3
 
     def __reduce__(self) -> tuple[object, tuple[str, str]]:
         # Another process reads the text again: faster than sending what was made of it.
-        return partial(Program.parse, skips=self.skips), (self.text, self.name)
+        return partial(Program.parse, skips=self.skips, fx3=self.fx3), (self.text, self.name)
 
     @property
     def steps(self) -> int:
@@ -134,7 +135,7 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
             written = [extent for extent in extents(at) if extent.writes]
             for address in [one for one in idle if any(each.holds("M", one, word=False) for each in written)]:
                 yield warn(at, idle.pop(address))  # once
-        if at.name in ("OUT", "PLS", "PLF"):
+        if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b":
             device = at.operands[0].device
             if device in coils:
                 yield warn(

@@ -91,7 +91,9 @@ def read_logic(
     inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
     if plc.program is None:
         return PlcLogic(inputs=inputs)
-    program, origin = _program((*path, "program"), plc, plc.program, files, report, skips=skips)
+    program, origin = _program(
+        (*path, "program"), plc, plc.program, files, report, {"skips": skips, "fx3": profile.name == "fx3u"}
+    )
     if program is None:
         return PlcLogic(origin=origin, inputs=inputs)
     known = {parse_device(name): value for name, value in registers.items()}
@@ -102,7 +104,7 @@ def read_logic(
 
 
 def _program(
-    path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report, *, skips: bool
+    path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report, reading: dict[str, bool]
 ) -> tuple[Program | None, Origin | None]:
     kind = ""
     if given.file is not None:
@@ -124,7 +126,7 @@ def _program(
 
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     try:
-        program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name, skips=skips)
+        program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name, **reading)
     except ProgramError as error:
         for problem in error.problems:
             report.add(origin.problem(report, problem), fatal=True)

@@ -245,7 +245,7 @@ class _PathSearch:
                 case _:
                     assert_never(condition)
         contact = condition.instruction
-        if contact.spec.test not in ("on", "off"):
+        if not _is_plain(contact):
             raise _refused(plc, contact)
         return contact, level ^ (contact.spec.test == "off"), gates
 
@@ -262,7 +262,7 @@ class _PathSearch:
             for at in contacts:
                 device = at.operands[0].device
                 special = device.address >= FIRST_SPECIAL and device.address not in _KNOWN_SPECIALS
-                if at.spec.test not in ("on", "off") or special:
+                if not _is_plain(at) or special:
                     raise _refused(plc, at)
                 if device not in _ALWAYS:
                     yield f"{device} ({plc.name})"
@@ -282,6 +282,12 @@ class _PathSearch:
 
 def _words(at: Instruction) -> str:
     return " ".join((at.name, *(operand.text for operand in at.operands), f"at line {at.line}"))
+
+
+def _is_plain(at: Instruction) -> bool:
+    """Whether a contact is that of one bit, on or off."""
+    first = at.operands[0]
+    return at.spec.test in ("on", "off") and first.index is None and first.kind != "D.b"
 
 
 def _refused(plc: Plc, at: Instruction) -> NotPlainError:

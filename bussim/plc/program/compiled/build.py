@@ -6,7 +6,7 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from bussim.plc.program.compiled.access import value_reader
+from bussim.plc.program.compiled.access import locate, value_reader
 from bussim.plc.program.compiled.code import (
     ARRAYS,
     WORD_ARRAYS,
@@ -85,6 +85,10 @@ def _functions(machine: Machine, at: Instruction) -> dict[str, Callable[..., obj
         first, second = (value_reader(machine, operand, wide=at.form.wide) for operand in at.operands)
         compare = _COMPARE[at.spec.test]
         return {f"test_{at.number}": _guarded(machine, at, lambda: compare(first(), second()))}
+    if at.spec.test and at.spec.group == "basic" and at.operands[0].index is not None:
+        find, bits = locate(machine, at.operands[0], 1, word=False), machine.bits[at.operands[0].letter]
+        off = at.spec.test == "off"
+        return {f"test_{at.number}": _guarded(machine, at, lambda: bits[find()] ^ off)}
     if at.spec.flow is Flow.FOR:
         return {f"count_{at.number}": _guarded(machine, at, value_reader(machine, at.operands[0]))}
     return {f"take_{at.number}": coils.bind(machine, at)} if is_bound_coil(at) else {}

@@ -23,9 +23,9 @@ from bussim.plc.program.text.operands import Operand
 from bussim.plc.program.text.unsimulated import SKIPPED
 
 #: The arrays that a function uses; arguments with defaults are faster to reach than globals.
-ARRAYS = ("X", "Y", "M", "S", "T", "C", "D", "TN", "CN", "V", "Z", "levels", "saved", "earlier", "spent")
+ARRAYS = ("X", "Y", "M", "S", "T", "C", "D", "R", "TN", "CN", "V", "Z", "levels", "saved", "earlier", "spent")
 #: The arrays of words: T and C are the arrays of contacts.
-WORD_ARRAYS = {"D": "D", "T": "TN", "C": "CN", "V": "V", "Z": "Z"}
+WORD_ARRAYS = {"D": "D", "R": "R", "T": "TN", "C": "CN", "V": "V", "Z": "Z"}
 #: Instructions that are carried out in Python's own words while their condition is on: what they store.
 STORED = {"SET": 1, "RST": 0}
 #: Applied instructions of words that never move.
@@ -164,6 +164,10 @@ class _Writer:
         array = WORD_ARRAYS[device.letter] if device.kind in ("D", "V", "Z") else device.letter
         bit = f"{array}[{device.address}]"
         match at.spec.name:
+            case "SET" | "RST" | "OUT" if device.kind == "D.b":
+                value = "on" if at.spec.name == "OUT" else STORED[at.spec.name]
+                store = f"{bit} = {bit} & {0xFFFF ^ 1 << device.bit} | {value} << {device.bit}"
+                self._write(store if at.spec.name == "OUT" else f"if on: {store}")
             case "SET" | "RST":
                 self._write(f"if on: {bit} = {STORED[at.spec.name]}")
             case "PLS" | "PLF":
@@ -230,8 +234,13 @@ class _Writer:
             self._write(f"{name}_on = {name}()")
             return f"{name}_on"
         bit = f"{first.letter}[{first.address}]"
+        if first.kind == "D.b":
+            bit = f"({bit} >> {first.bit} & 1)"
+        if first.index is not None:
+            self._write(f"{name}_bit = {name}()")
+            bit = f"{name}_bit"
         if test in ("on", "off"):
-            return bit if test == "on" else f"not {bit}"
+            return bit if test == "on" or first.index is not None else f"not {bit}"
         earlier = f"earlier[{at.number}]"
         self._write(f"{name}_on = {bit} {'>' if test == 'rise' else '<'} {earlier}", f"{earlier} = {bit}")
         return f"{name}_on"

@@ -27,9 +27,9 @@ from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.operands import Operand
 from bussim.units import TICKS_PER_MS
 
-#: The first timer of each kind and its unit in ms; T246 and up keep their value (FX programming manual).
-_UNITS = ((250, 100), (246, 1), (200, 10), (0, 100))
-FIRST_RETENTIVE_TIMER = 246
+#: The first timer of each kind and its unit in ms; T246–T255 keep their value (FX programming manual).
+_UNITS = ((256, 1), (250, 100), (246, 1), (200, 10), (0, 100))
+RETENTIVE_TIMERS = range(246, 256)
 #: Timers for subroutines, which close at END; those that go on while their OUT is left out.
 SUBROUTINE_TIMERS = range(192, 200)
 _GOING_ON = (*SUBROUTINE_TIMERS, *range(246, 250))
@@ -91,7 +91,7 @@ def _timer(machine: Machine, number: int, preset: Operand) -> Take:
     now, scan, going = machine.now, machine.scan, machine.going
     presets, index = word_of(machine, preset)
     unit = unit_of(number)
-    retentive = number >= FIRST_RETENTIVE_TIMER
+    retentive = number in RETENTIVE_TIMERS
     goes_on = number in _GOING_ON
 
     def count(closes: int) -> None:

@@ -78,7 +78,7 @@ def reset_zone(machine: Machine, at: Instruction) -> Act:
     if first.kind in ("T", "C"):
         clear = reset(machine, first.letter, start, end)
     elif first.kind == "D":
-        words, zeros = machine.words["D"], array("H", bytes(2 * (end - start + 1)))
+        words, zeros = machine.words[first.letter], array("H", bytes(2 * (end - start + 1)))
 
         def clear() -> None:
             words[start : end + 1] = zeros

@@ -62,7 +62,7 @@ WORDS_FROM = ("K", "KnX", *WORDS_TO)
 COUNTS = ("K", "D")
 BITS_TO = ("Y", "M", "S")
 BITS_FROM = ("X", *BITS_TO)
-CONTACTS = (*BITS_FROM, "T", "C")
+CONTACTS = (*BITS_FROM, "T", "C", "D.b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,16 +196,17 @@ def _block(name: str, source: Slot, target: Slot, most: int, forms: str) -> Spec
 
 
 _FIXED_BIT = replace(_ONE_BIT, takes=("Y", "M"))
+_ANY_BIT = replace(_ONE_BIT, takes=(*BITS_TO, "D.b"))
 _BLOCK_SOURCE = Slot("source", _BLOCK_WORDS, by="n")
 _BLOCK_TARGET = Slot("destination", _BLOCK_TO, writes=True, by="n")
 _ROTATED = (_D, Slot("n", ("K",), limits=(1, 16), wide_limits=(1, 32), index=False))
-_RESET = Slot("device", (*BITS_TO, "T", "C", "D", "V", "Z"), writes=True, index=False)
+_RESET = Slot("device", (*BITS_TO, "D.b", "T", "C", "D", "V", "Z"), writes=True, index=False)
 _ZONE = Slot("first device", (*BITS_TO, "T", "C", "D"), writes=True, index=False)
 _PORT_REGISTER = Slot("S", ("D",), index=False)
 _PORT_COUNT = Slot("m", COUNTS, index=False, limits=(0, 0xFFFF))
 _OUTPUTS = [
-    _output("OUT", Slot("device", (*BITS_TO, "T", "C"), writes=True, index=False)),
-    _output("SET", _ONE_BIT),
+    _output("OUT", Slot("device", (*BITS_TO, "T", "C", "D.b"), writes=True, index=False)),
+    _output("SET", _ANY_BIT),
     _output("RST", _RESET),
     _output("PLS", _FIXED_BIT, steps=2),
     _output("PLF", _FIXED_BIT, steps=2),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from bussim.plc.memory import FIRST_LONG_COUNTER, Device
-from bussim.plc.program.text.catalog import Form, Instruction, LadderRole, Slot
+from bussim.plc.memory import FIRST_LONG_COUNTER, FIRST_SPECIAL, Device
+from bussim.plc.program.text.catalog import CONTACTS, Form, Instruction, LadderRole, Slot
 from bussim.plc.program.text.operands import Operand, range_of, range_text
 from bussim.wording import counted
 
@@ -73,7 +73,10 @@ def _kind_problem(name: str, slot: Slot, operand: Operand) -> str | None:
             return f"OUT {text}: X is an input; a program can only read it"
         allowed = " ".join("K H" if taken == "K" else taken for taken in slot.takes)
         return f"{name}: the {slot.name} cannot be {text}, allowed {allowed}"
-    if operand.index is not None and not slot.index:
+    if operand.letter == "R" and slot.takes == ("D",):
+        return f"{name}: the {slot.name} cannot be {text}, allowed D"
+    contact = slot.takes is CONTACTS and operand.fx3 and kind in "XYMTC" and operand.address < FIRST_SPECIAL
+    if operand.index is not None and not (slot.index or contact):
         return f"{name}: the {slot.name} cannot have an index register, found {text}"
     return None
 
@@ -132,7 +135,7 @@ def _is_word(form: Form, kind: str) -> bool:
     if kind in ("T", "C"):
         bitwise = form.spec.role is LadderRole.CONTACT and form.spec.group == "basic"
         return form.spec.name not in _BOTH and not bitwise
-    return kind in ("D", "V", "Z")
+    return kind in ("D", "D.b", "V", "Z")
 
 
 def _extents(form: Form, operands: tuple[Operand, ...]) -> list[Extent | None]:
@@ -166,10 +169,10 @@ def _extent(
 
 def _extent_problem(name: str, operand: Operand, extent: Extent) -> str | None:
     letter = extent.letter
-    bounds = range_of(letter, extent.first, word=extent.word)
+    bounds = range_of(letter, extent.first, word=extent.word, fx3=operand.fx3)
     if bounds is not None and extent.last > bounds[1]:
         last = Device(letter, bounds[1])
-        return f"{name}: {operand.text} reaches past {last}, allowed {range_text(letter)}"
+        return f"{name}: {operand.text} reaches past {last}, allowed {range_text(letter, fx3=operand.fx3)}"
     if extent.writes and letter == "M" and operand.index is None:
         for number in range(extent.first, extent.last + 1):
             if number in READ_ONLY_BITS:
@@ -192,7 +195,7 @@ def extents(instruction: Instruction, *, backwards: bool = False) -> list[Extent
     ]
     if instruction.spec.name == "ZRST":
         first, last = kept
-        words = first.letter == "D"
+        words = first.letter in "DR"
         return [Extent(first.letter, first.first, max(first.first, last.first), word=words, writes=True)]
     return kept
 
@@ -213,7 +216,7 @@ def _pair_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> Iter
             yield 0, f"{name}: {operands[0].text} is no whole word, allowed K{full} in front of a bit device"
     elif spec == "ZRST":
         first, last = operands
-        if first.kind != last.kind:
+        if first.letter != last.letter:
             yield 1, f"{name}: {last.text} is another kind of device than {first.text}"
         elif first.kind == "C" and (first.address < FIRST_LONG_COUNTER) != (
             last.address < FIRST_LONG_COUNTER

@@ -21,6 +21,15 @@ WORD_SPANS: dict[str, tuple[tuple[int, int], ...]] = {
     "V": ((0, INDEX_REGISTERS - 1),),
     "Z": ((0, INDEX_REGISTERS - 1),),
 }
+#: What an FX3U has more (FX3 programming manual, JY997D16601, chapter 4).
+_FX3 = {
+    "M": ((0, 7679), (8000, 8511)),
+    "S": ((0, 4095),),
+    "T": ((0, 511),),
+    "D": ((0, 8511),),
+    "R": ((0, 32767),),
+    "P": ((0, 4095),),
+}
 #: Labels P0–P127, of which P63 means END, and levels N0–N7 (FX programming manual).
 LAST_LABEL = 127
 END_LABEL = 63
@@ -30,7 +39,8 @@ _INDEX = r"(?:([VZ])([0-9]?))?"
 _DECIMAL = re.compile(rf"K([+-]?[0-9]{{1,12}}){_INDEX}", re.ASCII)
 _HEX = re.compile(rf"H([0-9A-F]{{1,12}}){_INDEX}", re.ASCII)
 _GROUP = re.compile(rf"K([0-9]{{1,2}})([XYMS])([0-9]{{1,5}}){_INDEX}", re.ASCII)
-_DEVICE = re.compile(rf"([XYMSTCDPN])([0-9]{{1,5}}){_INDEX}", re.ASCII)
+_DEVICE = re.compile(rf"([XYMSTCDRPN])([0-9]{{1,5}}){_INDEX}", re.ASCII)
+_WORD_BIT = re.compile(r"D([0-9]{1,5})\.([0-9A-F])", re.ASCII)
 _REGISTER = re.compile(r"([VZ])([0-9]{0,5})", re.ASCII)
 _OCTAL = "XY"
 
@@ -40,8 +50,9 @@ class Operand:
     """One operand and its position in the file.
 
     ``kind`` is what instructions accept: K (a constant, K or H), KnX KnY KnM KnS (a group), X Y M S T C
-    D V Z (a device), P (a label) or N (a level). ``address`` is the constant's value or the first
-    device's address; ``groups`` the n of Kn; ``index`` the register (letter, number) added to it.
+    D V Z (a device; R is of the kind D), D.b (the ``bit`` of a word), P (a label) or N (a level).
+    ``address`` is the constant's value or the first device's address; ``groups`` the n of Kn; ``index``
+    the register (letter, number) added to it.
     ``hexadecimal`` constants are patterns of bits: HFFFF is -1 to a 16-bit instruction.
     """
 
@@ -53,6 +64,8 @@ class Operand:
     groups: int = 0
     index: tuple[str, int] | None = None
     hexadecimal: bool = False
+    bit: int = 0
+    fx3: bool = False  # of a program of an FX3U
 
     @property
     def device(self) -> Device:
@@ -65,36 +78,42 @@ class Operand:
         return self.address if self.kind == "K" and self.index is None else None
 
 
-def range_of(letter: str, address: int, *, word: bool) -> tuple[int, int] | None:
+def range_of(letter: str, address: int, *, word: bool, fx3: bool = False) -> tuple[int, int] | None:
     """The range of bits or words that holds an address, both ends included; None if none does."""
-    for first, last in (WORD_SPANS if word else BIT_RANGES)[letter]:
+    more = _FX3.get(letter) if fx3 else None
+    for first, last in more or (WORD_SPANS if word else BIT_RANGES).get(letter, ()):
         if first <= address <= last:
             return first, last
     return None
 
 
-def range_text(letter: str) -> str:
+def range_text(letter: str, *, fx3: bool = False) -> str:
     """The addresses of a letter as a message shows them."""
-    if letter == "P":
+    if letter == "R" and not fx3:
+        return "on an FX3U only"
+    if letter == "P" and not fx3:
         return f"P0–P{LAST_LABEL}"
     if letter == "N":
         return f"N0–N{LAST_LEVEL}"
-    ranges = BIT_RANGES.get(letter) or WORD_SPANS[letter]
+    ranges = (_FX3.get(letter) if fx3 else None) or BIT_RANGES.get(letter) or WORD_SPANS[letter]
     return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
 
 
-def parse_operand(text: str, column: int) -> Operand:
-    """The operand that a text names. Raises ValueError with a message for the user."""
+def parse_operand(text: str, column: int, *, fx3: bool = False) -> Operand:
+    """The operand that a text names; ``fx3``: of a program of an FX3U.
+
+    Raises ValueError with a message for the user.
+    """
     upper = text.upper()
     if match := _GROUP.fullmatch(upper):
         count, letter, digits, *index = match.groups()
-        address = _address(text, letter, digits)
+        address = _address(text, letter, digits, fx3=fx3)
         groups = int(count)
         if not 1 <= groups <= 8:
             raise ValueError(
                 f"{shorten(text)}: K{groups} in front of a bit device, allowed K1–K8 (groups of 4)"
             )
-        return Operand(text, column, f"Kn{letter}", letter, address, groups, _index(text, *index))
+        return Operand(text, column, f"Kn{letter}", letter, address, groups, _index(text, *index), fx3=fx3)
     if match := _DECIMAL.fullmatch(upper):
         number, *index = match.groups()
         return Operand(text, column, "K", "K", int(number), 0, _index(text, *index))
@@ -105,14 +124,18 @@ def parse_operand(text: str, column: int) -> Operand:
     if match := _REGISTER.fullmatch(upper):
         letter, digits = match.groups()
         return Operand(text, column, letter, letter, _address(text, letter, digits or "0"))
+    if fx3 and (match := _WORD_BIT.fullmatch(upper)):
+        address = _address(text, "D", match[1], fx3=fx3)
+        return Operand(text, column, "D.b", "D", address, bit=int(match[2], 16), fx3=fx3)
     if match := _DEVICE.fullmatch(upper):
         letter, digits, *index = match.groups()
-        address = _address(text, letter, digits)
-        return Operand(text, column, letter, letter, address, 0, _index(text, *index))
+        address = _address(text, letter, digits, fx3=fx3)
+        kind = "D" if letter == "R" else letter
+        return Operand(text, column, kind, letter, address, 0, _index(text, *index), fx3=fx3)
     raise ValueError(f"{shorten(repr(text))} is no device or constant; {_hint(upper)}")
 
 
-def _address(text: str, letter: str, digits: str) -> int:
+def _address(text: str, letter: str, digits: str, *, fx3: bool = False) -> int:
     shown = shorten(text)
     octal = letter in _OCTAL
     if octal and not set(digits) <= set("01234567"):
@@ -121,12 +144,12 @@ def _address(text: str, letter: str, digits: str) -> int:
             f"{shown}: {letter} is numbered in octal (no 8 or 9); point {int(digits)} of {letter} is {meant}"
         )
     address = int(digits, 8 if octal else 10)
-    if letter in "PN":
+    if letter == "N" or (letter == "P" and not fx3):
         inside = address <= (LAST_LABEL if letter == "P" else LAST_LEVEL)
     else:
-        inside = range_of(letter, address, word=letter not in BIT_RANGES) is not None
+        inside = range_of(letter, address, word=letter not in BIT_RANGES, fx3=fx3) is not None
     if not inside:
-        raise ValueError(f"{shown}: there is no {letter}{digits}, allowed {range_text(letter)}")
+        raise ValueError(f"{shown}: there is no {letter}{digits}, allowed {range_text(letter, fx3=fx3)}")
     return address
 
 

@@ -41,8 +41,11 @@ _SIGNS = frozenset(("=", ">", "<", "<>", "<=", ">="))
 _LABEL = re.compile(r"[Pp][0-9]+:?", re.ASCII)
 _STEP = re.compile(r"[0-9]+:?", re.ASCII)
 _COMPARISON = re.compile(r"((?:LD|AND|OR)D?(?:<>|<=|>=|=|<|>))([^=<>]+)", re.ASCII | re.IGNORECASE)
-#: Operands of instructions that are not simulated: floating point, texts, buffer memory, bits of words.
-_OTHERS = re.compile(r"[Ee][+-]?[0-9.]+|\".*\"|[Uu][0-9]\\[Gg][0-9]+", re.ASCII)
+#: What is an operand, right or not, also of instructions that are not simulated: E, texts, buffer memory.
+_OPERAND = re.compile(
+    r"(?:(?:K[0-9]+)?[XYMSTCDRPN][0-9]+|[KHE][+-]?[0-9A-F.]+|V|Z)[0-9.A-F]*(?:[VZ][0-9]*)?|\".*\"|U[0-9]\\G[0-9]+",
+    re.ASCII | re.IGNORECASE,
+)
 _FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
 #: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
 #: each other the earlier one is meant.
@@ -90,11 +93,11 @@ class Source:
     later checks blame nothing on its absence.
     """
 
-    def __init__(self, text: str, name: str, *, skip: bool = False) -> None:
+    def __init__(self, text: str, name: str, *, skip: bool = False, fx3: bool = False) -> None:
         self.name = name
         #: Those that are skipped, as they are not simulated: none without ``skip``.
         self.skipped: list[Problem] = []
-        self._skip = skip
+        self._skip, self._fx3 = skip, fx3
         self.instructions: list[Instruction] = []
         self.gaps: set[int] = set()
         self.problems: list[Problem] = []
@@ -162,7 +165,7 @@ class Source:
 
     def _begin_or_go_on(self, words: list[_Word]) -> None:
         statement, head = self._statement, words[0]
-        if head.text.upper() not in FORMS and (_OTHERS.fullmatch(head.text) or _is_operand(head)):
+        if head.text.upper() not in FORMS and _OPERAND.fullmatch(head.text):
             if statement is not None and statement.takes(head):
                 statement.words.extend(words)
                 return
@@ -237,7 +240,7 @@ class Source:
     def _operands(self, words: list[_Word]) -> Iterator[Operand]:
         for word in words:
             try:
-                yield parse_operand(word.text, word.column)
+                yield parse_operand(word.text, word.column, fx3=self._fx3)
             except ValueError as error:
                 self._wrong(word.line, word.column, str(error))
 
@@ -285,14 +288,6 @@ def _statements(words: list[_Word]) -> Iterator[list[_Word]]:
             head, form = at, FORMS.get(name)
     if words:
         yield words[begun:]
-
-
-def _is_operand(word: _Word) -> bool:
-    try:
-        parse_operand(word.text, word.column)
-    except ValueError:
-        return False
-    return True
 
 
 def _unknown(word: str) -> str:
