@@ -183,6 +183,7 @@ class Reference:
         self.blocks: list[int] = []
         self.branches: list[int] = []
         self.masters: dict[int, int] = {}
+        self.step: tuple[int, list[tuple[str, int]]] = (1, [])
         calls: list[int] = []
         loops: dict[int, int] = {}
         at = 0
@@ -195,6 +196,10 @@ class Reference:
             jump = None
             if name == "SRET":
                 jump = calls.pop() if calls else len(self.lines) - 1
+            elif name == "STL":
+                jump = self.begin_step(at, line[1])
+            elif name == "RET":
+                self.step = (1, [])
             elif name == "FOR":
                 loops[at] = max(self.read(line[1], 16), 1)
             elif name == "NEXT":
@@ -212,6 +217,21 @@ class Reference:
                 self.carry_out(at, line)
             at = at + 1 if jump is None else jump
 
+    def begin_step(self, at: int, state: str) -> int | None:
+        """A step; where the program goes on if it is neither active nor just left."""
+        place = self.bit_place(state)
+        joined = at > 0 and self.lines[at - 1][0] == "STL"
+        on = int(self.bits[place] and (not joined or self.step[0]))
+        self.step = (on, [*self.step[1], place] if joined else [place])
+        before, self.before[at] = self.before[at], on
+        self.acc = 1
+        if on or before:
+            return None
+        at += 1
+        while self.lines[at][0] != "RET" and (self.lines[at][0] != "STL" or self.lines[at - 1][0] == "STL"):
+            at += 1
+        return at
+
     def partner(self, at: int) -> int:
         depth = 0
         for start in range(at, -1, -1):
@@ -222,7 +242,7 @@ class Reference:
 
     def on(self) -> int:
         """The accumulator and the innermost MC."""
-        return int(self.acc and (not self.masters or self.masters[max(self.masters)]))
+        return int(self.acc and self.step[0] and (not self.masters or self.masters[max(self.masters)]))
 
     def driven(self, at: int, name: str) -> int:
         on = self.on()
@@ -302,6 +322,11 @@ class Reference:
             self.timer(address, on, operands[1])
         elif name == "OUT" and letter == "C":
             self.counter(address, on, operands[1])
+        elif name in ("OUT", "SET") and letter == "S" and self.step[1]:
+            if on:
+                for left in self.step[1]:
+                    self.bits[left] = 0
+                self.bits["S", address] = 1
         elif name == "OUT":
             self.bits[letter, address] = on
         elif name in ("PLS", "PLF"):

@@ -46,7 +46,6 @@ def test_what_a_line_may_look_like() -> None:
         ("OUTT Y0", 1, "did you mean OUT?"),
         ("DBMOV D0 D1 K2", 1, "forms BMOV and BMOVP only"),
         ("RS2P D0 K1 D1 K1 K3", 1, "neither a P (pulse) nor a D (32-bit) form"),
-        ("STL S0", 1, "step ladders are not simulated"),
         ("DPLSY K1 K2 Y0", 1, "'DPLSY' is an FX3 instruction that is not simulated"),
         ("ADPRW H1 H3 H0 K2 D100", 1, "polls: of the PLC make the same requests"),
         ("DEMOVP E1.5 D0", 1, "not simulated; --allow-unsimulated (allow_unsimulated: true) skips it"),

@@ -18,7 +18,17 @@ from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Flow, Instruction
 from bussim.plc.program.text.flow import BasicBlock
-from bussim.plc.program.text.ladder import Both, Condition, Contact, Control, Either, Not, Rung, Saved
+from bussim.plc.program.text.ladder import (
+    STEP_LEVEL,
+    Both,
+    Condition,
+    Contact,
+    Control,
+    Either,
+    Not,
+    Rung,
+    Saved,
+)
 from bussim.plc.program.text.operands import Operand
 from bussim.plc.program.text.unsimulated import SKIPPED
 
@@ -133,6 +143,15 @@ class _Writer:
             case Flow.NEXT:
                 loop = f"loops[{target - 1}]"
                 self._write(f"{loop} -= 1", f"return {target} if {loop} > 0 else {following}")
+            case Flow.STL:  # carried out once more, without its state, after that has gone off
+                state, earlier = at.operands[0].address, f"earlier[{at.number}]"
+                joined = f"levels[{STEP_LEVEL}] and " if control.level == STEP_LEVEL else ""
+                self._write(f"on = levels[{STEP_LEVEL}] = {joined}S[{state}]")
+                self._write(
+                    f"before, {earlier} = {earlier}, on", f"return {following} if on or before else {target}"
+                )
+            case Flow.RET:
+                self._write(f"return {following}")
             case Flow.WDT:
                 self._write("if on: watch()", f"return {following}")
             case Flow.FEND | Flow.END:
@@ -149,7 +168,12 @@ class _Writer:
         if (index := self._saved.get(id(rung))) is not None:
             self._write(f"saved[{index}] = on")
         for at in rung.outputs:
-            self._output(at)
+            if rung.steps and at.spec.name in ("SET", "OUT") and at.operands[0].kind == "S":
+                # The state that follows takes the place of those that led to it.
+                states = "".join(f"S[{state}] = " for state in rung.steps)
+                self._write("if on:", f"    {states}0", f"    S[{at.operands[0].address}] = 1")
+            else:
+                self._output(at)
 
     def _output(self, at: Instruction) -> None:
         if at.spec.is_applied:

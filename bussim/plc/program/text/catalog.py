@@ -44,6 +44,8 @@ class Flow(StrEnum):
     SRET = "SRET", False, False, False  # where CALL leads back from
     FEND = "FEND", False, False, False
     END = "END", False, False, False
+    STL = "STL", False, False, True  # a step: what follows is carried out while its state is on
+    RET = "RET", False, False, False  # the end of the steps
     LABEL = "P", False, False, False
 
     def __new__(cls, name: str, has_target: bool, returns: bool, is_vague: bool) -> Self:  # noqa: FBT001 - rows
@@ -254,8 +256,9 @@ _OUTPUTS = [
 
 _BARE = [
     Spec("MCR", LadderRole.BARE, (Slot("level", ("N",), index=False),), steps=2),
+    Spec("STL", LadderRole.BARE, (Slot("state", ("S",), index=False),), steps=1),
     Spec("FOR", LadderRole.BARE, (_count("n", -32768, 32767, takes=WORDS_FROM),), steps=3),
-    *(Spec(name, LadderRole.BARE, steps=1) for name in ("NEXT", "SRET", "FEND", "END")),
+    *(Spec(name, LadderRole.BARE, steps=1) for name in ("NEXT", "SRET", "RET", "FEND", "END")),
 ]
 _BLOCKS = [Spec(name, LadderRole.BLOCK, steps=1) for name in ("ANB", "ORB", "MPS", "MRD", "MPP", "INV")]
 

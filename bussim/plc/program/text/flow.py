@@ -101,7 +101,17 @@ class FlowCheck:
                     for opened in loops:
                         self._wrong(opened, f"FOR without its NEXT in front of {at.name}")
                     loops.clear()
-                case None | Flow.CJ | Flow.CALL | Flow.WDT | Flow.MC | Flow.MCR | Flow.LABEL:
+                case (
+                    None
+                    | Flow.CJ
+                    | Flow.CALL
+                    | Flow.WDT
+                    | Flow.MC
+                    | Flow.MCR
+                    | Flow.LABEL
+                    | Flow.STL
+                    | Flow.RET
+                ):
                     pass
                 case flow:
                     assert_never(flow)
@@ -113,7 +123,7 @@ class BasicBlock:
 
     ``exit`` is None where the program goes on with the next block. ``target`` is the block that
     the exit names: of a jump its label, of FOR what follows its NEXT, of NEXT what follows its FOR;
-    -1 is the end of the scan. ``instructions`` are all of the block's, for their times.
+    of STL the next step or RET; -1 is the end of the scan. ``instructions`` are all of the block's, for their times.
     """
 
     rungs: list[Rung | Control] = field(default_factory=list)
@@ -127,6 +137,7 @@ def cut(items: list[Rung | Control], instructions: list[Instruction]) -> list[Ba
     blocks = [BasicBlock()]
     labels: dict[int, int] = {END_LABEL: -1}
     loops: list[int] = []
+    steps: list[int] = []  # the blocks that an STL ends and whose next step was not met yet
     opened: dict[int, int] = {}  # of each NEXT's block, its FOR's
     cuts = []  # (number of the first instruction of the next block)
     for item in items:
@@ -143,6 +154,15 @@ def cut(items: list[Rung | Control], instructions: list[Instruction]) -> list[Ba
                 blocks.append(BasicBlock())
                 labels[at.operands[0].address] = here + 1
                 continue
+            case Flow.STL | Flow.RET:
+                cuts.append(at.number)
+                blocks.append(BasicBlock())
+                here += 1
+                if item.level is None or item.flow is Flow.RET:
+                    for step in steps:
+                        blocks[step].target = here
+                    steps.clear()
+                steps.append(here)
             case Flow.FOR:
                 loops.append(here)
             case Flow.NEXT:

@@ -9,15 +9,20 @@ Carried out here once, on expressions instead of values.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import assert_never
 
 from bussim.errors import Problem
-from bussim.plc.program.text.catalog import Flow, Instruction, LadderRole
+from bussim.plc.program.text.catalog import FORMS, Flow, Instruction, LadderRole
+from bussim.plc.program.text.operands import parse_operand
 
 #: FX programming manual: at most eight LD blocks wait for ANB or ORB, eleven MPS for MPP.
 MAX_BLOCKS = 8
 MAX_BRANCHES = 11
+#: The level of rungs in a step, beside those of MC.
+STEP_LEVEL = 8
+#: The contact of a rung that begins at its step; M8000 is always on.
+_ALWAYS = (parse_operand("M8000", 0),)
 #: Contacts of one condition, ours: far beyond what a screen shows, and Python's brackets nest no deeper.
 MAX_CONTACTS = 200
 
@@ -64,11 +69,15 @@ Condition = Contact | Not | Both | Either | Saved
 
 @dataclass(slots=True, eq=False)
 class Rung:
-    """Outputs with one condition, in order. ``level``: the MC that it stands under."""
+    """Outputs with one condition, in order.
+
+    ``level``: the MC that it stands under, or STEP_LEVEL; ``steps``: the states of the step then.
+    """
 
     condition: Condition
     level: int | None
     outputs: list[Instruction] = field(default_factory=list)
+    steps: tuple[int, ...] = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -112,10 +121,14 @@ class Ladder:
         self._length = 0  # contacts of the accumulator since it was last kept
         self._unsure = False  # a line could not be read: blame nothing on it
         self._levels: list[tuple[int, Instruction]] = []
+        self._steps: tuple[int, ...] = ()
+        self._step: Instruction | None = None  # the latest STL, in front of its RET
         for instruction in instructions:
             if instruction.number in gaps:
                 self._unsure = True
             self._take(instruction)
+        if self._step is not None:
+            self._wrong(self._step, "STL without its RET")
         for _, opened in self._levels:
             self._wrong(opened, "MC without its MCR")
 
@@ -125,6 +138,8 @@ class Ladder:
 
     @property
     def _level(self) -> int | None:
+        if self._step is not None:
+            return STEP_LEVEL
         return self._levels[-1][0] if self._levels else None
 
     def _take(self, instruction: Instruction) -> None:
@@ -226,7 +241,7 @@ class Ladder:
     def _keep(self) -> None:
         """Make the accumulator something that can be asked for again: its value, not its contacts."""
         if self._accumulator is not None and not isinstance(self._accumulator, Saved):
-            rung = Rung(self._accumulator, self._level)
+            rung = Rung(self._accumulator, self._level, steps=self._steps)
             self.items.append(rung)
             self._accumulator = Saved(rung)
 
@@ -251,10 +266,10 @@ class Ladder:
             if not isinstance(last, Rung) or (
                 last is not accumulator.rung and last.condition is not accumulator
             ):
-                last = Rung(accumulator, self._level)
+                last = Rung(accumulator, self._level, steps=self._steps)
                 self.items.append(last)
         else:
-            last = Rung(accumulator, self._level)
+            last = Rung(accumulator, self._level, steps=self._steps)
             self.items.append(last)
             self._accumulator = Saved(last)
         last.outputs.append(instruction)
@@ -313,4 +328,20 @@ class Ladder:
                 self._levels = [(opened, at) for opened, at in self._levels if opened < level]
             else:
                 self._levels.clear()
+        if instruction.name == "STL":
+            self._begin_step(instruction)
+            return
+        if instruction.name == "RET":
+            if self._step is None:
+                self._wrong(instruction, "RET without its STL")
+            self._step, self._steps = None, ()
         self.items.append(Control(instruction, None, self._level))
+
+    def _begin_step(self, instruction: Instruction) -> None:
+        """STL: right behind another one both states must be on; its rungs may begin without a contact."""
+        joined = self._step is not None and self._step.number + 1 == instruction.number
+        self.items.append(Control(instruction, None, STEP_LEVEL if joined else None))
+        states = tuple(operand.address for operand in instruction.operands)
+        self._step, self._steps = instruction, (*self._steps, *states) if joined else states
+        always = replace(instruction, name="LD", form=FORMS["LD"], operands=_ALWAYS)
+        self._accumulator, self._finished = Contact(always), True

@@ -195,7 +195,7 @@ class Source:
         if rest and rest[0].text in _SIGNS and name + rest[0].text in FORMS:
             name, rest = name + rest[0].text, rest[1:]
         form, effect = FORMS.get(name), effect_of(name) if self._skip else None
-        if form is None and effect and name not in ("STL", "RET"):
+        if form is None and effect:
             form = stand_in(name)
             message = f"{name} is skipped, as it is not simulated: {effect}"
             self.skipped.append(Problem(self.name, head.line, head.column, message))

@@ -30,7 +30,6 @@ _EFFECTS = {
         BKCMP= BKCMP> BKCMP< BKCMP<> BKCMP<= BKCMP>= STR VAL $+ LEN RIGHT LEFT MIDR MIDW INSTR $MOV FDEL
         FINS POP SFR SFL LIMIT BAND ZONE SCL DABIN BINDA SCL2 HSCT LOADR SAVER INITR LOGR RWER INITER
         FLCRT FLDEL FLWR FLRD FLCMD FLSTRD""",
-    "step ladders are not simulated; write the steps with SET and RST": "STL RET",
 }
 _EFFECT = {name: effect for effect, names in _EFFECTS.items() for name in names.split()}
 #: What stands for those that are no outputs.
