@@ -74,7 +74,8 @@ class Machine:
         self.earlier = bytearray(size)
         #: Conditions kept for later on the same rung.
         self.saved = bytearray(size)
-        #: Conditions of MC N0–N7, and of the step; on where a jump has left the MC out (FX programming manual).
+        #: Conditions of MC N0–N7 and, last, of the step; on where a jump has left the MC out (FX programming
+        #: manual).
         self.levels = bytearray(9)
         #: Of each timer: the scan in which it was last driven (0: not), and the clock pulses by then.
         self.timer_scan = [0] * 512

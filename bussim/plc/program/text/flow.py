@@ -123,7 +123,8 @@ class BasicBlock:
 
     ``exit`` is None where the program goes on with the next block. ``target`` is the block that
     the exit names: of a jump its label, of FOR what follows its NEXT, of NEXT what follows its FOR;
-    of STL the next step or RET; -1 is the end of the scan. ``instructions`` are all of the block's, for their times.
+    of STL the next step or RET; -1 is the end of the scan. ``instructions`` are all of the block's, for
+    their times.
     """
 
     rungs: list[Rung | Control] = field(default_factory=list)
