@@ -138,6 +138,12 @@ def suggest(name: str, options: Sequence[str]) -> str:
     return f"allowed are {names(options)}" if options else "there are none"
 
 
+def shell_word(word: object) -> str:
+    """A word of a command line, in quotes if it needs them in shells."""
+    text = str(word)
+    return text if re.fullmatch(r"[\w@%+=:,./\\-]+", text) else f'"{text}"'
+
+
 def about(value: float) -> str:
     """Two significant digits, with thousands separated: 3,100; 0.12; 1e-7 stays a power."""
     if value == 0:

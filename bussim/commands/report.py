@@ -86,6 +86,7 @@ def _source(
     from bussim.report.tables import turnarounds_of
     from bussim.trace.file import TRACE, read_trace
     from bussim.trace.records import AttemptRecord
+    from bussim.wording import shell_word
 
     scenario = _scenario(folder)
     distributions: dict[str, ExactDistribution] = {}
@@ -104,7 +105,8 @@ def _source(
     if (folder / TRACE).is_file():
         turnarounds = turnarounds_of(read_trace(folder).of(AttemptRecord))
         scenes = _scenes(folder, record, shapes)
-        no_trace = f"It is too much for this page; draw it with bussim timeline {folder} --worst"
+        draw = f"bussim timeline {shell_word(folder)} --worst"
+        no_trace = f"It is too much for this page; draw it with {draw}"
     else:
         no_trace = (
             f"This run was not traced, so there is no timeline of it. To get one: {traced_again(folder)}"

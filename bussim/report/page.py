@@ -27,7 +27,7 @@ from bussim.results.verdict.catalogue import in_ms
 from bussim.results.verdict.verdict import about as about_bus
 from bussim.units import seconds
 from bussim.version import __version__
-from bussim.wording import about, counted
+from bussim.wording import about, counted, shell_word
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -303,7 +303,7 @@ def _commands(source: Source, command: Sequence[str]) -> list[str]:
         "bussim run scenario.yaml --trace --out again",
         "bussim report again -o again.html",
     ]
-    return [*lines, f"# this page: {' '.join(command)}"] if command else lines
+    return [*lines, f"# this page: {' '.join(map(shell_word, command))}"] if command else lines
 
 
 def labels_of(names: Sequence[str], sources: Iterable[Any]) -> list[str]:

@@ -13,6 +13,7 @@ import click
 
 from bussim.errors import UsageError
 from bussim.files import written_whole
+from bussim.wording import shell_word
 
 
 def print_json(data: Any, *, indent: int = 2) -> None:
@@ -42,7 +43,7 @@ def traced_again(folder: Path) -> str:
     """The command that repeats a run with a trace."""
     from bussim.results.store.folder import SCENARIO
 
-    return f"bussim run {folder / SCENARIO} --trace --out NEW_DIR"
+    return f"bussim run {shell_word(folder / SCENARIO)} --trace --out NEW_DIR"
 
 
 def write_text(path: Path, text: str) -> None:
