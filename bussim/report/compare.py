@@ -9,7 +9,7 @@ from typing import Any
 from bussim.report.latency import compared
 from bussim.report.nodes import node_metrics
 from bussim.report.runs import Source
-from bussim.report.tables import NONE, SETTINGS, TIMES, Cell, Table, number, pointer
+from bussim.report.tables import CODE, NONE, SETTINGS, TIMES, Cell, Table, number, pointer
 from bussim.results.verdict.verdict import faults
 
 _HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
@@ -47,7 +47,8 @@ _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
 
 def head_table(sources: Sequence[Source]) -> Table:
     """What was run."""
-    rows = [(label, _row(sources, (key,), change=False)) for key, label in _HEAD.items()]
+    codes = {"seed": CODE}
+    rows = [(label, _row(sources, (key,), codes.get(key), change=False)) for key, label in _HEAD.items()]
     return Table("The runs", ["", *(source.label for source in sources)], rows)
 
 

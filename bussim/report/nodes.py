@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 from bussim.report import charts, tables
 from bussim.report.parts import Chart, Charts
 from bussim.report.runs import Source
-from bussim.report.tables import Cell, Table, number, pointer
+from bussim.report.tables import CODE, Cell, Table, number, pointer
+from bussim.results.verdict.catalogue import meaning
 
 _SECTIONS = ("ports", "devices")
 
@@ -37,8 +38,8 @@ _ROLES: tuple[tuple[str, str, tuple[Metric, ...]], ...] = (
             Metric("no response in time", ("timeouts",)),
             Metric("CRC or LRC", ("crc_errors",)),
             Metric("{}", ("other_errors",)),
-            Metric("exception {}", ("exceptions",)),
-            Metric("port error {} (yy of D8063 = 7xyy)", ("errors",)),
+            Metric("exception {} ({exception})", ("exceptions",)),
+            Metric("port error {} ({port_error}; yy of D8063 = 7xyy)", ("errors",)),
             Metric("timeout (ms)", ("timeout_ms",)),
             *(Metric(f"response time, {label} (ms)", ("response_ms", key), 3) for key, label in _TIMES),
             *(Metric(f"poll cycle, {label} (ms)", ("cycle_ms", key), 3) for key, label in _TIMES),
@@ -52,9 +53,9 @@ _ROLES: tuple[tuple[str, str, tuple[Metric, ...]], ...] = (
             Metric("requests", ("requests",)),
             Metric("answered", ("answered",)),
             Metric("broadcasts", ("broadcasts",)),
-            Metric("exception {}", ("exceptions",)),
+            Metric("exception {} ({exception})", ("exceptions",)),
             Metric("ignored: {}", ("rejected",)),
-            Metric("port error {} (yy of D8063 = 7xyy)", ("errors",)),
+            Metric("port error {} ({port_error}; yy of D8063 = 7xyy)", ("errors",)),
         ),
     ),
     (
@@ -67,13 +68,13 @@ _ROLES: tuple[tuple[str, str, tuple[Metric, ...]], ...] = (
             Metric("damaged characters", ("damaged",)),
             Metric("bytes sent", ("bytes", "sent")),
             Metric("bytes received", ("bytes", "received")),
-            Metric("port error {} (yy of D8063 = 7xyy)", ("errors",)),
+            Metric("port error {} ({port_error}; yy of D8063 = 7xyy)", ("errors",)),
         ),
     ),
     ("state", "Devices at the end of the run", (Metric("{}", ("state",)),)),
 )
 _BUS = (
-    Metric("baud", ("baud",)),
+    Metric("baud", ("baud",), CODE),
     Metric("format", ("format",)),
     Metric("bus load (share of the time)", ("bus_load",), 4),
     Metric("frames", ("frames",)),
@@ -159,7 +160,8 @@ def _spread(metrics: Iterable[Metric], entries: Iterable[Mapping[str, Any]]) -> 
             continue
         values = [value for entry in entries if isinstance(value := value_at(entry, metric.keys), Mapping)]
         for name in dict.fromkeys(name for value in values for name in value):
-            yield Metric(metric.label.format(name), (*metric.keys, name), metric.decimals)
+            words = {kind: meaning(name, kind=kind) for kind in ("exception", "port_error")}
+            yield Metric(metric.label.format(name, **words), (*metric.keys, name), metric.decimals)
 
 
 _MISSING = object()

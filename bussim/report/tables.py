@@ -69,6 +69,10 @@ def pointer(*keys: object) -> str:
     return "".join("/" + str(key).replace("~", "~0").replace("/", "~1") for key in keys)
 
 
+#: The decimals of a number that is a name, such as a seed or a rate: its thousands are not apart.
+CODE = -1
+
+
 def number(value: object, decimals: int | None = None) -> str:
     """A value of ``summary.json`` as a cell shows it."""
     if value is None:
@@ -76,7 +80,7 @@ def number(value: object, decimals: int | None = None) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
     if isinstance(value, int):
-        return f"{value:,}"
+        return str(value) if decimals == CODE else f"{value:,}"
     return f"{value:,.{decimals}f}" if decimals is not None else f"{value:,.6g}"
 
 

@@ -38,15 +38,16 @@ def test_what_is_advised_can_be_done(
     monkeypatch.chdir(tmp_path)
     # So that each page leaves its timeline to a command.
     monkeypatch.setattr("bussim.report.scene.MOST_SHAPES", 0)
-    Path("scenario.yaml").write_text(read(name), encoding="utf-8")
+    text = re.sub(r"^duration: .*", "duration: 12 s", read(name), flags=re.MULTILINE)
+    Path("scenario.yaml").write_text(text, encoding="utf-8")
     found: list[list[str]] = []
     with undrawn():
         for command in (
             ["check", name],
             ["exact", name],
             ["size", name],
-            ["run", name, "--out", "two words/plain"],
-            ["run", name, "--trace", "--out", "two words/traced"],
+            ["run", name, "--duration", "12s", "--out", "two words/plain"],
+            ["run", name, "--duration", "12s", "--trace", "--out", "two words/traced"],
             ["report", "two words/plain"],
             ["report", "two words/traced"],
             ["timeline", "two words/plain"],

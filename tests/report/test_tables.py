@@ -216,7 +216,10 @@ def test_ports_of_two_runs_are_compared(source: Source) -> None:
     cells = dict(table.rows)
     assert [(cell.text, cell.differs) for cell in cells["answered (ok)"]] == [("10", False), ("9", True)]
     assert [cell.text for cell in cells["response time, median (ms)"]] == ["44.000", "44.000"]
-    assert [cell.text for cell in cells["port error 09 (yy of D8063 = 7xyy)"]] == ["1", "1"]
+    assert [cell.text for cell in cells["port error 09 (no response in time; yy of D8063 = 7xyy)"]] == [
+        "1",
+        "1",
+    ]
     assert cells["answered (ok)"][1].path == "/ports/a.COM3/ok"
     assert compare.entry_tables([source, source]) == []
 

@@ -16,6 +16,7 @@ from bussim.errors import UsageError
 from bussim.live.polling import PollTurns, Turn
 from bussim.results.meters.histogram import Histogram
 from bussim.results.store.tables import INT, MILLISECONDS, SECONDS, TEXT, CsvTable
+from bussim.results.verdict.catalogue import meaning
 from bussim.units import milliseconds, nanoseconds, seconds
 from bussim.wording import counted
 
@@ -23,15 +24,6 @@ if TYPE_CHECKING:
     from bussim.commands.poll.plan import Plan, Planned
     from bussim.live.options import PortOptions
 
-#: Exception codes in words (Modbus application protocol, section 7).
-_EXCEPTIONS = {
-    1: "illegal function",
-    2: "illegal address",
-    3: "illegal value",
-    4: "device failure",
-    5: "acknowledge",
-    6: "device busy",
-}
 #: Columns of the CSV file.
 COLUMNS = {
     "time_s": SECONDS,
@@ -178,7 +170,7 @@ def _row(turn: Turn, planned: Planned) -> tuple[str | int | None, ...]:
 
 def _outcome(error: int, exception: int) -> str:
     if exception:
-        return f"exception {exception:02X}, {_EXCEPTIONS.get(exception, 'unknown')}"
+        return f"exception {exception:02X}, {meaning(f'{exception:02X}', kind='exception')}"
     return MEANINGS[error]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from bussim.results.verdict.catalogue import meaning
 from bussim.wording import counted
 
 #: What statistics of times are called.
@@ -65,7 +66,9 @@ def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:
     yield f"{name}: {what} on {port['bus']}{_timeout(port)}"
     yield from _counts(port)
     if port["errors"]:
-        errors = ", ".join(f"{yy} {number:,}×" for yy, number in port["errors"].items())
+        errors = ", ".join(
+            f"{yy} {number:,}× ({meaning(yy, kind='port_error')})" for yy, number in port["errors"].items()
+        )
         yield f"  port errors      yy of D8063 = 7xyy: {errors}"
 
 
@@ -89,7 +92,10 @@ def _counts(node: Mapping[str, Any]) -> Iterator[str]:
 
 def _master(port: Mapping[str, Any]) -> Iterator[str]:
     failures = [
-        *(f"{number:,} exception {code}" for code, number in port["exceptions"].items()),
+        *(
+            f"{number:,} exception {code} ({meaning(code, kind='exception')})"
+            for code, number in port["exceptions"].items()
+        ),
         *_unless_none(port["timeouts"], "no response in time"),
         *_unless_none(port["crc_errors"], "CRC or LRC"),
         *(f"{number:,} {words}" for words, number in port["other_errors"].items()),
@@ -134,7 +140,10 @@ def _slave(node: Mapping[str, Any]) -> str:
     words = [f"{node['requests']:,}", f"{node['answered']:,} answered"]
     words += _unless_none(node.get("broadcasts", 0), "broadcasts")
     if "transactions" not in node:  # else the exceptions stand among the master's
-        words += [f"{number:,} exception {code}" for code, number in node["exceptions"].items()]
+        words += [
+            f"{number:,} exception {code} ({meaning(code, kind='exception')})"
+            for code, number in node["exceptions"].items()
+        ]
     if node["rejected"]:
         reasons = ", ".join(f"{reason} {number:,}×" for reason, number in node["rejected"].items())
         words.append(f"ignored: {reasons}")

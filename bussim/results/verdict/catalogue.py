@@ -2,8 +2,8 @@
 
 A sentence names its values in braces. Beside the formats of Python it knows ``n`` (a whole number with its
 thousands apart), ``ms`` and ``most_ms`` (milliseconds, see :func:`in_ms`), ``list`` (names), ``counts``
-(words with how often), ``codes`` (counts by error code, with what each code means), ``meanings`` (what codes
-mean) and ``cause`` (why a link scan was long).
+(words with how often), ``codes`` and ``exceptions`` (counts by code, with what each means), ``meanings``
+(what codes mean) and ``cause`` (why a link scan was long).
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "no_response": _fault("{node}: requests without any response: {requests:n} ({polls:list})."),
     "damaged_responses": _fault("{node}: responses that arrived damaged: {reasons:counts}."),
-    "exceptions": _fault("{node}: exception responses: {codes:counts}."),
+    "exceptions": _fault("{node}: exception responses: {codes:exceptions}."),
     "requests_repeated": Sentence(
         "{node}: requests that failed and were repeated with success: {requests:n}."
     ),
@@ -193,6 +193,26 @@ SENTENCES: Mapping[str, Sentence] = {
     "code_23": Sentence("another counter received"),
     "code_31": Sentence("polled before it had parameters"),
     "code_other": Sentence("code {code}"),
+    # -- exception codes of Modbus (application protocol V1.1b3, section 7)
+    "exception_01": Sentence("illegal function"),
+    "exception_02": Sentence("illegal address"),
+    "exception_03": Sentence("illegal value"),
+    "exception_04": Sentence("device failure"),
+    "exception_05": Sentence("acknowledge"),
+    "exception_06": Sentence("device busy"),
+    "exception_other": Sentence("unknown"),
+    # -- the yy of D8063 = 7xyy (PW10 board manual, section 8)
+    "port_error_00": Sentence("slave address setting"),
+    "port_error_01": Sentence("frame length"),
+    "port_error_02": Sentence("address"),
+    "port_error_03": Sentence("CRC or LRC"),
+    "port_error_04": Sentence("unsupported function"),
+    "port_error_05": Sentence("reception"),
+    "port_error_06": Sentence("data"),
+    "port_error_07": Sentence("buffer overflow"),
+    "port_error_08": Sentence("framing"),
+    "port_error_09": Sentence("no response in time"),
+    "port_error_other": Sentence("the port board"),
     # -- parts of sentences
     "and": Sentence(" and "),
     "then": Sentence(", then "),
@@ -223,10 +243,10 @@ def is_fault(key: str) -> bool:
     return key in SENTENCES and SENTENCES[key].fault
 
 
-def meaning(code: str, lang: str = "en") -> str:
-    """What an error code of the N:N link means: two hexadecimal digits in words."""
-    key = f"code_{code}"
-    return render(key if key in SENTENCES else "code_other", {"code": code}, lang)
+def meaning(code: str, lang: str = "en", *, kind: str = "code") -> str:
+    """What two digits mean, in words: a ``code`` of the N:N link, an ``exception``, a ``port_error``."""
+    key = f"{kind}_{code}"
+    return render(key if key in SENTENCES else f"{kind}_other", {"code": code}, lang)
 
 
 def cause_in_words(cause: str, lang: str = "en") -> str:
@@ -274,9 +294,11 @@ class _Text(Formatter):
                 return render("and", lang=self._lang).join([", ".join(others), last] if others else [last])
             case "counts":
                 return ", ".join(f"{what} {number:,}×" for what, number in value.items())
-            case "codes":
+            case "codes" | "exceptions":
+                kind = "code" if format_spec == "codes" else "exception"
                 return ", ".join(
-                    f"{code} {number:,}× ({meaning(code, self._lang)})" for code, number in value.items()
+                    f"{code} {number:,}× ({meaning(code, self._lang, kind=kind)})"
+                    for code, number in value.items()
                 )
             case "meanings":
                 words = dict.fromkeys(meaning(code, self._lang) for code in value.split(", "))

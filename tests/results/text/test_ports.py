@@ -20,7 +20,7 @@ def test_the_numbers_are_those_of_the_summary() -> None:
     age = port["polls"]["position"]["age_ms"]
     assert text[start + 1 : start + 7] == [
         (f"transactions {port['transactions']:,}: {port['ok']:,} ok, {port['answered_with_own_data']:,} with own data, "
-        f"{port['exceptions']['02']} exception 02, "
+        f"{port['exceptions']['02']} exception 02 (illegal address), "
         f"{port['timeouts']} no response in time, {port['crc_errors']} CRC or LRC, {others['framing']} framing; "
         f"{port['mismatched_responses']} responses taken that belonged to another request"),
         f"response median {response['p50']:.3f}, p99 {response['p99']:.3f}, max {response['max']:.3f} ms",
@@ -32,8 +32,8 @@ def test_the_numbers_are_those_of_the_summary() -> None:
         (f"poll speed {cycle['count']} turns, 0 failed; "
         f"response median {port['polls']['speed']['response_ms']['p50']:.3f}, "
         f"max {port['polls']['speed']['response_ms']['max']:.3f} ms"),
-        (f"port errors yy of D8063 = 7xyy: 03 {port['errors']['03']}×, 08 {port['errors']['08']}×, "
-        f"09 {port['errors']['09']}×"),
+        (f"port errors yy of D8063 = 7xyy: 03 {port['errors']['03']}× (CRC or LRC), 08 "
+        f"{port['errors']['08']}× (framing), 09 {port['errors']['09']}× (no response in time)"),
     ]  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def test_slaves_free_ports_and_devices() -> None:
     for line in (
         "feeder: 9600 8N1, bus load 25.0%, 2,454 frames, 1 undetected damaged frame",
         "press1.COM5: modbus-rtu-slave, station 4 on hmi",
-        "requests 30, 29 answered, 1 exception 03, ignored: CRC or LRC wrong 2×",
+        "requests 30, 29 answered, 1 exception 03 (illegal value), ignored: CRC or LRC wrong 2×",
         "press2.COM3: free on scan",
         (f"messages 0 sent (0 bytes), {free['received']} received ({3 * free['received']:,} bytes), "
         f"{free['timeouts']} ended by timeout, {free['damaged']} damaged characters"),

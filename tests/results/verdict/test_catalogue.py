@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bussim.engines.modbus.codes import MEANINGS, PortError
 from bussim.results.verdict import catalogue
 from bussim.results.verdict.catalogue import (
     LANGUAGES,
@@ -51,6 +52,7 @@ _VALUES: Mapping[str, Any] = {
     "list": ["a_b", "c"],
     "counts": {"frame length": 2},
     "codes": {"01": 2, "04": 1},
+    "exceptions": {"02": 12},
     "meanings": "01, 04",
     "cause": "station 1 (a): 6 attempts, all 01; parameter frame",
     "d": 7348,
@@ -83,6 +85,19 @@ def test_codes_are_said_in_words() -> None:
     assert meaning("01") == "no reply within the timeout"
     assert meaning("04") == "a damaged reply"
     assert meaning("7F") == "code 7F"
+    assert [meaning(code, kind="exception") for code in ("02", "7F")] == ["illegal address", "unknown"]
+    assert [meaning(code, kind="port_error") for code in ("09", "41")] == [
+        "no response in time",
+        "the port board",
+    ]
+    assert render("exceptions", {"node": "a.COM3", "codes": {"02": 1200}}).endswith(
+        ": 02 1,200× (illegal address)."
+    )
+
+
+def test_port_errors_have_the_words_of_the_engine_that_raises_them() -> None:
+    """Results are made from traces alone, and so have a table of their own."""
+    assert {code: meaning(f"{code:02}", kind="port_error") for code in PortError} == MEANINGS
 
 
 def test_milliseconds_have_one_decimal() -> None:
