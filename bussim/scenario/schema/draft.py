@@ -30,7 +30,7 @@ from bussim.scenario.schema.document import (
 )
 from bussim.scenario.schema.programs import MAX_LATENCIES, LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import counted, names, nearest, odd, show
+from bussim.wording import counted, nearest, odd, show
 
 if TYPE_CHECKING:
     from bussim.devices.forms import DeviceIn
@@ -54,6 +54,8 @@ _EXAMPLES = {
     "inputs": "{X0: {square: 500 ms}}",
     "power_on": "{press2: 4 s}",
 }
+#: From so many keys on a form is large.
+_MANY = 12
 #: Sections that may stand empty, as when all of their entries are commented out.
 _EMPTY_LISTS = frozenset({"buses", "devices", "polls", "noise", "faults", "observe", "latency"})
 #: Keys of entries that name a bus, by section.
@@ -309,7 +311,8 @@ def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
     else:
         near = nearest(key, allowed)
         hint = f"did you mean {near}?" if near else ""
-    known = f"; allowed are {names(allowed) if hint else ', '.join(allowed)}" if allowed else ""
+    # A part of the many keys of a large form would be of no help beside the one that is meant.
+    known = f"; allowed are {', '.join(allowed)}" if allowed and not (hint and len(allowed) > _MANY) else ""
     report.unknown_key((*path, *loc), f"is not a key here{known}{'; ' if hint else ''}{hint}{odd(key)}")
 
 

@@ -183,9 +183,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "profile override": (
         changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, turnarround: 1 ms}"),
-        [
-            "x.yaml:9:27: profile.turnarround is not a key here; allowed are base, master_gap, turnaround, scan_overhead, attempts, absent_station, error_count, reply, link_scan_unit, scan_factor, default_timeout, timeout_range, …; did you mean turnaround?"
-        ],
+        ["x.yaml:9:27: profile.turnarround is not a key here; did you mean turnaround?"],
     ),
     "profile attempts": (
         changed("scan: 8 ms", "scan: 8 ms\n    profile: {base: pw10, attempts: retries+2}"),

@@ -197,5 +197,4 @@ def test_mistakes_of_ports_polls_and_devices_are_named_in_full() -> None:
     assert message("plcs.press1.polls.0.count=126") == (
         "plcs.press1.polls.0.count is 126, allowed 1..125 (function 3)"
     )
-    assert message("devices.drive.dely=20ms").startswith("devices.drive.dely is not a key here; allowed are ")
-    assert message("devices.drive.dely=20ms").endswith("; did you mean delay?")
+    assert message("devices.drive.dely=20ms") == "devices.drive.dely is not a key here; did you mean delay?"
