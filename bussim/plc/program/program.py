@@ -20,7 +20,7 @@ from bussim.plc.program.text.specials import idle_special, not_simulated
 LINK_SETTINGS = 8038
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Program:
     """A program that can run. Two are equal if their text and name are.
 
@@ -30,10 +30,10 @@ class Program:
 
     text: str = field(repr=False)
     name: str
-    instructions: tuple[Instruction, ...] = field(repr=False)
-    blocks: tuple[BasicBlock, ...] = field(repr=False)
-    warnings: tuple[Problem, ...] = field(repr=False)
-    kind: str = ""
+    instructions: tuple[Instruction, ...] = field(repr=False, compare=False)
+    blocks: tuple[BasicBlock, ...] = field(repr=False, compare=False)
+    warnings: tuple[Problem, ...] = field(repr=False, compare=False)
+    kind: str = field(default="", compare=False)
     skips: bool = False
     fx3: bool = False
 
@@ -57,16 +57,6 @@ class Program:
         warnings = (*source.skipped, *_warnings(instructions, source_name))
         blocks = tuple(cut(ladder.items, instructions))
         return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips, fx3=fx3)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Program) and self._key == other._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    @property
-    def _key(self) -> tuple[str, str, bool, bool]:
-        return self.text, self.name, self.skips, self.fx3
 
     def __reduce__(self) -> tuple[object, tuple[str, str]]:
         # Another process reads the text again: faster than sending what was made of it.

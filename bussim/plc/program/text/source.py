@@ -43,7 +43,7 @@ _STEP = re.compile(r"[0-9]+:?", re.ASCII)
 _COMPARISON = re.compile(r"((?:LD|AND|OR)D?(?:<>|<=|>=|=|<|>))([^=<>]+)", re.ASCII | re.IGNORECASE)
 #: What is an operand, right or not, also of instructions that are not simulated: E, texts, buffer memory.
 _OPERAND = re.compile(
-    r"(?:(?:K[0-9]+)?[XYMSTCDRPN][0-9]+|[KHE][+-]?[0-9A-F.]+|V|Z)[0-9.A-F]*(?:[VZ][0-9]*)?|\".*\"|U[0-9]\\G[0-9]+",
+    r"(?:(?:K[0-9]+)?[XYMSTCDRPN][0-9]+|K[+-]?[0-9]+|H|E[+-]?[0-9]+|V|Z)[0-9.A-F]*(?:[VZ][0-9]*)?|\".*\"|U[0-9]\\G[0-9]+",
     re.ASCII | re.IGNORECASE,
 )
 _FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
