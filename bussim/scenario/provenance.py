@@ -18,7 +18,7 @@ PUBLISHED, MEASURED, DERIVED, ENTERED, ASSUMED = CLASSES
 NOISE = "noise"
 _FRAMES, _TIMES, _JITTER = "frame lengths", "gaps and turnarounds", "jitter of turnarounds"
 _ATTEMPTS, _ABSENT, _REPLY = "attempts of D8179", "absent_station", "when a slave replies"
-_SCANS, _SLAVES, _BYTES = "PLC scan times", "how slaves judge the master", "frame bytes"
+_SCANS, _SLAVES, _BYTES = "PLC scan times", "how slaves watch the master", "frame bytes"
 _CLEAN, _ERRORS = (_FRAMES, _TIMES), (NOISE, _ATTEMPTS, _ABSENT)
 #: What the figures of a link are made of in the first place, by their keys in the JSON forms.
 _MADE_OF: dict[tuple[str, ...], str] = {

@@ -1,4 +1,4 @@
-"""What programming tools write: tables of a program or of device comments, told from instruction lists.
+"""What programming tools write: tables of a program or of device comments, as against instruction lists.
 
 GX Works2 and GX Developer export a program as rows of a step, statements, an instruction, one device and
 notes, seven or nine columns separated by tabs or commas; further operands stand in rows of their own.
