@@ -61,10 +61,14 @@ def test_a_random_program_does_the_same_compiled_and_interpreted(seed: int) -> N
 
 
 def test_the_random_programs_are_no_trifles() -> None:
-    """They use every instruction, and operands of every kind; some run into errors, some do not."""
+    """They use every instruction, and operands of every kind; some run into errors, some do not.
+
+    Steps have random charts of their own (test_steps).
+    """
     texts = [Writer(seed).program() for seed in range(PROGRAMS)]
     used = {line.split()[0] for text in texts for line in text.split("\n")}
-    missing = {name for name in FORMS if name not in used} - {"NOP", "WDT", "WDTP", "RS2", "CPAVL"}
+    missing = {name for name in FORMS if name not in used}
+    missing -= {"NOP", "WDT", "WDTP", "RS2", "CPAVL", "STL", "RET"}
     assert not missing
     errors = 0
     for text in texts[:60]:
