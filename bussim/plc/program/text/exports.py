@@ -118,11 +118,10 @@ def _busiest(filled: list[list[_Cell]]) -> int:
 
 def _plain(row: list[_Cell], at: int, device: int, *, body: bool) -> str:
     """A row as a line of an instruction list: each word at its column, then a comment of all else."""
+    step = row[:1] if body and at > 0 and row[0].text.isdecimal() else []
     words = [cell for number, cell in enumerate(row) if body and number in (at, device) and cell.text]
     line = ""
-    if words and row[0].text.isdecimal() and at > 0:
-        words.insert(0, row[0])
-    for word in words:
+    for word in [*step, *words] if words else []:
         line = f"{line:{word.column}}{word.text}"
-    rest = " ".join(cell.text for cell in row if cell.text and cell not in words)
-    return f"{line} ; {rest}".strip() if rest and not (body and rest.isdecimal()) else line
+    rest = " ".join(cell.text for cell in row if cell.text and cell not in (*step, *words))
+    return f"{line} ; {rest}".strip() if rest else line
