@@ -13,8 +13,9 @@ from bussim.commands.common.port_options import parity_of, with_options
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
     from bussim.live.recordings.source import Source
-    from bussim.live.sniff.line import FoundLine, Settings
+    from bussim.live.sniff.line import FoundLine
     from bussim.live.sniff.listener import Listener
+    from bussim.live.sniff.reading import Settings
 
 #: Protocols of a recorded line; auto: what is recognised.
 PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
@@ -61,7 +62,7 @@ def settings_of(
 ) -> Settings:
     """What the options say of a line. Raises UsageError."""
     from bussim.live.sniff.heard import LineProtocol
-    from bussim.live.sniff.line import Settings
+    from bussim.live.sniff.reading import Settings
 
     return Settings(
         None if protocol == "auto" else LineProtocol(protocol),
@@ -123,16 +124,6 @@ def open_line(source: str, settings: Settings, *, bus: str | None, tolerance: in
         click.echo(f"this is bus {opened.bus.name!r}; with --bus also: {', '.join(others)}", err=True)
     names = {number: node for node, number in reversed(opened.bus.stations.items())}
     return OpenLine(opened, find_line(opened, settings, tolerance), opened.bus.name, names, tolerance)
-
-
-def port_timing(settings: Settings) -> LineTiming:
-    """Rate and format of a port: what is said, the rest as usual for the protocol (auto: the N:N link)."""
-    from bussim.line.characters import LineTiming
-    from bussim.live.sniff.heard import LineProtocol
-    from bussim.live.sniff.line import USUAL
-
-    usual = USUAL[settings.protocol or LineProtocol.NN]
-    return LineTiming(settings.baud or usual.baud, settings.format(usual.format))
 
 
 def read(line: OpenLine, listener: Listener, limit: int | None) -> int:

@@ -13,9 +13,9 @@ from bussim.errors import RunError
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
 from bussim.live.recordings.frames import TraceFile
-from bussim.live.sniff.line import Settings
 from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.reading import Settings
 from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS
 from bussim.wording import counted

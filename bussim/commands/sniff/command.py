@@ -16,7 +16,6 @@ from bussim.commands.common.recording import (
     is_recording,
     line_options,
     open_line,
-    port_timing,
     read,
     settings_of,
 )
@@ -86,7 +85,7 @@ def command(
             from bussim.commands.sniff.listen import listen
             from bussim.live.sniff.recognise import Recogniser
 
-            timing = port_timing(settings)
+            timing = settings.timing(None)
             session = _Session(bus or "line", timing, settings.protocol, {}, exact=False)
             session.record(stack, out, force=force)
             recogniser = Recogniser(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bussim.commands.common.recording import OpenLine
-    from bussim.live.sniff.line import Reading
+    from bussim.live.sniff.reading import Reading
 
 
 #: Stations or requests that are counted by themselves.
@@ -108,11 +108,12 @@ def to_json(
 ) -> dict[str, Any]:
     """What was heard, as plain data. ``listener`` is None where no protocol was recognised."""
     decoder = None if listener is None else listener.decoder
+    unknown = listener is None and line is not None  # a port has the rate and format that it was opened with
     found: dict[str, Any] = {
         "schema": 1,
         "protocol": None if listener is None else listener.protocol.value,
-        "baud": timing.baud,
-        "format": str(timing.format),
+        "baud": None if unknown else timing.baud,
+        "format": None if unknown else str(timing.format),
         "inverted": None if line is None else line.found.reading.setup.inverted,
         "channels": [] if line is None else list(line.found.reading.setup.channels),
         "suggested": _suggested(line.found.suggested if line is not None else None),
@@ -180,9 +181,9 @@ def show(found: dict[str, Any]) -> RenderableType:
     from rich.console import Group
     from rich.text import Text
 
-    protocol = found["protocol"] or "not recognised"
     lines = [
-        f"{protocol}, {found['baud']} bps {found['format']}"
+        (found["protocol"] or "not recognised")
+        + (f", {found['baud']} bps {found['format']}" if found["baud"] else "")
         + (", inverted" if found["inverted"] else "")
         + (f", channel {', '.join(found['channels'])}" if found["channels"] else "")
         + f"; {found['duration_s']:.1f} s, {counted(found['characters'], 'character')}, "
@@ -205,9 +206,11 @@ def show(found: dict[str, Any]) -> RenderableType:
             f"timeout {link['timeout_ms']:g} ms ({origin})"
         )
         lines.append(f"link scan time   {shown or '–'} ms   ({counted(link['scans'], 'scan')})")
-    return Group(*map(Text, lines), _table(found))
+    return Group(*map(Text, lines), *([_table(found)] if found["exchanges"] else []))
 
 
+#: Outcomes in words.
+_WORDS = {"no_answer": "no reply", "wrong_answer": "wrong reply"}
 #: Numbers that are shown where they are not 0: what is counted, and more of it.
 _SHOWN = {
     "unasked": ("frame", "of no exchange"),
@@ -216,7 +219,7 @@ _SHOWN = {
     "broadcast": ("request", "to all stations"),
     "undecided": ("request", "whose outcome the recording does not show"),
     "late": ("response", "after the master's timeout"),
-    "wrong_seen": ("wrong response", "before the right one"),
+    "wrong_seen": ("wrong reply", "before the right one"),
     "recorder_damage": ("frame", "damaged at the recorder only"),
     "parity_errors": ("character", "with a wrong parity bit"),
     "stop_errors": ("character", "with a wrong stop bit"),
@@ -252,7 +255,7 @@ def _table(found: dict[str, Any]) -> Table:
     for name, asked in found["exchanges"].items():
         figures = asked["response_ms"]
         failed = ", ".join(
-            f"{count:,} × {word.replace('_', ' ')}"
+            f"{count:,} × {_WORDS.get(word, word)}"
             for word, count in asked["outcomes"].items()
             if word != "ok"
         )

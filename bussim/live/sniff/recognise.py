@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.recordings.source import Chunk
+from bussim.live.recordings.source import Chunk, LineSetup
 from bussim.live.sniff.heard import LineProtocol
-from bussim.live.sniff.line import score
 from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.reading import read
 
 #: Characters that are kept until the protocol is known.
 _KEPT = 20_000
@@ -67,19 +67,19 @@ class Recogniser:
             self.listener.close(now)
 
     def _try(self) -> None:
-        scores = {
-            protocol: score(
+        readings = [
+            read(
                 map(Chunk, self._kept),
+                LineSetup(self._timing),
                 protocol,
-                self._timing,
+                _KEPT + 1,
                 exact=False,
                 tolerance=self._tolerance,
-                limit=_KEPT + 1,
-            )
+            )[0]
             for protocol in LineProtocol
-        }
-        best = max(scores, key=lambda protocol: scores[protocol].rank)
-        if scores[best].recognised:
-            self.listener = self._make(best)
+        ]
+        best = max(readings, key=lambda each: each.score.rank)
+        if best.score.recognised and best.protocol is not None:
+            self.listener = self._make(best.protocol)
             while self._kept:
                 self.listener.chars(self._kept.popleft())

@@ -26,8 +26,9 @@ from bussim.live.recordings.sigrok import SigrokFile
 from bussim.live.recordings.source import LineSetup
 from bussim.live.recordings.text import TextFile
 from bussim.live.sniff.heard import LineProtocol
-from bussim.live.sniff.line import Settings, find_line
+from bussim.live.sniff.line import find_line
 from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.reading import Settings
 from bussim.live.sniff.recognise import Recogniser
 from bussim.live.sniff.splitter import MOST_DAMAGE
 from bussim.live.sniff.splitters import splitter

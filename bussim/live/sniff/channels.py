@@ -1,0 +1,158 @@
+"""Finds the line in the channels of a session: which of them, its rate, polarity, format and protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.arrival import Timed
+from bussim.live.recordings.sigrok import LEAST_SAMPLES, SigrokFile
+from bussim.live.recordings.source import Chunk, LineSetup
+from bussim.live.recordings.waveform import Receiver, measure
+from bussim.live.sniff.heard import Heard, LineProtocol
+from bussim.live.sniff.reading import Reading, Settings, pieces_of, read
+
+#: Formats that are tried; of two stop bits it is decided afterwards.
+_FORMATS = tuple(map(CharFormat.parse, ("8N1", "8E1", "8O1", "7E1", "7O1", "7N1")))
+#: A channel with fewer edges is named, but not tried.
+_LEAST_EDGES = 20
+
+
+class Channels:
+    """The channels of a session, surveyed once."""
+
+    def __init__(self, source: SigrokFile) -> None:
+        self._source = source
+        self._channels = source.survey()
+        self._measured = {
+            name: measure(channel.edges, source.rate, source.samples)
+            for name, channel in self._channels.items()
+            if channel.total >= _LEAST_EDGES
+        }
+
+    def standard(self, reading: Reading) -> bool:
+        """Whether the rate that was measured is a standard one."""
+        return all(
+            found is not None and found.standard for found in map(self._measured.get, reading.setup.channels)
+        )
+
+    def best(self, settings: Settings) -> Reading:
+        """The best reading: of a channel that has both directions, or of several with one each.
+
+        Raises RecordingError where there is none, and the rate of a channel is beyond its samples.
+        """
+        names = settings.channels or tuple(self._channels)
+        readings = [found for name in names for found in self._of_channel(name, settings)]
+        if not readings:
+            for name in names:
+                found = self._measured.get(name)
+                if found is not None and found.standard and found.fits:
+                    self._source.enough_samples(settings.baud or found.baud, f"channel {name}: ")
+            setup = LineSetup(settings.timing(None), bool(settings.inverted), settings.channels)
+            return Reading(setup, settings.protocol)
+        best = max(
+            readings, key=lambda each: (each.score.recognised, each.score.responses > 0, each.score.rank)
+        )
+        setup, protocol = best.setup, best.protocol
+        alike = [
+            each.setup.channels[0]
+            for each in readings
+            if each.score.recognised and (each.setup[:2], each.protocol) == (setup[:2], protocol)
+        ]
+        if len(alike) < 2 or protocol is None:
+            return best
+        setup = setup._replace(channels=tuple(alike))
+        together, _ = read(self._source.chunks(setup), setup, protocol, _ALL, wires=len(alike))
+        # Where one channel has both directions, others repeat a part of it.
+        several = len(settings.channels) > 1 or together.score.responses > 2 * best.score.responses
+        return together if several else best
+
+    def _of_channel(self, name: str, settings: Settings) -> Iterator[Reading]:
+        """The best reading of a channel, if its samples suffice."""
+        measured = self._measured.get(name)
+        baud = settings.baud or (measured.baud if measured and measured.fits else None)
+        if measured is None or baud is None or self._source.rate < LEAST_SAMPLES * baud:
+            return
+        inverted = measured.inverted if settings.inverted is None else settings.inverted
+        found = [
+            self._read(
+                name, LineTiming(baud, with_stops(form, settings.stop_bits or 1)), protocol, inverted=level
+            )
+            for level in ([False, True] if inverted is None else [inverted])
+            for form in _FORMATS
+            if settings.allows(form)
+            for protocol in ([settings.protocol] if settings.protocol else _speaks(form))
+        ]
+        if found:
+            best, sound = max(found, key=lambda each: each[0].score.rank)
+            yield best if settings.stop_bits else self._stop_bits(best, sound)
+
+    def _chars(self, name: str, timing: LineTiming, *, inverted: bool) -> list[Timed]:
+        """The characters of the edges by which a line is found."""
+        channel = self._channels[name]
+        edges = channel.edges.tolist()
+        until = self._source.samples if channel.total == len(edges) else edges[-1]
+        return Receiver(timing, self._source.rate, inverted=inverted).feed(edges, until)
+
+    def _read(
+        self, name: str, timing: LineTiming, protocol: LineProtocol, *, inverted: bool
+    ) -> tuple[Reading, list[Heard]]:
+        chars = self._chars(name, timing, inverted=inverted)
+        return read([Chunk(chars)], LineSetup(timing, inverted, (name,)), protocol, _ALL)
+
+    def _stop_bits(self, best: Reading, sound: Sequence[Heard]) -> Reading:
+        """The reading with two stop bits, if no character of a sound frame begins before they are over."""
+        timing = best.setup.timing
+        chars = self._chars(best.setup.channels[0], timing, inverted=bool(best.setup.inverted))
+        frames = iter(sound)
+        frame, apart = next(frames, None), []
+        for (_, start, end), (_, after, _) in pairwise(chars):
+            while frame is not None and start >= frame.end:
+                frame = next(frames, None)
+            if frame is not None and frame.start <= start and end < frame.end:
+                apart.append(after - start)
+        if not apart or min(apart) < timing.bits(timing.format.bits) + timing.bits(1) // 2:
+            return best
+        two = LineTiming(timing.baud, with_stops(timing.format, 2))
+        return Reading(best.setup._replace(timing=two), best.protocol, best.score)
+
+    def described(self) -> list[dict[str, Any]]:
+        """What is known of every channel where nothing is recognised."""
+        return [self._described(name) for name in self._channels]
+
+    def _described(self, name: str) -> dict[str, Any]:
+        found: dict[str, Any] = {"channel": name, "edges": self._channels[name].total}
+        measured = self._measured.get(name)
+        if measured is None:
+            return found
+        inverted, tried = bool(measured.inverted), []
+        for form in _FORMATS:
+            chars = self._chars(name, LineTiming(measured.baud, form), inverted=inverted)
+            wrong = sum(not (char.parity_ok and char.stop_ok) for char, _, _ in chars)
+            tried.append((wrong / len(chars) if chars else 1.0, str(form), chars))
+        tried.sort(key=lambda each: each[0])
+        return found | {
+            "idle_level": int(not inverted),
+            "baud": measured.baud,
+            "characters": len(tried[0][2]),
+            "wrong_share": {form: round(share, 4) for share, form, _ in tried[:3]},
+            "pieces": pieces_of(tried[0][2]),
+        }
+
+
+#: More characters than there are.
+_ALL = 1 << 40
+
+
+def with_stops(form: CharFormat, stop_bits: int) -> CharFormat:
+    """A format with other stop bits."""
+    return CharFormat(form.data_bits, form.parity, stop_bits)
+
+
+def _speaks(form: CharFormat) -> list[LineProtocol]:
+    """The protocols that have characters of a format: RTU eight bits, the others seven, ASCII also 8N."""
+    if form.data_bits == 7:
+        return [LineProtocol.NN, LineProtocol.ASCII]
+    return [LineProtocol.RTU, *([LineProtocol.ASCII] if form.parity == "N" else [])]
