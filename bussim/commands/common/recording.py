@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +24,7 @@ PROTOCOLS = ("auto", "nn", "modbus-rtu", "modbus-ascii")
 _RATES = click.IntRange(1, 4_000_000)
 
 
-#: Adds the options for the protocol, format and name of a line.
-line_options = with_options(
+_options = with_options(
     click.option(
         "--protocol",
         type=click.Choice(PROTOCOLS),
@@ -49,31 +50,24 @@ line_options = with_options(
 )
 
 
-def settings_of(
-    protocol: str,
-    baud: int | None,
-    *,
-    data_bits: int | None,
-    parity: str | None,
-    stop_bits: int | None,
-    inverted: bool | None,
-    channel: str | None,
-    echo: bool = False,
-) -> Settings:
-    """What the options say of a line. Raises UsageError."""
-    from bussim.live.sniff.heard import LineProtocol
-    from bussim.live.sniff.reading import Settings
+def line_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Adds the options for a line and its name; what they say comes as ``settings``, and ``bus``."""
 
-    return Settings(
-        None if protocol == "auto" else LineProtocol(protocol),
-        baud,
-        data_bits,
-        None if parity is None else parity_of(parity),
-        stop_bits,
-        inverted,
-        tuple(filter(None, channel.split(","))) if channel else (),
-        echo or None,
-    )
+    @wraps(function)
+    def command(*, protocol: str, parity: str | None, channel: str | None, **options: Any) -> None:
+        from bussim.live.sniff.heard import LineProtocol
+        from bussim.live.sniff.reading import Settings
+
+        names = ("baud", "data_bits", "stop_bits", "inverted")
+        settings = Settings(
+            protocol=None if protocol == "auto" else LineProtocol(protocol),
+            parity=None if parity is None else parity_of(parity),
+            channels=tuple(filter(None, channel.split(","))) if channel else (),
+            **{name: options.pop(name) for name in names},
+        )
+        function(settings=settings, **options)
+
+    return _options(command)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,15 +120,23 @@ def open_line(source: str, settings: Settings, *, bus: str | None, tolerance: in
     return OpenLine(opened, find_line(opened, settings, tolerance), opened.bus.name, names, tolerance)
 
 
-def read(line: OpenLine, listener: Listener, limit: int | None) -> int:
-    """Read a recording up to a tick, to the end of its listener; returns the tick at which it ends."""
+def read(line: OpenLine, listener: Listener | None, limit: int | None) -> int:
+    """Read a recording up to a tick, to the end of its listener (None: nothing is recognised).
+
+    Returns the tick at which it ends.
+    """
+    last = 0
     for chars, wire, lost in line.source.chunks(line.found.reading.setup):
         if limit is not None and chars and chars[-1][2] > limit:
-            listener.close(limit)
-            return limit
-        if lost:
-            listener.lost()
-        listener.chars(chars, wire)
-    end = line.source.end()
-    listener.close(end)
-    return max(end or 0, listener.last)
+            end: int | None = limit
+            break
+        last = max(last, chars[-1][2])
+        if listener is not None:
+            if lost:
+                listener.lost()
+            listener.chars(chars, wire)
+    else:
+        end = line.source.end()
+    if listener is not None:
+        listener.close(end)
+    return max(end or 0, last)

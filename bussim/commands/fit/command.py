@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import busy, checked_target, print_json, write_text
-from bussim.commands.common.recording import is_recording, line_options, settings_of
+from bussim.commands.common.recording import is_recording, line_options
 from bussim.commands.common.scenario_options import code_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
+    from bussim.live.sniff.reading import Settings
     from bussim.results.run_record import RunRecord
     from bussim.scenario.model import Scenario
 
@@ -46,14 +47,8 @@ def command(
     base: str | None,
     output: str | None,
     force: bool,
-    protocol: str,
-    baud: int | None,
-    data_bits: int | None,
-    stop_bits: int | None,
-    parity: str | None,
-    inverted: bool | None,
+    settings: Settings,
     bus: str | None,
-    channel: str | None,
     tolerance: str | None,
     seed: int,
     simulate: str,
@@ -73,15 +68,6 @@ def command(
     if not is_recording(trace):
         raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
     target = None if output is None else checked_target(Path(output), (), force=force)
-    settings = settings_of(
-        protocol,
-        baud,
-        data_bits=data_bits,
-        parity=parity,
-        stop_bits=stop_bits,
-        inverted=inverted,
-        channel=channel,
-    )
     with busy(f"reading {trace}"):
         fitted = fit(trace, settings, bus=bus, tolerance=tolerance)
     scenario = scenario_of(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +13,7 @@ import click
 
 from bussim.commands.common.output import busy, print_json
 from bussim.commands.common.port_options import options_of, port_options
-from bussim.commands.common.recording import (
-    is_recording,
-    line_options,
-    open_line,
-    read,
-    settings_of,
-)
+from bussim.commands.common.recording import is_recording, line_options, open_line, read
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
 
@@ -28,6 +23,7 @@ if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
     from bussim.live.sniff.heard import LineProtocol
     from bussim.live.sniff.listener import Listener
+    from bussim.live.sniff.reading import Settings
     from bussim.live.sniff.recognise import Recogniser
     from bussim.results.store.folder import RunFolder
 
@@ -44,14 +40,8 @@ if TYPE_CHECKING:
 def command(
     source: str,
     *,
-    protocol: str,
-    baud: int | None,
-    data_bits: int | None,
-    stop_bits: int | None,
-    parity: str | None,
-    inverted: bool | None,
+    settings: Settings,
     bus: str | None,
-    channel: str | None,
     bridge: str | None,
     duration: str | None,
     out: str | None,
@@ -68,16 +58,7 @@ def command(
     Rate, format, polarity, channel and protocol of a recording are found where they are not said. Nothing is
     ever sent, except with --bridge.
     """
-    settings = settings_of(
-        protocol,
-        baud,
-        data_bits=data_bits,
-        parity=parity,
-        stop_bits=stop_bits,
-        inverted=inverted,
-        channel=channel,
-        echo=echo,
-    )
+    settings = replace(settings, echo=echo or None)
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
     limit = None if duration is None else time_of("--for", duration)
     with ExitStack() as stack:
@@ -108,11 +89,10 @@ def command(
             found, kept = line.found.reading, line.source
             session = _Session(line.bus, line.timing, found.protocol, line.names, exact=kept.exact)
             session.record(stack, out, force=force)
-            if found.protocol is None:
-                listener, ended = None, kept.end() or 0
-            else:
+            listener = None
+            if found.protocol is not None:
                 listener = session.listener(found.protocol, **line.listener_options())
-                ended = read(line, listener, limit)
+            ended = read(line, listener, limit)
         session.finish(source, ended, listener, as_json=as_json, line=line)
 
 

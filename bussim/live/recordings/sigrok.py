@@ -151,6 +151,8 @@ class SigrokFile(Source):
         """See the source of a recording."""
         import numpy as np
 
+        if not setup.channels:
+            return  # in none of them anything was recognised
         self.enough_samples(setup.timing.baud)
         receivers = [Receiver(setup.timing, self.rate, inverted=bool(setup.inverted)) for _ in setup.channels]
         self.facts = Facts()

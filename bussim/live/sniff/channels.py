@@ -46,12 +46,10 @@ class Channels:
         names = settings.channels or tuple(self._channels)
         readings = [found for name in names for found in self._of_channel(name, settings)]
         if not readings:
-            for name in names:
-                found = self._measured.get(name)
-                if found is not None and found.standard and found.fits:
-                    self._source.enough_samples(settings.baud or found.baud, f"channel {name}: ")
-            setup = LineSetup(settings.timing(None), bool(settings.inverted), settings.channels)
-            return Reading(setup, settings.protocol)
+            rates = {name: settings.baud or self._rate_of(name) for name in names}
+            for name, baud in rates.items():
+                self._source.enough_samples(baud or 0, f"channel {name}: ")
+            return Reading(LineSetup(settings.timing(None), bool(settings.inverted)), settings.protocol)
         best = max(
             readings, key=lambda each: (each.score.recognised, each.score.responses > 0, each.score.rank)
         )
@@ -68,6 +66,11 @@ class Channels:
         # Where one channel has both directions, others repeat a part of it.
         several = len(settings.channels) > 1 or together.score.responses > 2 * best.score.responses
         return together if several else best
+
+    def _rate_of(self, name: str) -> int | None:
+        """The rate of a channel, if it is a standard one."""
+        found = self._measured.get(name)
+        return found.baud if found is not None and found.standard and found.fits else None
 
     def _of_channel(self, name: str, settings: Settings) -> Iterator[Reading]:
         """The best reading of a channel, if its samples suffice."""

@@ -19,7 +19,7 @@ from bussim.engines.modbus.adu import LAST_STATION, Adu
 from bussim.engines.modbus.codes import PortError
 from bussim.engines.modbus.pdu import EXCEPTION_BIT
 from bussim.live.sniff.decoder import Decoder, Line
-from bussim.live.sniff.functions import REPEATED, Asked, asked_of, responds
+from bussim.live.sniff.functions import REPEATED, Asked, asked_of, responds, response_size
 from bussim.live.sniff.heard import Heard, Verdict
 from bussim.trace.records import BusTotals, Sink, TransactionRecord
 from bussim.units import TICKS_PER_SECOND
@@ -150,7 +150,7 @@ class ModbusDecoder(Decoder):
             and frame.station == open_.asked.station
             and responds(frame.pdu, open_.asked)
         ):
-            self._respond(heard, open_)
+            self._respond(heard, open_, frame.pdu[1] if frame.pdu[0] & EXCEPTION_BIT else None)
         elif asked is not None and (not several or self._master_wire in (None, heard.wire)):
             self._request(heard, asked)
         else:
@@ -201,26 +201,30 @@ class ModbusDecoder(Decoder):
         else:
             self._open = open_
 
-    def _respond(self, heard: Heard, open_: _Open) -> None:
-        asked, pdu = open_.asked, heard.chars if heard.frame is None else heard.frame.pdu  # type: ignore[union-attr]
-        exception = bool(pdu[0] & EXCEPTION_BIT)
+    def _respond(self, heard: Heard, open_: _Open, exception: int | None = None) -> None:
+        asked = open_.asked
         self._open = None
         self.stations.add(asked.station)
         took = heard.start - open_.heard.end
-        if exception or asked.function not in REPEATED:
+        if exception is not None or asked.function not in REPEATED:
             self._slowest[asked.station] = max(took, self._slowest.get(asked.station, 0))
         if self._line.wires > 1:
             self._master_wire = open_.heard.wire
         self.late += open_.attempt > 1 and took < self._line.silence
         self.wrong_seen += open_.wrong
-        kind = "exception" if exception else "response"
+        kind = "response" if exception is None else "exception"
         self._count(heard, kind, f"station {asked.station}")
-        self._transaction(open_, heard, "exception" if exception else "ok", heard.end)
+        self._transaction(open_, heard, "ok" if exception is None else kind, heard.end, exception or 0)
 
     def _fail(self, now: int) -> None:
         """The master goes on: what is open has failed."""
         open_, self._open = self._open, None
         if open_ is None:
+            return
+        pdu = open_.asked.pdu
+        if self.frames == 1 and response_size(pdu, 0, None) == len(pdu):
+            # By its bytes the first frame may be a response as well, and nothing replied to it.
+            self.unasked += 1
             return
         outcome = "wrong_answer" if open_.wrong else "damaged" if open_.damaged else "no_answer"
         if open_.lost:
@@ -292,7 +296,9 @@ class ModbusDecoder(Decoder):
 
     # -- records -------------------------------------------------------------------------------
 
-    def _transaction(self, open_: _Open, response: Heard | None, outcome: str, end: int) -> None:
+    def _transaction(
+        self, open_: _Open, response: Heard | None, outcome: str, end: int, exception: int = 0
+    ) -> None:
         asked, heard = open_.asked, open_.heard
         self.outcomes[outcome] += 1
         self._take(
@@ -313,7 +319,7 @@ class ModbusDecoder(Decoder):
                 taken=end,
                 outcome=outcome,
                 error=ERRORS[outcome],
-                exception=response.frame.pdu[1] if outcome == "exception" and response else 0,  # type: ignore[union-attr]
+                exception=exception,
                 served=None,
                 mismatched=False,
                 chars=len(heard.chars) + (len(response.chars) if response else 0),

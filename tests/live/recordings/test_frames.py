@@ -248,6 +248,18 @@ def test_outcomes_of_exchanges() -> None:
     assert decoder.frames == len(steps)
 
 
+def test_a_response_that_might_be_a_request_begins_no_exchange_at_the_begin_of_a_recording() -> None:
+    timing = LineTiming(9600, CharFormat(8, "N", 1))
+    ambiguous = rtu(1, 1, 3, 0, 0, 16)  # 24 coils, or 16 coils from 0x0300
+    steps = [(0.05, ambiguous)]
+    for number in range(1, 6):
+        steps += [(number * 0.1, rtu(1, 1, 0, 0, 0, 24)), (number * 0.1 + 0.02, rtu(1, 1, 3, 1, 2, 3))]
+    decoder = listened(steps, timing).decoder
+    assert (decoder.outcomes, decoder.unasked) == ({"ok": 5}, 1)
+    replied = listened([(0.0, ambiguous), (0.03, rtu(1, 1, 2, 5, 6)), *steps[1:]], timing).decoder
+    assert (replied.outcomes, replied.unasked) == ({"ok": 6}, 0)
+
+
 @pytest.mark.parametrize("echo_after", [0.0001, None])
 def test_echoes_are_told_from_responses(echo_after: float | None) -> None:
     timing = LineTiming(9600, CharFormat(8, "N", 1))
