@@ -141,7 +141,7 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
     noise: list[dict[str, Any]] = []
     if found.ber is not None and found.ber.value:
         noise.append({"bus": bus, "ber": found.ber.value, "measured": found.recording})
-    devices = [hmi]
+    devices = [hmi] if hmi["polls"] else []
     for slave in found.slaves:
         if slave.station not in range(FIRST_STATION, LAST_STATION + 1):
             continue
@@ -154,7 +154,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         }
         if slave.distribution is not None:
             device |= _delay(slave.distribution)
-        device |= _items(held, slave.station)
+        # A station that is asked for nothing that a map has is there nevertheless.
+        device |= _items(held, slave.station) or {"registers": [{"address": 0, "count": 1, "value": 0}]}
         devices.append(device)
         if slave.loss is not None and slave.loss.value and slave.delay is not None:
             loss = {"reply_loss": slave.loss.value, "measured": found.recording}

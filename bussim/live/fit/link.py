@@ -12,7 +12,7 @@ from statistics import median_low
 from bussim.engines.nn.codes import NO_REPLY
 from bussim.engines.nn.frames import DATA, MODES, POLL, Frame, LinkSettings
 from bussim.line.characters import NN_LINE
-from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, proportion
+from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.heard import Heard, Verdict
@@ -155,15 +155,11 @@ class LinkObserver(LinkDecoder):
                 )
             )
         total = sum(trials.values())
-        overhead = None
-        if self._turns:
-            usual = median_low(self._turns)
-            middle = mean([turn - gap for turn in self._turns if turn < 2 * usual])
-            overhead = Estimate(usual - gap, middle.low, middle.high, middle.count)
+        overhead = median([turn - gap for turn in self._turns]) if self._turns else None
         return LinkEstimate(
             settings=self.settings or self._seen_settings(gap),
             settings_received=self.settings is not None,
-            master_gap=_around(self._gaps, gap) if self._gaps else None,
+            master_gap=median(self._gaps) if self._gaps else None,
             scan_overhead=overhead,
             loss=proportion(sum(lost.values()), total) if total else None,
             ber=bit_error_rate({bits: (sound, bad) for bits, (sound, bad) in self._sizes.items()}),
@@ -241,9 +237,3 @@ def _runs(outcomes: bytearray, longest: int) -> list[tuple[int, int]]:
             found.append((at, end))
         at = end
     return found
-
-
-def _around(values: array[int], usual: int) -> Estimate:
-    """The usual value, with the interval of the mean of those that are not far from it."""
-    near = mean([value for value in values if value < 2 * usual + 1])
-    return Estimate(usual, near.low, near.high, near.count)

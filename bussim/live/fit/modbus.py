@@ -142,9 +142,6 @@ class BusObserver(ModbusDecoder):
         if not self._polls:
             return None
         interval = max(0, self._interval) if self._interval is not None else None
-        timeout = self._timeout
-        if timeout is not None and interval is not None:
-            timeout = max(1, timeout - interval)
         return BusEstimate(
             protocol=self._protocol,
             baud=self._line.baud,
@@ -152,7 +149,7 @@ class BusObserver(ModbusDecoder):
             polls=tuple(_poll(key, poll) for key, poll in self._polls.items()),
             slaves=tuple(_slave(number, slave) for number, slave in sorted(self._slaves.items())),
             interval=interval,
-            timeout=timeout,
+            timeout=None if self._timeout is None else max(self._timeout, self._line.silence),
             ber=bit_error_rate({bits: (sound, bad) for bits, (sound, bad) in self._sizes.items()}),
             frames=self.frames,
             damaged=self.damaged,

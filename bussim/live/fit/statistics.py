@@ -43,6 +43,19 @@ def mean(values: Sequence[float]) -> Estimate:
     return Estimate(middle, middle - half, middle + half, count)
 
 
+def median(values: Sequence[int]) -> Estimate:
+    """The lower median of many values, with the interval between two of them. Raises ValueError without any.
+
+    Of order statistics (binomial with one half, rounded outwards): it contains the median that it is of.
+    """
+    if not values:
+        raise ValueError("no values")
+    ordered, count = sorted(values), len(values)
+    half = _NORMAL * sqrt(count) / 2
+    low, high = max(0, int(count / 2 - half)), min(count - 1, int(count / 2 + half) + 1)
+    return Estimate(ordered[(count - 1) // 2], ordered[low], ordered[high], count)
+
+
 def proportion(hits: int, trials: int) -> Estimate:
     """A probability from ``hits`` of ``trials``, with Clopper and Pearson's exact interval."""
     if not 0 <= hits <= trials or not trials:
