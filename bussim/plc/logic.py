@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from bussim.plc.inputs import NEVER, Change, Stimulus
 from bussim.plc.memory import BlockRange, Device, Memory, SharedAreas
 from bussim.plc.ports.port_instructions import ProgramPorts
-from bussim.plc.program.errors import Halt, OperationFault
+from bussim.plc.program.errors import Fault, Halt, OperationFault, PortRefused
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
@@ -65,13 +65,13 @@ class Logic:
     @property
     def faulted(self) -> bool:
         """Whether :meth:`faults` has any."""
-        return bool(self._errors) or self._halt is not None
+        return bool(self._errors or self._ports.refused) or self._halt is not None
 
-    def faults(self) -> list[OperationFault | Halt]:
-        """Operation errors (M8067), one entry a code, and the program's stop, since the latest call."""
-        found: list[OperationFault | Halt] = [
-            OperationFault(code, step, count) for code, (step, count) in self._errors.items()
-        ]
+    def faults(self) -> list[Fault]:
+        """Operation errors (M8067) by code, refused RS2, and the program's stop, since the latest call."""
+        found: list[Fault] = [OperationFault(code, *first) for code, first in self._errors.items()]
+        found += [PortRefused(*pair, number) for pair, number in self._ports.refused.items()]
+        self._ports.refused.clear()
         if self._halt is not None:
             found.append(self._halt)
         self._errors, self._halt = {}, None

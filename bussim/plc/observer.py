@@ -7,7 +7,7 @@ from typing import Protocol
 
 from bussim.plc.inputs import Change
 from bussim.plc.memory import Device
-from bussim.plc.program.errors import Halt, OperationFault
+from bussim.plc.program.errors import Fault
 
 
 class PlcObserver(Protocol):
@@ -22,5 +22,5 @@ class PlcObserver(Protocol):
     def sampled(self, device: Device, changes: Sequence[Change], sampled: int, end: int) -> None:
         """An input changed since the sampling before; ``end`` ends the scan that begins with this one."""
 
-    def faulted(self, fault: OperationFault | Halt, now: int) -> None:
-        """The program's latest scan met operation errors, or stopped the program."""
+    def faulted(self, fault: Fault, now: int) -> None:
+        """The program's latest scan met operation errors or refused an RS2, or stopped the program."""

@@ -226,6 +226,7 @@ class Profile:
     ``ascii_gap``             longest pause between two characters of a Modbus ASCII frame   std
     ``begun_holds``           a response that has begun by the timeout is awaited            assumed
     ``slave_backlog``         requests that wait while a Modbus slave port serves another    assumed
+    ``slave_errors``          a slave port raises the codes 1, 2, 3, 4 and 7 as well         assumed
     ``com2_station``          D8121, the station number of COM2 as a slave, at power-on      assumed
     ``free_awaits_first``     +9 also limits the wait for a reception's first character      assumed
     ``free_keeps_frame``      start and end character count as received data                 assumed
@@ -259,6 +260,7 @@ class Profile:
     ascii_gap: Annotated[int, Ticks(TICKS_PER_MS, 60 * TICKS_PER_SECOND)] = TICKS_PER_SECOND
     begun_holds: bool = False
     slave_backlog: Annotated[int, Number(0, 100)] = 0
+    slave_errors: bool = True
     com2_station: Annotated[int, Number(FIRST_STATION, LAST_STATION)] = 1
     free_awaits_first: bool = False
     free_keeps_frame: bool = False

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 from bussim.plc.inputs import Change
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc
-from bussim.plc.program.errors import Halt, OperationFault
+from bussim.plc.program.errors import Fault, Halt, PortRefused
 from bussim.plc.program.program import Program
 from bussim.trace.records import DeviceValueRecord, InputRecord, NoteRecord, Sink
 from bussim.units import seconds
@@ -29,7 +29,7 @@ class PlcProbe:
         self._plc = plc
         self._program = program
         self._sink = sink
-        self._faults: dict[int, tuple[str, int]] = {}  # by code: the first one in words, their number
+        self._faults: dict[Hashable, tuple[str, int]] = {}  # by code: the first one in words, their number
         self._ends = ends
         plc.observer = self
 
@@ -50,10 +50,13 @@ class PlcProbe:
             seen = change is last
             self._sink.take(InputRecord(change[0], name, text, change[1], sampled, seen, end))
 
-    def faulted(self, fault: OperationFault | Halt, now: int) -> None:
+    def faulted(self, fault: Fault, now: int) -> None:
         """See the observer."""
-        name, code = self._plc.name, fault.code
-        text, count = self._faults.get(code, ("", 0))
+        name = self._plc.name
+        key, detail = (
+            (fault[:2], {}) if isinstance(fault, PortRefused) else (fault.code, {"code": fault.code})
+        )
+        text, count = self._faults.get(key, ("", 0))
         if not count:
             if isinstance(fault, Halt):
                 kind, note = "program_stopped", fault.text
@@ -61,8 +64,8 @@ class PlcProbe:
             else:
                 kind, note = "program_error", fault.text(self._program)
                 text = f"{name}'s program met an error in the scan up to {seconds(now):.3f} s: {note}"
-            self._sink.take(NoteRecord(now, kind, name, note, {"code": code}))
-        self._faults[code] = (text, count + (fault.number if isinstance(fault, OperationFault) else 1))
+            self._sink.take(NoteRecord(now, kind, name, note, detail))
+        self._faults[key] = (text, count + (1 if isinstance(fault, Halt) else fault.number))
 
     def warnings(self, now: int) -> list[str]:
         """The program's errors up to the end of a run at ``now``: one sentence for each code."""

@@ -30,6 +30,11 @@ class PortError(IntEnum):
     TIMEOUT = 9  # no response within the timeout
 
 
+#: What a slave's port raises as well, of damaged and of refused requests; see the profile's ``slave_errors``.
+SLAVE_ERRORS: Final = frozenset(
+    {PortError.LENGTH, PortError.ADDRESS, PortError.CHECK, PortError.FUNCTION, PortError.OVERFLOW}
+)
+
 #: The meaning of each code, in words.
 MEANINGS: Final[dict[int, str]] = {
     PortError.STATION: "slave address setting",

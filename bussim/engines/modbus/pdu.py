@@ -108,7 +108,7 @@ class Flaw(StrEnum):
     FUNCTION = "unknown function"
     REPLY = "an exception response where a request is expected"
     LENGTH = "shorter or longer than its function says"
-    COUNT = "byte count and quantity disagree"
+    COUNT = "byte count, quantity and length disagree"
 
 
 #: What a server replies to each flaw; 0: nothing, the frame is ignored.
@@ -242,11 +242,11 @@ def decode_request(pdu: bytes) -> Request | Malformed:
         return Request(function, address, 1, (second,))
     if function not in _WRITE_MANY:
         return Malformed(function, Flaw.REPLY if function & EXCEPTION_BIT else Flaw.FUNCTION, pdu)
-    if size < 6 or size != 6 + pdu[5]:
+    if size < 6:
         return Malformed(function, Flaw.LENGTH, pdu)
     address, quantity, data = _word(pdu, 1), _word(pdu, 3), pdu[6:]
     bits = function == Function.WRITE_COILS
-    if len(data) != ((quantity + 7) // 8 if bits else 2 * quantity):
+    if not len(data) == pdu[5] == ((quantity + 7) // 8 if bits else 2 * quantity):
         return Malformed(function, Flaw.COUNT, pdu)
     return Request(function, address, quantity, unpack_bits(data, quantity) if bits else unpack_words(data))
 

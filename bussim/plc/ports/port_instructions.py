@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Mapping
 
 from bussim.plc.memory import Device, Memory
+from bussim.plc.ports.cpavl import DEFAULT_TIMEOUT, TIMEOUT
 from bussim.plc.ports.port_registers import PortRegisters
 from bussim.plc.ports.rs2 import Drive, Rs2, port_of
 
@@ -17,13 +19,23 @@ class ProgramPorts:
         self._memory = memory
         self._driven: dict[int, Rs2] = {}  # in the scan before
         self._now_driven: dict[int, Rs2] = {}
+        self._holders: dict[str | None, int] = {}  # by port: the instruction that has it
+        #: How often an instruction was refused its port, by the one that had it, itself and the port.
+        self.refused: Counter[tuple[int, int, str]] = Counter()
 
     def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
         """See the protocol."""
         s, m, d, n, n1 = operands
         if isinstance(s, Device) and isinstance(d, Device):
             rs2 = self._now_driven[instruction] = Rs2(s, m, d, n, n1)
-            self.rs2(instruction, rs2, now, driven=True)
+            port = port_of(rs2, self._memory)
+            match self.rs2(instruction, rs2, now, driven=True):
+                case Drive.RUNNING:
+                    self._holders[port] = instruction
+                case Drive.BUSY if port in self._holders:
+                    self.refused[self._holders[port], instruction, f"{port}"] += 1
+                case _:
+                    pass
 
     def scan_over(self, now: int) -> None:
         """Instructions that this scan did not drive are not driven any more."""
@@ -59,4 +71,7 @@ class ProgramPorts:
             registers.move(words, bits)
         except ValueError:
             return False
+        timeout = words.address + TIMEOUT
+        if not self._memory.word("D", timeout):
+            self._memory.set_word("D", timeout, DEFAULT_TIMEOUT)
         return True

@@ -129,7 +129,7 @@ class PortRegisters:
                 raise ValueError(f"{self.spec.name} is a Modbus slave without a register map")
             config = SlaveConfig(framing, driven=True, backlog=profile.slave_backlog)
             slave = self.engine = Slave(config, {settings.station: self._maps(status.memory)})
-            return SlaveSide(slave, settings.timing)
+            return SlaveSide(slave, settings.timing, status if profile.slave_errors else None)
         master = self.engine = Master(
             MasterConfig(
                 framing=framing,

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from bussim.engines.modbus.codes import REJECTION_ERRORS, SLAVE_ERRORS, exception_error
+from bussim.engines.modbus.events import FrameRejected, SlaveEvent, StationRefused
 from bussim.engines.modbus.slave import Slave
 from bussim.engines.modbus.states import SlaveState
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.side import Side
+from bussim.plc.ports.status import PortStatus
 from bussim.units import round_half_up
 
 _BUSY = frozenset((SlaveState.SERVING, SlaveState.RESPONDING, SlaveState.SENDING))
 
 
 class SlaveSide(Side):
-    """See the base class. No RS2 drives it; damaged frames and refused requests raise no port error."""
+    """See the base class. No RS2 drives it.
 
-    def __init__(self, engine: Slave, timing: LineTiming) -> None:
+    Damaged frames and refused requests raise port errors of ``status``, a request that is served ends them
+    (assumed); with None they raise none.
+    """
+
+    def __init__(self, engine: Slave, timing: LineTiming, status: PortStatus | None) -> None:
         self.engine = engine
+        self._status = status
         self._character = timing.character
         self._over = 0  # when the reply will have left, if nothing holds it up
         self._latest = -1  # END
@@ -30,6 +38,20 @@ class SlaveSide(Side):
         if self.engine.waiting:
             return now
         return max(self._over, self._latest + 1) if self.busy else None
+
+    def event(self, item: SlaveEvent, now: int) -> None:
+        """See the base class."""
+        status, error = self._status, None
+        if status is None or isinstance(item, StationRefused):
+            return
+        if isinstance(item, FrameRejected):
+            error = REJECTION_ERRORS.get(item.reason)
+        elif item.exception:
+            error = exception_error(item.exception)
+        else:
+            status.good()
+        if error in SLAVE_ERRORS:
+            status.failed(error, now)
 
     def at_end(self, end: int) -> int:
         """See the base class."""

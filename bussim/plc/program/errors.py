@@ -51,6 +51,27 @@ class Halt(NamedTuple):
         return f"{why}, M8061 on, D8061 = {self.code}"
 
 
+class PortRefused(NamedTuple):
+    """RS2, the instruction ``refused``, was driven ``number`` times while the one ``holder`` had its port."""
+
+    holder: int
+    refused: int
+    port: str
+    number: int
+
+    def text(self, program: Program | None) -> str:
+        """In words; the instructions are those of the program."""
+        lines = [program.instructions[at].line for at in self[:2]] if program is not None else self[:2]
+        return (
+            f"two RS2 are driven on {self.port} at once: that at line {lines[0]} of the program keeps the port "
+            f"(assumed), that at line {lines[1]} is refused"
+        )
+
+
+#: What an observer is told of a program.
+Fault = OperationFault | Halt | PortRefused
+
+
 def location(program: Program | None, step: int) -> str:
     """``at step 12 (line 5 of the program: DIV D0 D1 D2)``."""
     found = None if program is None else next((at for at in program.instructions if at.step == step), None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 from bussim.errors import Problem
 from bussim.plc.link_registers import TAKE_PART
@@ -40,6 +40,7 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         _check_settings(member, report)
         _check_specials(member, report)
         _check_ports(member, report)
+        _check_rs2(member, report)
         _check_writes(member, members, report)
         _check_guards(member, members, report)
     if total > MAX_PROGRAMS:
@@ -138,6 +139,52 @@ def _check_ports(member: Member, report: Report) -> None:
                     f"the program of {member.name} sets {register} to {found.registers.get(register, 0)}: "
                     f"ports.{config.name}.{key}, which makes it {value}, is lost",
                 )
+
+
+def _check_rs2(member: Member, report: Report) -> None:
+    """RS2 instructions that the text alone shows to be driven on one port at once."""
+    program = member.logic.program
+    if program is None or not program.uses_ports:
+        return
+    earlier: dict[int, list[tuple[Instruction, str]]] = {}
+    for conditions, outputs in _conditioned(program):
+        said = " and ".join(map(_said, conditions))
+        for at in outputs:
+            port = at.operands[-1].constant if at.spec.name == "RS2" else None
+            if port is None:
+                continue
+            drives = earlier.setdefault(port, [])
+            first = next((one for one, when in drives if said == when or _ALWAYS in (said, when)), None)
+            if first is not None:
+                message = (
+                    f"RS2 drives COM{port} while RS2 at line {first.line} does: one at a time may, and the first "
+                    "keeps the port (assumed)"
+                )
+                _warn_at(member, at, message, report, in_runs=False)  # a run counts it
+            drives.append((at, said))
+
+
+#: A condition that is always on, as _said writes it.
+_ALWAYS = "on M8000"
+
+
+def _said(condition: Condition) -> str:
+    """A condition as a text; two of the same text are on together."""
+    from bussim.plc.program.text.ladder import Both, Contact, Either, Not, Saved
+
+    match condition:
+        case Contact(at):
+            return f"{at.spec.test} {' '.join(operand.text for operand in at.operands)}"
+        case Saved(rung):
+            return _said(rung.condition)
+        case Not(part):
+            return f"not ({_said(part)})"
+        case Both(first, second):
+            return f"({_said(first)}) and ({_said(second)})"
+        case Either(first, second):
+            return f"({_said(first)}) or ({_said(second)})"
+        case _:
+            assert_never(condition)
 
 
 def _check_writes(member: Member, members: list[Member], report: Report) -> None:
