@@ -107,7 +107,7 @@ def command(
             "from_s": round(seconds(begin), 9),
             "to_s": round(seconds(end), 9),
             "devices": watch.to_json(begin, end),
-            "stale": [(*pair, s(since), s(until)) for *pair, since, until in watch.stale_within(begin, end)],
+            "stale": [(*pair, s(since), s(until)) for *pair, since, until in watch.stale if until > begin],
         }
         print_json(found, indent=1)
         return
@@ -181,7 +181,13 @@ def _simulated(scenario: Scenario, watched: list[Watched]) -> Watch:
     with simulating_bar() as progress:
         collector = Collector(rows=watch)
         totals = simulate(replace(scenario, plcs=plcs), collector, progress=progress)
-    watch.set_stale(collector.links(totals).values())
+    watch.stale = sorted(
+        (receiver, source, span.start, span.end or scenario.duration)
+        for link in collector.links(totals).values()
+        for (source, receiver), pair in link.refresh.items()
+        for span in pair.stale
+        if receiver in wanted
+    )
     return watch
 
 
@@ -221,8 +227,7 @@ def _show(watch: Watch, begin: int, end: int) -> None:
     wide_console().print(table)
     if len(rows) > _MOST_ROWS:
         click.echo(f"{counted(len(rows) - _MOST_ROWS, 'more row')}: write them all with --csv FILE")
-    for plc, source, since, until in watch.stale_within(begin, end):
-        click.echo(
-            f"{plc} worked on old data of {source} from {seconds(since):.6f} to {seconds(until):.6f} s: "
-            "received before one of the two was away"
-        )
+    for plc, source, since, until in watch.stale:
+        if until > begin:
+            when = f"from {seconds(since):.6f} to {seconds(until):.6f} s"
+            click.echo(f"{plc} worked on old data of {source}, received before one of them was away, {when}")

@@ -18,7 +18,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from bussim.engines.free.engine import MAX_BYTES
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.line.characters import BAUDS, CharFormat
-from bussim.plc.memory import Device, parse_device, parse_range
+from bussim.plc.memory import Device, DeviceRange, parse_device, parse_range
 from bussim.units import TICKS_PER_SECOND, format_nanoseconds, format_time, parse_nanoseconds, parse_time
 from bussim.wording import RawFloat, RawInt, nearest, plain_form, show
 
@@ -369,7 +369,7 @@ Baud = Annotated[int, one_of(BAUDS)]
 Format = Annotated[CharFormat, _parsed(CharFormat.parse, "a character format such as 8N1")]
 #: A device of a PLC's memory, such as D400; one of a PLC that can be observed, such as press1.D8201.
 DeviceName = Annotated[Device, _parsed(parse_device, "a device such as D400")]
-DEVICE_RANGE = _parsed(parse_range, "a range of devices such as M500-M3071")
+Range = Annotated[DeviceRange, _parsed(parse_range, "a range of devices such as M500-M3071")]
 PlcDevice = Annotated[PlcPoint, Kind(_plc_device, str)]
 #: The port of an N:N link.
 LinkPort = Annotated[str, Kind(_link_port)]

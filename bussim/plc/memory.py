@@ -131,19 +131,26 @@ class DeviceRange(NamedTuple):
         return f"{self.letter}{self.first}-{self.letter}{self.last}"
 
 
+def device_ranges(text: str) -> tuple[DeviceRange, ...]:
+    """The ranges of a text such as ``M500-3071 D200-7999 M8033``, whether a PLC has them or not."""
+    return tuple(
+        DeviceRange(letter, int(first), int(last or first))
+        for letter, first, last in re.findall(r"([A-Z])(\d+)-?(\d*)", text)
+    )
+
+
 #: What a program uses: all devices but inputs and special ones.
-OWN_DEVICES = tuple(DeviceRange(letter, 0, FIRST_SPECIAL - 1) for letter in "YMSTCDVZ")
+OWN_DEVICES = device_ranges("Y0-255 M0-7999 S0-7999 T0-999 C0-999 D0-7999 V0-7 Z0-7 R0-32767")
 
 
 def parse_range(text: str) -> DeviceRange:
     """The range of a text such as ``M500-M3071``. Raises ValueError with a message for the user."""
-    ends = [parse_device(end.strip()) for end in text.replace("–", "-").split("-")]
-    first, last = ends[0], ends[-1]
-    if len(ends) != 2 or first.letter != last.letter or first.letter not in "MSTCD":
-        raise ValueError(f"is {text!r}, expected a range of M, S, T, C or D such as M500-M3071")
-    if last.address < first.address or (first.address < FIRST_SPECIAL) != (last.address < FIRST_SPECIAL):
-        raise ValueError(f"is {text!r}; the first must not lie above the last, nor specials among others")
-    return DeviceRange(first.letter, first.address, last.address)
+    found = re.fullmatch(r"([MSTCD])(\d{1,4}) *[-–] *\1(\d{1,4})", text, re.ASCII)
+    if found is None or not int(found[2]) <= int(found[3]) < FIRST_SPECIAL:
+        raise ValueError(
+            f"is {text!r}, expected a range of M, S, T, C or D such as M500-M3071, none of specials"
+        )
+    return DeviceRange(found[1], int(found[2]), int(found[3]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,8 +29,6 @@ from bussim.units import round_half_up
 Received = Callable[[int, int], Iterable[tuple[int, bytes]]]
 
 _NEVER = 1 << 62
-#: M8033 keeps what is not latched, outputs too, at RUN→STOP (FX programming manual).
-HOLD_MEMORY = 8033
 
 
 class PlcState(Enum):
@@ -97,7 +95,6 @@ class Plc:
         self._linked = linked
         self._kept: Memory | None = None  # at the latest power-off
         self._system: SystemDevices | None = None
-        self._first_end = -1
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
@@ -156,7 +153,7 @@ class Plc:
         # The first scan begins; settings that its program writes are in force from here on, if they may be.
         logic, program, profile = self.logic, self._program, self.profile
         spent = logic.run(now) if logic is not None else 0
-        given = None
+        given = None  # where those of the program do not count: the scenario's
         if program is not None and not program.sets_link(at_step_0=profile.link_at_step_0):
             given = setting_values(profile, {str(device): at for device, at in self._registers.items()})
         mean, jitter = self.scan_under_link()
@@ -176,7 +173,6 @@ class Plc:
             first_end = self.cycle.run(now, mean, jitter, first_end - now + spent)
             if halted:
                 self.cycle.count_first(first_end - now)
-        self._first_end = first_end
         self._report_inputs(now, first_end)
         return engine, first_end
 
@@ -194,7 +190,7 @@ class Plc:
         if self.logic is not None:
             self.record_faults(now)
             self.logic.stop()
-        if not self.memory.bits("M")[HOLD_MEMORY]:
+        if not self.memory.bits("M")[8033]:
             again = memory_at_power_on(self.profile, self._registers, self.memory)
             self.memory.keep(again, OWN_DEVICES)
         self.state = PlcState.STOP
@@ -291,7 +287,7 @@ class Plc:
     def _show_specials(self, end: int) -> None:
         """Write what lives by itself as of an END, in a PLC without a program."""
         if self._system is not None:
-            self._system.scan(end, first=end == self._first_end, times=self.cycle.times(end))
+            self._system.scan(end, self.cycle.times(end))
 
     def _publish(self) -> None:
         """Write the link's status into the special devices."""

@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple, assert_never
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
-from bussim.plc.memory import DeviceRange
+from bussim.plc.memory import DeviceRange, device_ranges
 from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -138,34 +138,12 @@ _PW10_DEVICES = LinkDevices(8201, 8183, 8191)
 _FX1S_DEVICES = LinkDevices(201, 504, 503)
 
 
-#: M500–M3071, S500–S999, T246–T255, C100–C199, C220–C255, D200–D7999 (FX programming, for the FX2N).
-_FX2N_LATCHED = (
-    DeviceRange("M", 500, 3071),
-    DeviceRange("S", 500, 999),
-    DeviceRange("T", 246, 255),
-    DeviceRange("C", 100, 199),
-    DeviceRange("C", 220, 255),
-    DeviceRange("D", 200, 7999),
-)
+#: FX programming, for the FX2N.
+_FX2N_LATCHED = device_ranges("M500-3071 S500-999 T246-255 C100-199 C220-255 D200-7999")
 #: As the FX2N, and M to M7679, S to S4095, and R (FX3U: from memory, assumed).
-_FX3U_LATCHED = (
-    *_FX2N_LATCHED,
-    DeviceRange("M", 3072, 7679),
-    DeviceRange("S", 1000, 4095),
-    DeviceRange("R", 0, 32767),
-)
-#: FX1S: M384–M511, S0–S127, C16–C31, C235–C255, D128–D255 (FX programming).
-_FX1S_LATCHED = (
-    DeviceRange("M", 384, 511),
-    DeviceRange("S", 0, 127),
-    DeviceRange("C", 16, 31),
-    DeviceRange("C", 235, 255),
-    DeviceRange("D", 128, 255),
-)
-
-
-#: The firmware (D8001, D8101) from which RS2 and CPAVL exist (PW10, section 5).
-RS2_FIRMWARE = (25010, 16003)
+_FX3U_LATCHED = (*_FX2N_LATCHED, *device_ranges("M3072-7679 S1000-4095 R0-32767"))
+#: FX programming.
+_FX1S_LATCHED = device_ranges("M384-511 S0-127 C16-31 C235-255 D128-255")
 
 
 class Ticks(NamedTuple):
@@ -212,14 +190,11 @@ class Profile:
     ``documented_modes``      those of them that the settings table lists                    PW10, FX
     ``word_spacing``          distance of the stations' D blocks                             PW10, FX
     ``devices``               addresses of the special devices                               PW10, FX
-    ``firmware``              D8001 and D8101                                                PW10;
-                                                                                             FX: assumed
-    ``error_codes``           numbers of serial errors                                       PW10;
-                                                                                             FX: assumed
-    ``link_at_step_0``        a program sets the link only under M8038 as its first step's   PW10, FX
-                              contact (what becomes of other settings: assumed)
-    ``latched``               what stays over a power loss and RUN→STOP                      FX programming;
-                                                                                             PW10: assumed
+    ``firmware``              D8001 and D8101 (FX: assumed)                                  PW10
+    ``error_codes``           numbers of serial errors (FX: assumed)                         PW10
+    ``link_at_step_0``        M8038 must be the contact of a program's first step (else      PW10, FX
+                              its settings of the link are without effect: assumed)
+    ``latched``               what stays over a power loss and RUN→STOP (PW10: assumed)      FX programming
     ``transaction_time``      what each active transaction of a port adds to a PLC scan      assumed
     ``broadcast_turnaround``  a Modbus master's pause after a broadcast (100 to 200 ms)      std
     ``rtu_gaps``              the silences of Modbus RTU on the ports                        std
@@ -250,7 +225,7 @@ class Profile:
     documented_modes: tuple[int, ...] = (0, 1, 2)
     word_spacing: Annotated[int, Number(4, 1000)] = 32
     devices: LinkDevices = _PW10_DEVICES
-    firmware: Annotated[tuple[int, int], Number(0, 32767)] = RS2_FIRMWARE
+    firmware: Annotated[tuple[int, int], Number(0, 32767)] = (25010, 16003)
     error_codes: ErrorCodes = ErrorCodes.PW10
     link_at_step_0: bool = False
     latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED

@@ -30,13 +30,9 @@ _STOPPED, _FIRST_SCAN, _LATER_SCAN = b"\0\1\0\1", b"\1\0\1\0", b"\1\0\0\1"
 
 
 def clock_of(words: Sequence[int]) -> datetime:
-    """The time that D8013–D8018 name; without any the beginning of 2000 (assumed).
-
-    A year below 100 is one of 1980–2079 (FX programming manual). Raises ValueError for no time.
-    """
+    """The time that D8013–D8018 name, of 2000 on (without any its beginning: assumed). Raises ValueError."""
     second, minute, hour, day, month, year = words
-    century = 0 if year > 99 else 1900 if year >= 80 else 2000
-    return datetime(century + year, month or 1, day or 1, hour, minute, second)
+    return datetime(2000 + year, month or 1, day or 1, hour, minute, second)
 
 
 class SystemDevices:
@@ -49,7 +45,6 @@ class SystemDevices:
         self._m, self._d = memory.bits("M"), memory.words("D")
         self._power_on = power_on
         self._clock = clock_of(self._d[CLOCK.start : CLOCK.stop - 1])
-        self._long_year = self._d[CLOCK.stop - 2] > 99
         self._second = -1  # that the clock shows, since tick 0
         self.stop()
 
@@ -57,11 +52,11 @@ class SystemDevices:
         """STOP."""
         self._m[8000:8004] = _STOPPED
 
-    def scan(self, begin: int, *, first: bool, times: tuple[int, int, int]) -> None:
-        """Show what a scan that begins at a tick finds; ``times`` are D8010–D8012 in ticks."""
+    def scan(self, begin: int, times: tuple[int, int, int]) -> None:
+        """Show what a scan that begins at a tick finds: in ``times`` D8010–D8012 in ticks, 0 in the first."""
         m, d = self._m, self._d
         # Written anew each time: an index register may have led a program to them.
-        m[8000:8004] = _FIRST_SCAN if first else _LATER_SCAN
+        m[8000:8004] = _LATER_SCAN if times[0] else _FIRST_SCAN
         time = begin - self._power_on
         m[8011] = time % (10 * TICKS_PER_MS) < 5 * TICKS_PER_MS
         m[8012] = time % (100 * TICKS_PER_MS) < 50 * TICKS_PER_MS
@@ -73,9 +68,6 @@ class SystemDevices:
         second = begin // TICKS_PER_SECOND
         if second != self._second:
             self._second = second
-            self._show_clock(self._clock + timedelta(seconds=second))
-
-    def _show_clock(self, now: datetime) -> None:
-        year = now.year if self._long_year else now.year % 100
-        fields = (now.second, now.minute, now.hour, now.day, now.month, year, now.isoweekday() % 7)
-        self._d[CLOCK.start : CLOCK.stop] = array("H", fields)
+            now = self._clock + timedelta(seconds=second)
+            year, *others = now.timetuple()[:7]
+            d[CLOCK.start : CLOCK.stop] = array("H", [*others[4::-1], year % 100, (others[5] + 1) % 7])

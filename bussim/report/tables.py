@@ -184,16 +184,18 @@ def refresh_gaps(source: Source, bus: str) -> Table:
         )
         for pair in gaps
     ]
-    stale = "stale_ms" in source.summary["links"][bus]
-    for pair, (_, cells) in zip(gaps, rows, strict=True) if stale else ():
-        old = pair in source.summary["links"][bus]["stale_ms"]
-        cells.append(found(source.summary, "links", bus, "stale_ms", pair, decimals=3) if old else Cell(NONE))
+    old = source.summary["links"][bus].get("stale_ms", {})
+    for pair, (_, cells) in zip(gaps, rows, strict=True) if old else ():
+        known = pair in old
+        cells.append(
+            found(source.summary, "links", bus, "stale_ms", pair, decimals=3) if known else Cell(NONE)
+        )
     note = (
         "Choose the preset of a heartbeat from the longest, not from the link scan time: "
         "retries do not cover it."
     )
     head = ["from → to", "median", "p99", "longest", "still open at the end"]
-    if stale:
+    if old:
         head.append("worked on data from before one of the two was away, in all")
     return Table(f"Refresh gaps on bus {bus} (ms)", head, rows, note)
 

@@ -53,9 +53,8 @@ class PlcProbe:
     def faulted(self, fault: Fault, now: int) -> None:
         """See the observer."""
         name = self._plc.name
-        key, detail = (
-            (fault[:2], {}) if isinstance(fault, PortRefused) else (fault.code, {"code": fault.code})
-        )
+        key: Hashable = fault[:2] if isinstance(fault, PortRefused) else fault.code
+        detail: dict[str, int | str] = {} if isinstance(fault, PortRefused) else {"code": fault.code}
         text, count = self._faults.get(key, ("", 0))
         if not count:
             if isinstance(fault, Halt):

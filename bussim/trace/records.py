@@ -245,10 +245,9 @@ class Sink(Protocol):
         """
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
-        """A PLC of a link goes to RUN, or (``fresh`` None) to STOP or off, at ``tick``.
+        """A PLC of a link goes to RUN, or (``fresh`` None) leaves it, at ``tick``.
 
-        What it has in its block at RUN is from before: of its blocks those are new that are complete at
-        ``fresh`` or later.
+        Blocks of it that are complete before ``fresh`` have what its memory held before RUN.
         """
 
 

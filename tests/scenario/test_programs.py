@@ -415,10 +415,11 @@ def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: P
     )
     swapped = SLAVE.replace("END", "XCHP D40 D41\nEND")
     assert shown(warnings(tmp_path, text, **{"two.il": swapped}), tmp_path) == [
-        f"x.yaml:{where}: two: M{bit}, which {what}, is not simulated: it changes nothing here"
+        f"x.yaml:{where}: two: M{bit}, {what}, is not simulated: it changes nothing here, and nothing drives it"
         for where, bit, what in (
-            ("11:17", 8034, "switches all outputs off"),
-            ("11:37", 8160, "makes XCH swap bytes"),
+            ("11:17", 8034, "which switches all outputs off"),
+            ("11:37", 8160, "which makes XCH swap bytes"),
+            ("11:47", 8161, "the 8-bit mode (RS2 has that of the format word which CPAVL takes)"),
         )
     ]
 
@@ -521,4 +522,41 @@ def test_further_lines_of_one_station_are_named_together(tmp_path: Path) -> None
     rungs = "".join(f"LD M{1064 + n}\nOUT Y{n}\n" for n in range(7))
     (found,) = warnings(tmp_path, **{"one.il": MASTER.replace("END", f"{rungs}END")})
     assert found.startswith("one.il:7:1: one: LD takes M1064 of station 1 (two) without")
-    assert found.endswith("; also at line 9, at line 11, at line 13, at line 15")
+    assert found.endswith("; also at line 9; also at line 11; also at line 13; also at line 15")
+
+
+# -- RS2 -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rungs", "line"),
+    [
+        ("LD X0\nRS2 D200 H0 D210 D500 K3\nRS2 D201 H0 D210 D500 K3", 9),
+        ("LD X0\nRS2 D200 H0 D210 D500 K3\nLD X0\nRS2 D201 H0 D210 D500 K3", 10),
+        ("LD X0\nMPS\nAND X1\nRS2 D200 H0 D210 D500 K3\nMPP\nAND X1\nRS2 D201 H0 D210 D500 K3", 13),
+        ("LD X0\nRS2 D200 H0 D210 D500 K3\nLDI X0\nRS2 D201 H0 D210 D500 K3", None),
+        ("LD X0\nRS2 D200 H0 D210 D500 K3\nINV\nRS2 D201 H0 D210 D500 K3", None),
+        ("LD X0\nRS2 D200 H0 D210 D500 K3\nRS2 D201 H0 D210 D500 K5", None),
+    ],
+)
+def test_check_names_two_rs2_that_are_driven_at_once(tmp_path: Path, rungs: str, line: int | None) -> None:
+    ports = "ports: {COM3: {bus: b}, COM5: {bus: b}, COM4: {bus: link}}"
+    text = TEXT.replace("ports: {COM4: {bus: link}}", ports, 1).replace(
+        "nn: true}", "nn: true}\n  - {name: b}"
+    )
+    files = {"one.il": MASTER.replace("END", f"LD M8002\nCPAVL D0 M0 K3\n{rungs}\nEND")}
+    found = [each for each in shown(warnings(tmp_path, text, **files), tmp_path) if "RS2" in each]
+    if line is None:
+        assert found == []
+    else:
+        first = 8 + 1 + rungs.splitlines().index("RS2 D200 H0 D210 D500 K3")
+        assert found == [
+            f"one.il:{line + 2}:1: one: RS2 drives port K3 while RS2 at line {first} does, which keeps it (assumed)"
+        ]
+
+
+def test_an_rs2_on_a_port_without_a_bus_is_warned_of_once(tmp_path: Path) -> None:
+    rungs = "LD X0\nRS2 D200 K8 D500 K10 K3\nLDI X0\nRS2 D200 K8 D500 K10 K3\nRS2 D200 K8 D500 K10 D9\nEND"
+    (found,) = shown(warnings(tmp_path, **{"one.il": MASTER.replace("END", rungs)}), tmp_path)
+    says = "ports does not name its bus: it does nothing; write ports: {COM3: {bus: …}}"
+    assert found == f"one.il:8:1: one: RS2 drives COM3, but {says}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -442,3 +443,88 @@ def test_a_refused_parameter_has_the_number_of_the_family(
     registers = result["plcs"]["m"]["registers"]
     assert (registers["M8063"], registers["D8063"]) == (1, code)  # by the common name
     assert any(f"= {code} (bad parameters)" in item["text"] for item in result["verdict"])
+
+
+# -- ports ---------------------------------------------------------------------------------------------------
+
+SLAVE = """
+schema: 1
+name: a PLC slave port is asked badly
+duration: 3 s
+seed: 1
+buses: [{name: b, baud: 9600, format: 8N1}]
+plcs:
+  - name: p
+    scan: 5 ms
+    ports: {COM4: {bus: b, protocol: modbus-rtu-slave, station: 1}}
+devices:
+  - name: pc
+    model: hmi
+    bus: b
+    timeout: 200 ms
+    polls:
+      - {name: bad-address, station: 1, function: 3, address: 0x2040, count: 1, at: 500 ms, times: 1}
+      - {name: bad-function, station: 1, function: 4, address: 0, count: 1, at: 1 s, times: 1}
+      - {name: crc, station: 1, function: 3, address: 0, count: 1, at: 1500 ms, times: 1}
+      - {name: good, station: 1, function: 3, address: 0, count: 1, at: 2 s, times: 1}
+faults:
+  - {at: 1400 ms, for: 300 ms, flip_bits: {station: pc, bits: [15]}}
+"""
+
+TWO_RS2 = """
+schema: 1
+name: two RS2 driven at once on one port
+duration: 1 s
+seed: 1
+buses: [{name: b, baud: 9600, format: 8N1}]
+plcs:
+  - name: p
+    scan: 5 ms
+    ports: {COM4: {bus: b}}
+    registers: {D300: 0x0103, D301: 1}
+    program: |
+      LD M8002
+      CPAVL D0 M0 K4
+      MOV H81 D0
+      MOV H20 D6
+      LD M8000
+      RS2 D300 H0 D301 D500 K4
+      RS2 D300 H1 D301 D501 K4
+      END
+devices:
+  - {name: v, model: map, bus: b, station: 1, registers: [{address: 0, value: 11}, {address: 1, value: 22}]}
+faults: []
+"""
+
+
+def test_d8063_of_a_slave_port_that_is_asked_badly() -> None:
+    seen = watched(SLAVE, "p.D8063 p.M8063")
+    assert seen["p.D8063"].values == [7402, 7404, 7403]
+    assert seen["p.M8063"].values == [1, 0]  # until the good request
+    assert seen["p.M8063"].ticks[1] > 2 * SECOND
+    quiet = SLAVE.replace("name: p\n", "name: p\n    profile: {base: pw10, slave_errors: false}\n")
+    assert watched(quiet, "p.D8063 p.M8063")["p.D8063"].values == []
+
+
+@pytest.mark.parametrize("power", [False, True])
+def test_two_rs2_on_one_port_are_warned_of_once_with_their_lines_and_number(*, power: bool) -> None:
+    fault = "faults: [{at: 500 ms, for: 100 ms, power_off: p}]" if power else "faults: []"
+    scenario = loads(TWO_RS2.replace("faults: []", fault))
+    record = Recorder()
+    totals = simulate(scenario, record)
+    (warning,) = totals.warnings
+    found = re.fullmatch(
+        r"p's program met an error in the scan up to 0\.00\d s: two RS2 are driven on COM4 at once: that at line 6 "
+        r"of the program keeps it \(assumed\), that at line 7 is refused; (\d+) times in all",
+        warning,
+    )
+    assert found
+    # Every scan but the first, in which the port is not set up yet, up to the one after the last END.
+    ends = sum(map(len, record.all_ends.values()))
+    assert 0 <= ends - int(found[1]) <= 2 * (1 + power)
+    assert [note.kind for note in record.notes if note.where == "p"].count("program_error") == 1
+
+
+def test_the_first_rs2_keeps_the_port_and_the_timeout_has_its_default() -> None:
+    seen = watched(TWO_RS2, "p.D500 p.D501 p.D9")
+    assert [each.values for each in seen.values()] == [[11], [], [10]]

@@ -34,7 +34,7 @@ class LxSettings(SlaveSettings):
         registers = {parse_device(name): value for name, value in self.registers.items()}
         memory, times = memory_at_power_on(PROFILES["pw10"], registers), (self.scan.mean,) * 3
         system = SystemDevices(memory, 0)
-        memory.refresh_specials = lambda end: system.scan(end, first=False, times=times)
+        memory.refresh_specials = lambda end: system.scan(end, times)
         return LxMap(memory)
 
     def plc_scan(self) -> Scan:

@@ -29,13 +29,11 @@ class ProgramPorts:
         if isinstance(s, Device) and isinstance(d, Device):
             rs2 = self._now_driven[instruction] = Rs2(s, m, d, n, n1)
             port = port_of(rs2, self._memory)
-            match self.rs2(instruction, rs2, now, driven=True):
-                case Drive.RUNNING:
-                    self._holders[port] = instruction
-                case Drive.BUSY if port in self._holders:
-                    self.refused[self._holders[port], instruction, f"{port}"] += 1
-                case _:
-                    pass
+            driven = self.rs2(instruction, rs2, now, driven=True)
+            if driven is Drive.RUNNING:
+                self._holders[port] = instruction
+            elif driven is Drive.BUSY and port in self._holders:
+                self.refused[self._holders[port], instruction, f"{port}"] += 1
 
     def scan_over(self, now: int) -> None:
         """Instructions that this scan did not drive are not driven any more."""

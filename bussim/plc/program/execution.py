@@ -114,7 +114,7 @@ class ProgramRun:
         for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
             self._d[word] = 0
         self._times = (0, 0, 0)
-        self._system.scan(now, first=True, times=self._times)
+        self._system.scan(now, self._times)
         m[LINK_SETTINGS] = self.program.sets_link_at_step_0
         self.halted = 0
 
@@ -156,7 +156,7 @@ class ProgramRun:
             latest, (_, shortest, longest) = now - self._begun, self._times
             self._times = (latest, min(shortest or latest, latest), max(longest, latest))
         self._begun = now
-        self._system.scan(now, first=number == 1, times=self._times)
+        self._system.scan(now, self._times)
         if number == 2:
             m[LINK_SETTINGS] = 0
         if self._has_masters:

@@ -14,7 +14,7 @@ from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
 from bussim.plc.program.text.ladder import Ladder
 from bussim.plc.program.text.operand_checks import Extent, extents
 from bussim.plc.program.text.source import Source
-from bussim.plc.program.text.specials import idle_special, not_simulated
+from bussim.plc.program.text.specials import not_simulated
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
@@ -85,10 +85,6 @@ class Program:
         """Whether the link settings of its first scan are taken over; see the field of the profile."""
         return self.sets_link_at_step_0 or not at_step_0
 
-    def not_simulated(self) -> dict[int, str]:
-        """Special bits, by M's address, that would change how the program runs and do not; each in words."""
-        return not_simulated(self.instructions)
-
     @property
     def turns_bmov(self) -> bool:
         """Whether it sets M8024, which makes BMOV write its source."""
@@ -114,17 +110,12 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
         return Problem(name, at.line, at.column, message)
 
     coils: dict[Device, Instruction] = {}
-    idle = not_simulated(instructions)
-    reported: set[str] = set()
+    idle: dict[str, Instruction] = {}
     for at in instructions:
-        for message in filter(None, map(idle_special, extents(at))):
-            if message not in reported:
-                reported.add(message)
-                yield warn(at, message)
-        if at.name not in ("RST", "ZRST"):
-            written = [extent for extent in extents(at) if extent.writes]
-            for address in [one for one in idle if any(each.holds("M", one, word=False) for each in written)]:
-                yield warn(at, idle.pop(address))  # once
+        for extent in extents(at) if at.name not in ("RST", "ZRST") else ():
+            for message in not_simulated(extent):
+                if idle.setdefault(message, at) is at:
+                    yield warn(at, message)
         if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b":
             device = at.operands[0].device
             if device in coils:

@@ -10,7 +10,7 @@ from itertools import chain, pairwise
 
 from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.plain_data import FLAT, LATER
-from bussim.results.meters.timeline import Span, Spans
+from bussim.results.meters.timeline import Span
 
 #: Receptions that are counted at once: many are cheaper than one by one.
 _COUNTED_AT_ONCE = 512
@@ -48,49 +48,35 @@ class _Source:
         self.others = Refresh()
         self.named: dict[int, Refresh] = {}
         self._pending: list[tuple[int, Sequence[int] | None]] = []
-        self._stale: Spans | None = None  # from the first time on
-        self._waiting: set[int] = set()  # receivers whose data of this source are stale
-        self._fresh = 0  # blocks that arrive earlier are from before this source's latest RUN
+        # Receivers whose data are from before they or this source were away: since when, and until now.
+        self._old: dict[int, int] = {}
+        self._spans: defaultdict[int, list[Span]] = defaultdict(list)
+        #: Blocks that arrive earlier are from before this source's latest RUN.
+        self.fresh = 0
 
     def heard(self, tick: int, receivers: Sequence[int] | None) -> None:
         self._pending.append((tick, receivers if receivers is None else tuple(receivers)))
         if len(self._pending) == _COUNTED_AT_ONCE:
             self._count()
 
-    def switched(self, tick: int, fresh: int | None, running: Iterable[int]) -> None:
-        """This source goes to RUN, or leaves it: the data of the receivers in RUN are stale from then on."""
+    def switched(self, receivers: Iterable[int], tick: int, *, working: bool) -> None:
+        """What receivers have is old from now on, if they have any; or they work no longer."""
         self._count()
-        if fresh is not None:
-            self._fresh = fresh
-            return
-        for receiver in running:
-            self._work(receiver, tick)
-
-    def receiver_switched(self, receiver: int, tick: int, *, running: bool) -> None:
-        """A receiver goes to RUN, or leaves it."""
-        self._count()
-        if running:
-            self._work(receiver, tick)
-        else:
-            self._renewed(receiver, tick)
-
-    def _work(self, receiver: int, tick: int) -> None:
-        if self.named.get(receiver, self.others).last is not None:
-            self._waiting.add(receiver)
-            self._stale = self._stale or Spans()
-            self._stale.on(receiver, tick)
+        for receiver in receivers:
+            if not working:
+                self._renewed(receiver, tick)
+            elif self.named.get(receiver, self.others).last is not None:
+                self._old.setdefault(receiver, tick)
 
     def _renewed(self, receiver: int, tick: int) -> None:
-        self._waiting.discard(receiver)
-        if self._stale is not None:
-            self._stale.off(receiver, tick)
+        if receiver in self._old:
+            self._spans[receiver].append(Span(self._old.pop(receiver), tick))
 
     def _count(self) -> None:
-        for receiver in list(self._waiting):
-            for tick, heard in self._pending:
-                if tick >= self._fresh and (heard is None or receiver in heard):
-                    self._renewed(receiver, tick)
-                    break
+        for receiver in list(self._old):
+            new = (at for at, by in self._pending if at >= self.fresh and (by is None or receiver in by))
+            for tick in new:
+                self._renewed(receiver, tick)
         for position in set(chain.from_iterable(heard for _, heard in self._pending if heard is not None)):
             if position not in self.named:
                 self.named[position] = deepcopy(self.others)
@@ -103,7 +89,10 @@ class _Source:
         """The gaps of one receiver."""
         self._count()
         pair = self.named.get(receiver, self.others)
-        return replace(pair, stale=self._stale.all().get(receiver, [])) if self._stale is not None else pair
+        if receiver not in self._spans and receiver not in self._old:
+            return pair
+        still = [Span(self._old[receiver], None)] if receiver in self._old else []
+        return replace(pair, stale=self._spans[receiver] + still)
 
 
 class RefreshMeter:
@@ -125,11 +114,13 @@ class RefreshMeter:
         """A position goes to RUN, or leaves it; see :meth:`bussim.trace.records.Sink.switched`."""
         running = self._running[bus]
         (running.discard if fresh is None else running.add)(position)
-        for (name, source), refreshes in self._sources.items():
-            if name == bus and source == position:
-                refreshes.switched(tick, fresh, running)
-            elif name == bus:
-                refreshes.receiver_switched(position, tick, running=fresh is not None)
+        for source, refreshes in [(at, each) for (name, at), each in self._sources.items() if name == bus]:
+            if source != position:
+                refreshes.switched([position], tick, working=fresh is not None)
+            elif fresh is None:
+                refreshes.switched(running, tick, working=True)
+            else:
+                refreshes.fresh = fresh
 
     def pair(self, bus: str, source: int, receiver: int) -> Refresh:
         """The refreshes of one position of a bus by another so far."""

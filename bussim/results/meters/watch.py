@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from bussim.results.meters.link import LinkRecord
 from bussim.results.numbers import s
 from bussim.trace.records import DeviceValueRecord, Record
 
@@ -49,9 +48,8 @@ class Watch:
     def __init__(self, watched: Sequence[Watched]) -> None:
         self.watched = tuple(watched)
         self._by_name = {(each.plc, each.device): each for each in self.watched}
-        #: When a watched PLC worked on another's data from before one of the two was away: (receiver, source,
-        #: from, to); None: to the end.
-        self.stale: list[tuple[str, str, int, int | None]] = []
+        #: When a PLC worked on another's data from before one of them was away: PLC, source, from, to.
+        self.stale: list[tuple[str, str, int, int]] = []
 
     def take(self, record: Record) -> None:
         """Keep a record if it is a new value of one of the devices."""
@@ -60,22 +58,6 @@ class Watch:
             if found is not None:
                 found.ticks.append(record.tick)
                 found.values.append(record.value)
-
-    def set_stale(self, links: Iterable[LinkRecord]) -> None:
-        """Take from the records of all links when data were stale."""
-        plcs = {each.plc for each in self.watched}
-        self.stale = sorted(
-            (receiver, source, *span)
-            for link in links
-            for (source, receiver), pair in link.refresh.items()
-            for span in pair.stale
-            if receiver in plcs
-        )
-
-    def stale_within(self, begin: int, end: int) -> list[tuple[str, str, int, int]]:
-        """The part of :attr:`stale` that lies within a window."""
-        cut = [(plc, source, max(begin, on), min(end, off or end)) for plc, source, on, off in self.stale]
-        return [each for each in cut if each[2] < each[3]]
 
     def rows(self, begin: int, end: int) -> Iterator[tuple[int, list[int]]]:
         """A row for the beginning, and one for every tick at which something changed: all the values."""

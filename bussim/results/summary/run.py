@@ -146,13 +146,12 @@ def _gaps(pair: Refresh, duration: int) -> dict[str, Any]:
 
 
 def _stale(record: LinkRecord, duration: int) -> dict[str, Any]:
-    """How long each receiver worked on data from before one of the two was away, where any was."""
-    lasted = {
-        f"{source}->{receiver}": ms(sum((span.end or duration) - span.start for span in pair.stale))
-        for (source, receiver), pair in record.refresh.items()
-        if pair.stale
+    """How long receivers worked on data from before they or their source were away; of others nothing."""
+    old = {f"{a}->{b}": pair.stale for (a, b), pair in record.refresh.items() if pair.stale}
+    sums = {
+        pair: ms(sum((each.end or duration) - each.start for each in spans)) for pair, spans in old.items()
     }
-    return {"stale_ms": lasted} if lasted else {}
+    return {"stale_ms": sums} if sums else {}
 
 
 def _plc(totals: PlcTotals) -> dict[str, Any]:

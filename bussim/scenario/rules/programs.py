@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, assert_never
+from collections.abc import Mapping
+from itertools import product
+from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
 from bussim.plc.link_registers import TAKE_PART
 from bussim.plc.memory import BlockRange, Device, parse_device
-from bussim.plc.profiles import RS2_FIRMWARE
-from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member, device_name
+from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of, link_of
 from bussim.scenario.yaml.source_map import Report
@@ -19,7 +18,6 @@ from bussim.wording import counted
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
     from bussim.plc.program.text.catalog import Instruction
-    from bussim.plc.program.text.ladder import Condition
     from bussim.plc.program.text.operand_checks import Extent
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
@@ -40,9 +38,8 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         _check_settings(member, report)
         _check_specials(member, report)
         _check_ports(member, report)
-        _check_rs2(member, report)
         _check_writes(member, members, report)
-        _check_guards(member, members, report)
+        _check_rungs(program, member, members, report)
     if total > MAX_PROGRAMS:
         report.mistake(
             ("plcs",),
@@ -66,17 +63,15 @@ def _check_settings(member: Member, report: Report) -> None:
     if program is not None and not program.sets_link(at_step_0=member.profile.link_at_step_0):
         from bussim.plc.program.text.operand_checks import extents
 
-        settings = {parse_device(device) for device in TAKE_PART}
-        for at in program.instructions:
-            written = {Device(each.letter, each.first) for each in extents(at) if each.writes} & settings
-            if written:
-                out = "" if member.takes_part else f", and {name} takes no part in the link"
-                message = (
-                    f"{at.name} writes {written.pop()}, but not under M8038 as the contact of the program's "
-                    f"first step: profile {member.profile.name} does not take that over (assumed){out}"
-                )
-                _warn_at(member, at, message, report)
-                break
+        written = ((at, each) for at in program.instructions for each in extents(at) if each.writes)
+        late = [(at, device) for at, each in written if (device := f"{each.letter}{each.first}") in TAKE_PART]
+        for at, device in late[:1]:
+            message = (
+                f"{at.name} writes {device}, but not under M8038 as the contact of the program's first step: "
+                f"profile {member.profile.name} does not take that over (assumed)"
+                f"{'' if member.takes_part else f', and {name} takes no part in the link'}"
+            )
+            _warn_at(member, at, message, report)
     for device, value in member.logic.first.link.items():
         if device in friendly and friendly[device] != value:
             key = KEYS_OF_DEVICES[device]
@@ -93,14 +88,14 @@ def _check_settings(member: Member, report: Report) -> None:
 
 
 def _check_specials(member: Member, report: Report) -> None:
-    """Special bits that the scenario sets, that would change how the program runs, and that do not."""
-    program = member.logic.program
-    if program is None:
-        return
-    idle = {f"M{address}": message for address, message in program.not_simulated().items()}
-    for name, value in member.plc.registers.items():
-        message = idle.get(device_name(name) or "")
-        if value and message is not None:
+    """Special devices that the scenario sets and that do nothing."""
+    from bussim.plc.program.text.operand_checks import Extent
+    from bussim.plc.program.text.specials import not_simulated
+
+    for name, value in member.raw.items():
+        letter, address = parse_device(name)
+        extent = Extent(letter, address, address, word=letter == "D", writes=True)
+        for message in not_simulated(extent) if value else ():
             report.warn((*member.path, "registers", name), f"{member.name}: {message}", key=True)
 
 
@@ -109,25 +104,17 @@ def _check_ports(member: Member, report: Report) -> None:
     program = member.logic.program
     if program is None:
         return
-    firmware, needed, reported = member.profile.firmware, RS2_FIRMWARE, set[str]()
+    reported: set[str] = set()
     for at in program.instructions:
-        if at.spec.group != "serial":
-            continue
-        if any(map(operator.lt, firmware, needed)) and not reported:
-            message = (
-                f"{at.name} exists from D8001 = {needed[0]} and D8101 = {needed[1]} on, here they are "
-                f"{firmware[0]} and {firmware[1]} (firmware of profile {member.profile.name})"
-            )
-            _warn_at(member, at, message, report)
-        port = f"COM{at.operands[-1].constant}"
-        if at.operands[-1].constant is not None and port not in (*member.plc.ports, *reported):
+        port = f"COM{at.operands[-1].constant}" if at.spec.group == "serial" else None
+        if port not in (None, "COMNone", *member.plc.ports, *reported):
             does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
             message = (
                 f"{at.name} {does}, but ports does not name its bus: it does nothing; "
                 f"write ports: {{{port}: {{bus: …}}}}"
             )
             _warn_at(member, at, message, report)
-        reported.add(port)
+            reported.add(f"{port}")
     for config in member.ports:
         found = member.logic.first.ports.get(config.name)
         if found is None:
@@ -139,52 +126,6 @@ def _check_ports(member: Member, report: Report) -> None:
                     f"the program of {member.name} sets {register} to {found.registers.get(register, 0)}: "
                     f"ports.{config.name}.{key}, which makes it {value}, is lost",
                 )
-
-
-def _check_rs2(member: Member, report: Report) -> None:
-    """RS2 instructions that the text alone shows to be driven on one port at once."""
-    program = member.logic.program
-    if program is None or not program.uses_ports:
-        return
-    earlier: dict[int, list[tuple[Instruction, str]]] = {}
-    for conditions, outputs in _conditioned(program):
-        said = " and ".join(map(_said, conditions))
-        for at in outputs:
-            port = at.operands[-1].constant if at.spec.name == "RS2" else None
-            if port is None:
-                continue
-            drives = earlier.setdefault(port, [])
-            first = next((one for one, when in drives if said == when or _ALWAYS in (said, when)), None)
-            if first is not None:
-                message = (
-                    f"RS2 drives COM{port} while RS2 at line {first.line} does: one at a time may, and the first "
-                    "keeps the port (assumed)"
-                )
-                _warn_at(member, at, message, report, in_runs=False)  # a run counts it
-            drives.append((at, said))
-
-
-#: A condition that is always on, as _said writes it.
-_ALWAYS = "on M8000"
-
-
-def _said(condition: Condition) -> str:
-    """A condition as a text; two of the same text are on together."""
-    from bussim.plc.program.text.ladder import Both, Contact, Either, Not, Saved
-
-    match condition:
-        case Contact(at):
-            return f"{at.spec.test} {' '.join(operand.text for operand in at.operands)}"
-        case Saved(rung):
-            return _said(rung.condition)
-        case Not(part):
-            return f"not ({_said(part)})"
-        case Both(first, second):
-            return f"({_said(first)}) and ({_said(second)})"
-        case Either(first, second):
-            return f"({_said(first)}) or ({_said(second)})"
-        case _:
-            assert_never(condition)
 
 
 def _check_writes(member: Member, members: list[Member], report: Report) -> None:
@@ -219,53 +160,43 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
         _warn_at(member, found[MAX_FOREIGN][0], text, report)
 
 
-def _check_guards(member: Member, members: list[Member], report: Report) -> None:
-    """Rungs that act on another station's shared bits without its error flag: only check says so."""
-    program, blocks = member.logic.program, blocks_of(member, members)
-    if program is None or not blocks:
-        return
+def _check_rungs(program: Program, member: Member, members: list[Member], report: Report) -> None:
+    """What only check says: shared bits taken without their station's error flag, two RS2 on one port."""
     from bussim.plc.program.text.operand_checks import extents
-    from bussim.scenario.signals.network import contacts_of
+    from bussim.scenario.signals.network import rungs_of
 
-    link, flags = link_of(member, members), member.profile.devices.first_flag
-    found: dict[int, dict[Instruction, Device]] = {}
-    for condition, outputs in _conditioned(program):
-        contacts = contacts_of(*condition)
+    blocks, link = blocks_of(member, members), link_of(member, members)
+    flags, inverted = member.profile.devices.first_flag, any(at.name == "INV" for at in program.instructions)
+    taken: dict[int, dict[Instruction, Device]] = {}
+    drives: dict[object, Instruction] = {}
+    for contacts, outputs in rungs_of(program):
         guards = {at.operands[0].address - flags for at in contacts if at.operands[0].kind == "M"}
-        for at in (*contacts, *outputs):
-            reads = [extent for extent in extents(at) if not extent.writes and not extent.word]
-            for station, block in blocks.items():
-                taken = next((part for extent in reads if (part := _shared(extent, block))), None)
-                if taken is not None and station not in (member.station, *guards):
-                    found.setdefault(station, {}).setdefault(at, Device(*taken[:2]))
-    for station, first_reads in found.items():
-        (at, bit), *more = first_reads.items()
-        lines = ", ".join(f"at line {each.line}" for each, _ in more[:4])
+        reads = [(at, each) for at in (*contacts, *outputs) for each in extents(at) if not each.writes]
+        for (at, extent), (station, block) in product(reads, blocks.items()):
+            part = None if extent.word or station in (member.station, *guards) else _shared(extent, block)
+            if part is not None:
+                taken.setdefault(station, {}).setdefault(at, Device(*part[:2]))
+        # Without INV, rungs with the same contacts are on together.
+        said = tuple((at.name, *(operand.text for operand in at.operands)) for at in contacts)
+        for at in outputs if not inverted else ():
+            port = at.operands[-1].text if at.spec.name == "RS2" else ""
+            if port and (first := drives.setdefault((port, said), at)) is not at:
+                message = (
+                    f"RS2 drives port {port} while RS2 at line {first.line} does, which keeps it (assumed)"
+                )
+                _warn_at(member, at, message, report, in_runs=False)
+    for station, where in taken.items():
+        (at, bit), *more = where.items()
+        also = "".join(f"; also at line {each.line}" for each, _ in more[:4])
         message = (
             f"{at.name} takes {bit} of {_station(station, link)} without its error flag M{flags + station}: "
-            f"while that station is away the bit stays what it was{'; also ' if lines else ''}{lines}"
+            f"while that station is away the bit stays what it was{also}"
         )
         _warn_at(member, at, message, report, in_runs=False)
 
 
 def _station(number: int, link: Mapping[int, Member]) -> str:
     return f"station {number}" + (f" ({link[number].name})" if number in link else "")
-
-
-def _conditioned(program: Program) -> Iterator[tuple[list[Condition], list[Instruction]]]:
-    """Each rung's conditions, those of the MC around it included, with its outputs; so each jump."""
-    from bussim.plc.program.text.ladder import Rung
-
-    masters: dict[int, list[Condition]] = {}
-    for block in program.blocks:
-        for item in (*block.rungs, block.exit):
-            if item is None or item.condition is None:
-                continue
-            around = masters.get(item.level, []) if item.level is not None else []
-            outputs = item.outputs if isinstance(item, Rung) else [item.instruction]
-            if outputs and outputs[0].name == "MC":
-                masters[outputs[0].operands[0].address] = [item.condition, *around]
-            yield [item.condition, *around], outputs
 
 
 def _shared(extent: Extent, block: BlockRange) -> tuple[str, int, int] | None:

@@ -14,19 +14,7 @@ from pydantic import Field, create_model, field_validator, model_validator
 
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.engines.nn.frames import MODES
-from bussim.forms.fields import (
-    DEVICE_RANGE,
-    Flag,
-    Time,
-    Title,
-    choice,
-    fail,
-    nanoseconds,
-    number,
-    time,
-    time_or,
-    whole,
-)
+from bussim.forms.fields import Flag, Range, Time, choice, fail, nanoseconds, number, time, time_or, whole
 from bussim.forms.form import Model
 from bussim.plc.memory import DeviceRange
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
@@ -118,11 +106,9 @@ class InstructionTimesIn(Model):
         return value
 
 
-_Ranges = Annotated[list[Annotated[DeviceRange, DEVICE_RANGE]], Field(max_length=100)]
-
 #: The forms of fields that are no single values, by the type of the field.
 _FORMS: dict[object, Any] = {
-    tuple[DeviceRange, ...]: _Ranges,
+    tuple[DeviceRange, ...]: Annotated[list[Range], Field(max_length=100)],
     Turnaround: TurnaroundIn,
     GapRule: RtuGapsIn,
     InstructionTimes: InstructionTimesIn,

@@ -190,15 +190,21 @@ def vague_instructions(plc: Plc) -> Iterator[Instruction]:
             yield at
 
 
-def contacts_of(*conditions: Condition) -> list[Instruction]:
-    """The contacts of conditions and of all rungs whose level they take."""
-    found: list[Instruction] = []
-    waiting = [*conditions]
-    while waiting:
-        contacts, rungs = parts(waiting.pop(0))
-        found += contacts
-        waiting += [rung.condition for rung in rungs]
-    return found
+def rungs_of(program: Program) -> Iterator[tuple[list[Instruction], list[Instruction]]]:
+    """Each rung's contacts, those of the MC around it included, with its outputs; so each jump."""
+    masters: dict[int | None, list[Instruction]] = {}
+    for item in (item for block in program.blocks for item in (*block.rungs, block.exit)):
+        if item is None or item.condition is None:
+            continue
+        contacts, waiting = [*masters.get(item.level, [])], [item.condition]
+        while waiting:
+            found, rungs = parts(waiting.pop(0))
+            contacts += found
+            waiting += [rung.condition for rung in rungs]
+        outputs = item.outputs if isinstance(item, Rung) else [item.instruction]
+        if outputs and outputs[0].name == "MC":
+            masters[outputs[0].operands[0].address] = contacts
+        yield contacts, outputs
 
 
 def parts(condition: Condition) -> tuple[list[Instruction], list[Rung]]:

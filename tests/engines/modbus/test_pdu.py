@@ -100,7 +100,10 @@ def test_any_bytes_are_a_value(pdu: bytes) -> None:
         ("03 00 00 00 01 00", Flaw.LENGTH),
         ("05 00 00 FF", Flaw.LENGTH),
         ("0F 00 00 00 08", Flaw.LENGTH),
-        ("0F 00 00 00 08 02 FF", Flaw.LENGTH),  # byte count 2, one byte there
+        ("0F 00 00 00 08 02 FF", Flaw.COUNT),  # byte count 2, one byte there
+        ("0F 00 00 00 08 01 FF FF", Flaw.COUNT),  # byte count 1, two bytes there
+        ("0F 00 00 00 10 02 FF", Flaw.COUNT),
+        ("10 00 00 00 02 04 00 01", Flaw.COUNT),
         ("0F 00 00 00 09 01 FF", Flaw.COUNT),  # 9 coils need 2 bytes
         ("10 00 00 00 02 02 00 01", Flaw.COUNT),
         ("10 00 00 00 01 03 00 01 02", Flaw.COUNT),

@@ -225,11 +225,22 @@ def test_quantity_is_checked_before_address() -> None:
     assert Bench().response(Request(3, 5000, 126)) == b"\x83\x03"
 
 
+@both_modes
+@pytest.mark.parametrize(
+    "pdu", ["10 00 00 00 01 02 00", "10 00 00 00 01 02 00 07 00", "0F 00 00 00 08 02 FF"]
+)
+def test_a_byte_count_that_disagrees_with_the_length_is_exception_03(mode: Mode, pdu: str) -> None:
+    bench = Bench(mode)
+    items = bench.ask(bytes.fromhex(pdu))
+    assert [type(item) for item in items] == [RequestServed, Transmit]
+    assert items[0].exception == 3
+
+
 # -- silence ---------------------------------------------------------------------------------------
 
 
 @both_modes
-@pytest.mark.parametrize("pdu", ["83 02", "03 00 00 00", "03 00 00 00 01 00", "10 00 00 00 01 02 00"])
+@pytest.mark.parametrize("pdu", ["83 02", "03 00 00 00", "03 00 00 00 01 00", "10 00 00 00 01"])
 def test_sound_frames_that_are_no_requests_are_ignored(mode: Mode, pdu: str) -> None:
     bench = Bench(mode)
     items = bench.ask(bytes.fromhex(pdu))

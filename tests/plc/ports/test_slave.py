@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bussim.devices.lx.map import LxMap
@@ -92,11 +94,45 @@ def test_a_master_reads_and_writes_the_plcs_devices(mode: str, *, whole: bool) -
         (PortError.ADDRESS, None),
     ]
     assert bench.plc.read("D101") == 66
-    # Every reply begins at an END (of 10 ms scans), and no port error is raised by a refusal.
+    # Every reply begins at an END (of 10 ms scans); each refused address is a port error.
     assert {start % SCAN for start, _ in bench.requests()} == {PHASE % SCAN}
-    assert bench.errors() == []
+    assert set(bench.errors()) == {7202}
     served = [item for engine, item in bench.wire.events if isinstance(item, RequestServed)]
     assert {item.exception for item in served} == {0, 2}
+
+
+OF_ONE = RTU.encode(1, bytes.fromhex("03 00 00 00 01")).chars
+DAMAGED = OF_ONE[:-1] + bytes([OF_ONE[-1] ^ 1])
+
+
+@pytest.mark.parametrize(
+    ("chars", "expected"),
+    [
+        (RTU.encode(1, bytes.fromhex("03 20 40 00 01")).chars, [7302]),  # no such register
+        (RTU.encode(1, bytes.fromhex("04 00 00 00 01")).chars, [7304]),  # no such function
+        (DAMAGED, [7303]),
+        (OF_ONE[:3], [7301]),
+        (bytes(300), [7307]),
+        (RTU.encode(1, bytes.fromhex("03 00 00 00 7E")).chars, []),  # exception 03: 6 is a master's
+        (RTU.encode(2, bytes.fromhex("03 20 40 00 01")).chars, []),  # another station's
+        (OF_ONE, []),
+    ],
+)
+def test_a_slave_port_raises_errors_of_damaged_and_refused_requests(
+    chars: bytes, expected: list[int]
+) -> None:
+    for profile in (PROFILES["pw10"], replace(PROFILES["pw10"], slave_errors=False)):
+        bench = Bench("COM3", "modbus-rtu-slave", profile=profile)
+        receives(bench, chars, 1 * MS)
+        bench.run(800 * MS)
+        bench.collect()
+        found = expected if profile.slave_errors else []
+        assert bench.errors() == found
+        assert bench.plc.read("M8063") == len(found)
+        receives(bench, OF_ONE, 801 * MS)
+        bench.run(900 * MS)
+        # A request that is served ends it; the number stays.
+        assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (0, *(found or [0]))
 
 
 def test_a_broadcast_is_carried_out_at_end_without_a_response() -> None:

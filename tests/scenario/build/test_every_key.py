@@ -69,6 +69,7 @@ plcs:
       ascii_gap: 2 s
       begun_holds: true
       slave_backlog: 2
+      slave_errors: false
       com2_station: 4
       free_awaits_first: true
       free_keeps_frame: true
