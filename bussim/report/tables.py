@@ -186,10 +186,8 @@ def refresh_gaps(source: Source, bus: str) -> Table:
     ]
     old = source.summary["links"][bus].get("stale_ms", {})
     for pair, (_, cells) in zip(gaps, rows, strict=True) if old else ():
-        known = pair in old
-        cells.append(
-            found(source.summary, "links", bus, "stale_ms", pair, decimals=3) if known else Cell(NONE)
-        )
+        path = ("links", bus, "stale_ms", pair)
+        cells.append(found(source.summary, *path, decimals=3) if pair in old else Cell(NONE))
     note = (
         "Choose the preset of a heartbeat from the longest, not from the link scan time: "
         "retries do not cover it."

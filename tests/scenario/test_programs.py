@@ -415,7 +415,7 @@ def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: P
     )
     swapped = SLAVE.replace("END", "XCHP D40 D41\nEND")
     assert shown(warnings(tmp_path, text, **{"two.il": swapped}), tmp_path) == [
-        f"x.yaml:{where}: two: M{bit}, {what}, is not simulated: it changes nothing here, and nothing drives it"
+        f"x.yaml:{where}: two: M{bit}, {what}, is not simulated: it changes nothing, and nothing drives it"
         for where, bit, what in (
             ("11:17", 8034, "which switches all outputs off"),
             ("11:37", 8160, "which makes XCH swap bytes"),

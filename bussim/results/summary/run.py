@@ -148,10 +148,8 @@ def _gaps(pair: Refresh, duration: int) -> dict[str, Any]:
 def _stale(record: LinkRecord, duration: int) -> dict[str, Any]:
     """How long receivers worked on data from before they or their source were away; of others nothing."""
     old = {f"{a}->{b}": pair.stale for (a, b), pair in record.refresh.items() if pair.stale}
-    sums = {
-        pair: ms(sum((each.end or duration) - each.start for each in spans)) for pair, spans in old.items()
-    }
-    return {"stale_ms": sums} if sums else {}
+    lasted = {pair: sum((at.end or duration) - at.start for at in spans) for pair, spans in old.items()}
+    return {"stale_ms": {pair: ms(ticks) for pair, ticks in lasted.items()}} if old else {}
 
 
 def _plc(totals: PlcTotals) -> dict[str, Any]:

@@ -34,4 +34,4 @@ def not_simulated(extent: Extent) -> Iterator[str]:
         effect = SPECIAL_BITS.get(address, "") if letter == "M" else ""
         alive = any(each.letter == letter and each.first <= address <= each.last for each in _ALIVE)
         if not alive and (address == extent.first or (effect and extent.writes)):
-            yield f"{letter}{address}{effect} is not simulated: it changes nothing here, and nothing drives it"
+            yield f"{letter}{address}{effect} is not simulated: it changes nothing, and nothing drives it"
