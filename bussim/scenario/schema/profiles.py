@@ -14,7 +14,19 @@ from pydantic import Field, create_model, field_validator, model_validator
 
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.engines.nn.frames import MODES
-from bussim.forms.fields import Flag, Range, Time, choice, fail, nanoseconds, number, time, time_or, whole
+from bussim.forms.fields import (
+    Flag,
+    Range,
+    Time,
+    Title,
+    choice,
+    fail,
+    nanoseconds,
+    number,
+    time,
+    time_or,
+    whole,
+)
 from bussim.forms.form import Model
 from bussim.plc.memory import DeviceRange
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
