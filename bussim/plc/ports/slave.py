@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
 from bussim.engines.modbus.codes import REJECTION_ERRORS, SLAVE_ERRORS, exception_error
-from bussim.engines.modbus.events import FrameRejected, SlaveEvent, StationRefused
+from bussim.engines.modbus.events import FrameRejected, RequestServed, SlaveEvent, StationRefused
 from bussim.engines.modbus.slave import Slave
 from bussim.engines.modbus.states import SlaveState
 from bussim.line.characters import LineTiming
@@ -42,14 +44,19 @@ class SlaveSide(Side):
     def event(self, item: SlaveEvent, now: int) -> None:
         """See the base class."""
         status, error = self._status, None
-        if status is None or isinstance(item, StationRefused):
+        if status is None:
             return
-        if isinstance(item, FrameRejected):
-            error = REJECTION_ERRORS.get(item.reason)
-        elif item.exception:
-            error = exception_error(item.exception)
-        else:
-            status.good()
+        match item:
+            case FrameRejected():
+                error = REJECTION_ERRORS.get(item.reason)
+            case RequestServed() if item.exception:
+                error = exception_error(item.exception)
+            case RequestServed():
+                status.good()
+            case StationRefused():
+                pass
+            case _:
+                assert_never(item)
         if error in SLAVE_ERRORS:
             status.failed(error, now)
 
