@@ -145,11 +145,10 @@ OWN_DEVICES = device_ranges("Y0-255 M0-7999 S0-7999 T0-999 C0-999 D0-7999 V0-7 Z
 
 def parse_range(text: str) -> DeviceRange:
     """The range of a text such as ``M500-M3071``. Raises ValueError with a message for the user."""
-    found = re.fullmatch(r"([MSTCD])(\d{1,4}) *[-–] *\1(\d{1,4})", text, re.ASCII)
-    if found is None or not int(found[2]) <= int(found[3]) < FIRST_SPECIAL:
-        raise ValueError(
-            f"is {text!r}, expected a range of M, S, T, C or D such as M500-M3071, none of specials"
-        )
+    found = re.fullmatch(r"([MSTCDR])(\d{1,5}) *[-–] *\1(\d{1,5})", text, re.ASCII)
+    last = FIRST_SPECIAL if found and found[1] in "MD" else 32768
+    if found is None or not int(found[2]) <= int(found[3]) < last:
+        raise ValueError(f"is {text!r}, expected a range such as M500-M3071 of M S T C D R, not of specials")
     return DeviceRange(found[1], int(found[2]), int(found[3]))
 
 

@@ -29,10 +29,9 @@ class ProgramPorts:
         if isinstance(s, Device) and isinstance(d, Device):
             rs2 = self._now_driven[instruction] = Rs2(s, m, d, n, n1)
             port = port_of(rs2, self._memory)
-            driven = self.rs2(instruction, rs2, now, driven=True)
-            if driven is Drive.RUNNING:
+            if self.rs2(instruction, rs2, now, driven=True) is not Drive.BUSY:
                 self._holders[port] = instruction
-            elif driven is Drive.BUSY and port in self._holders:
+            elif port in self._holders:  # else the scenario's polls have it
                 self.refused[self._holders[port], instruction, f"{port}"] += 1
 
     def scan_over(self, now: int) -> None:
