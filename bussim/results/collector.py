@@ -118,7 +118,7 @@ class Collector:
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None:
         """Count a failed attempt in the scan under way."""
-        self._links[bus].attempt_failed(code)
+        self._links[bus].attempt_failed(code, tick)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on, in a trace in blocks."""

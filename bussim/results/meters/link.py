@@ -104,6 +104,7 @@ class LinkMeter:
     failed_per_scan: dict[int, Counter[int]] = field(default_factory=dict)
     onsets: dict[str, Counter[int]] = field(default_factory=dict)  # by reporter and station
     scans_end: int | None = None
+    failed_at: int = 0  # when the latest attempt failed: the master was at work until then
     gaps: Spans = field(default_factory=Spans)  # times between link scans
     lost: dict[str, Spans] = field(default_factory=dict)  # by slave: its watchdog on the master had expired
     restarted: set[str] = field(default_factory=set)
@@ -128,9 +129,10 @@ class LinkMeter:
             for spans in self.in_error.values():
                 spans.all_off(record.start + record.duration)
 
-    def attempt_failed(self, code: int) -> None:
+    def attempt_failed(self, code: int, tick: int) -> None:
         """Count a failed attempt in the scan under way."""
         self.failed[code] += 1
+        self.failed_at = tick
 
     def healthy(self, tick: int) -> None:
         """Every slave replies; only the first time counts."""
@@ -182,19 +184,22 @@ class LinkMeter:
                 f"{code:02X}": dict(each) for code, each in sorted(self.failed_per_scan.items())
             },
             onsets=dict(self.onsets.get(reporter, {})),
-            master_lost=self._master_lost(duration),
+            master_lost=self._master_lost(duration, totals.timeout or 0),
             restarted=frozenset(self.restarted),
             master_damaged=frozenset(self.master_damaged),
         )
 
-    def _master_lost(self, duration: int) -> list[MasterLost]:
+    def _master_lost(self, duration: int, timeout: int) -> list[MasterLost]:
         """Times between link scans and expired watchdogs; what overlaps is one."""
         gaps = [span for spans in self.gaps.all().values() for span in spans]
         lost = [(span, name) for name, spans in self.lost.items() for span in spans.all().get(0, [])]
-        if self.scans_end is not None and any(span.end is None for span, _ in lost):
-            gaps.append(Span(self.scans_end, None))
         times = self.scan_times.histogram
         usual = times.quantile(500) or times.mean
+        if self.scans_end is not None and any(span.end is None for span, _ in lost):
+            # A master at work ends a scan or fails in an attempt before a scan and a timeout have passed.
+            since = max(self.scans_end, self.failed_at)
+            if duration - since > (usual or 0) + timeout:
+                gaps.append(Span(since, None))
         found: list[MasterLost] = []
         without = 0
         for span, name in sorted([*((gap, "") for gap in gaps), *lost], key=lambda each: each[0].start):

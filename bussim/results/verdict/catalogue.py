@@ -73,8 +73,8 @@ SENTENCES: Mapping[str, Sentence] = {
         "D8203 counted, M8183 on meanwhile), while it went on with link scans."
     ),
     "master_paused": _fault(
-        "{bus}: the master {master} made no link scan from {from_s:.3f} s for {for_s:.3f} s; no station "
-        "noticed it."
+        "{bus}: the master {master} made no link scan from {from_s:.3f} s for {for_s:.3f} s; no station's "
+        "watchdog on it expired (D8211 = 11H in none)."
     ),
     "two_masters": _fault("{bus} has {number:n} masters, {masters:list}: their frames collide."),
     "same_number": _fault(

@@ -135,6 +135,29 @@ def test_a_master_that_is_back_before_any_watchdog_has_paused(tmp_path: Path) ->
     assert [item["key"] for item in faults(items(result))] == ["master_paused"]
 
 
+def test_a_master_at_work_is_not_without_supply_because_the_run_ends_within_its_scan(tmp_path: Path) -> None:
+    # A scan with a dead station lasts several usual ones; the run ends at ten points of such a scan.
+    line = {
+        "schema": 1,
+        "name": "cut to the end",
+        "duration": "8 s",
+        "buses": [{"name": "link", "nn": True}],
+        "plcs": [
+            {"name": "m", "nn": {"bus": "link", "port": "COM4", "station": 0, "slaves": 2, "retries": 3}},
+            {"name": "a", "nn": {"bus": "link", "port": "COM4", "station": 1}},
+            {"name": "b", "nn": {"bus": "link", "port": "COM4", "station": 2}},
+        ],
+        "faults": [{"at": "3 s", "cable_cut": {"bus": "link", "after": "a"}}],
+    }
+    for step in range(10):
+        (tmp_path / str(step)).mkdir()
+        result = run(line | {"duration": f"{8000 + 23 * step} ms"}, tmp_path / str(step))
+        (lost,) = result.summary["links"]["link"]["master_lost"]
+        assert (lost["stations"], lost["scans_missed"]) == (["b"], 0)
+        found = [item["key"] for item in faults(items(result))]
+        assert found == ["master_not_received", "station_still_in_error", "cause_cut"]
+
+
 # -- responses to other requests -----------------------------------------------------------------------
 
 
