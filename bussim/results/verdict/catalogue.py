@@ -131,7 +131,7 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "cause_format": _fault(
         "{station} received the master's frames damaged and lost the master (D8211 = 14H, then 11H): its "
-        "speed or format is not that of {bus}, or the bus is disturbed there."
+        "speed or format is not that of {bus}, the bus is disturbed there, or a cable was cut within a frame."
     ),
     "cause_damaged": _fault(
         "The replies of {station} arrived damaged (04): noise, or another sender on {bus}."

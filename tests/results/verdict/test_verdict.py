@@ -147,7 +147,7 @@ def test_a_master_at_work_is_not_without_supply_because_the_run_ends_within_its_
             {"name": "a", "nn": {"bus": "link", "port": "COM4", "station": 1}},
             {"name": "b", "nn": {"bus": "link", "port": "COM4", "station": 2}},
         ],
-        "faults": [{"at": "3 s", "cable_cut": {"bus": "link", "after": "a"}}],
+        "faults": [{"at": "3004 ms", "cable_cut": {"bus": "link", "after": "a"}}],
     }
     for step in range(10):
         (tmp_path / str(step)).mkdir()
