@@ -100,12 +100,20 @@ def bytes_of(text: str) -> bytes | None:
 
 
 def _ticks(whole: str, part: str | None, per_second: int = 1) -> int:
-    scale = TICKS_PER_SECOND // per_second if TICKS_PER_SECOND % per_second == 0 else 0
-    ticks = int(whole) * (scale or TICKS_PER_SECOND) // (1 if scale else per_second)
-    return ticks + (int(part) * TICKS_PER_SECOND // (per_second * 10 ** len(part)) if part else 0)
+    part = part or ""
+    ticks: int = int(whole + part) * TICKS_PER_SECOND // (per_second * 10 ** len(part))
+    return ticks
 
 
-def _clock_ticks(day: str | None, clock: str, part: str | None, zone: str | None) -> int | None:
+def _tick(found: re.Match[str], per_second: int = 1) -> int | None:
+    """The time of a row, in ticks; None if there is no such time of a day."""
+    if found["clock"] is None:
+        unit = found["unit"]
+        return _ticks(found["seconds"], found["fraction"], _UNITS[unit.lower()] if unit else per_second)
+    return _clock(found["date"], found["clock"], found["part"], found["zone"])
+
+
+def _clock(day: str | None, clock: str, part: str | None, zone: str | None = None) -> int | None:
     hours, minutes, seconds = map(int, clock.split(":"))
     if hours > 23 or minutes > 59 or seconds > 60:
         return None
@@ -115,15 +123,15 @@ def _clock_ticks(day: str | None, clock: str, part: str | None, zone: str | None
             ticks += date.fromisoformat(day.replace("/", "-")).toordinal() * _DAY
         except ValueError:
             return None
-    if zone not in (None, "Z", "z"):
-        sign = -1 if zone[0] == "+" else 1
-        ticks += sign * (int(zone[1:3]) * 60 + int(zone[-2:])) * 60 * TICKS_PER_SECOND
+    if zone and zone[0] in "+-":
+        offset = (int(zone[1:3]) * 60 + int(zone[-2:])) * 60 * TICKS_PER_SECOND
+        ticks -= offset if zone[0] == "+" else -offset
     return ticks
 
 
-def general(lines: Iterable[str], per_second: int, *, decimal_comma: bool) -> Rows:
-    """Rows of the general form. ``per_second``: the unit of bare times."""
-    match = _ROWS[decimal_comma].match
+def general(lines: Iterable[str], heading: str, *, decimal_comma: bool) -> Rows:
+    """Rows of the general form. ``heading`` is the name of the first column, "" where columns have none."""
+    match, per_second = _ROWS[decimal_comma].match, _unit_of(heading)
     for number, line in enumerate(lines, 1):
         text = line.partition("#")[0].strip(" \t\r\n,;\ufeff")
         if not text:
@@ -131,28 +139,23 @@ def general(lines: Iterable[str], per_second: int, *, decimal_comma: bool) -> Ro
             continue
         found = match(text)
         if found is None:
-            yield Unreadable(number, f"{text[:40]!r} begins with no time, or has no bytes")
+            yield (None if heading else Unreadable(number, f"{text[:40]!r} has no time, or no bytes"))
+            heading = ""
             continue
         data = bytes_of(found["data"])
         if data is None:
             yield Unreadable(number, f"{found['data'][:40]!r} are no bytes in hexadecimal")
             continue
-        if found["clock"] is None:
-            unit = found["unit"]
-            tick: int | None = _ticks(
-                found["seconds"], found["fraction"], _UNITS[unit.lower()] if unit else per_second
-            )
-        else:
-            tick = _clock_ticks(found["date"], found["clock"], found["part"], found["zone"])
-            if tick is None:
-                yield Unreadable(number, f"{text[:30]!r} is no time of a day")
-                continue
+        tick = _tick(found, per_second)
+        if tick is None:
+            yield Unreadable(number, f"{text[:30]!r} is no time of a day")
+            continue
         word = found["direction"]
         wire = None if word is None else _DIRECTIONS[word.lower()]
         yield Row(number, tick, data, wire, bare=found["clock"] is None)
 
 
-def unit_of(heading: str) -> int:
+def _unit_of(heading: str) -> int:
     """How many of the units of a column's name are a second: "time_ms" has 1000."""
     found = re.search(r"(?<![a-z])(ms|us|µs)(?![a-z])", heading.lower())
     return _UNITS[found[1]] if found else 1
@@ -178,16 +181,15 @@ def saleae(lines: Iterable[str], heading: list[str]) -> Rows:
         if "type" in at and len(fields) > at["type"] and fields[at["type"]] != "data":
             yield None
             continue
-        found = _ROWS[False].match(f"{fields[time_at]} 00") if len(fields) > max(time_at, data_at) else None
-        value = _value(fields[data_at]) if found else None
-        tick = None
-        if found and found["clock"]:
-            tick = _clock_ticks(found["date"], found["clock"], found["part"], found["zone"])
-        elif found:
-            tick = _ticks(found["seconds"], found["fraction"])
+        found, value = None, None
+        if len(fields) > max(time_at, data_at):
+            # Times before the trigger are negative.
+            found, value = _ROWS[False].match(f"{fields[time_at].lstrip('-')} 00"), _value(fields[data_at])
+        tick = None if found is None else _tick(found)
         if found is None or tick is None or value is None:
             yield Unreadable(number, f"{line.strip()[:40]!r} has no time and value")
             continue
+        tick = -tick if fields[time_at].startswith("-") else tick
         flag = 0
         for index, wrong in errors:
             if index < len(fields) and fields[index].strip():
@@ -235,7 +237,7 @@ def socat(lines: Iterable[str]) -> Rows:
             data += bytes.fromhex(part[0])[:missing]
             missing = int(head[5]) - len(data)
             if not missing:
-                tick = _clock_ticks(head[2], head[3], head[4], None)
+                tick = _clock(head[2], head[3], head[4])
                 yield (
                     Row(begun, tick, data, int(head[1] == "<"), bare=False)
                     if tick

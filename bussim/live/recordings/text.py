@@ -22,7 +22,6 @@ from bussim.live.recordings.rows import (
     may_have_decimal_comma,
     saleae,
     socat,
-    unit_of,
 )
 from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.units import TICKS_PER_SECOND
@@ -92,16 +91,7 @@ class TextFile(Source):
             return socat(lines)
         if self._libmodbus:
             return libmodbus(lines)
-        return self._general(lines, decimal_comma=decimal_comma)
-
-    def _general(self, lines: Iterable[str], *, decimal_comma: bool) -> Rows:
-        heading, unit = bool(self._heading), unit_of(self._heading[0]) if self._heading else 1
-        for found in general(lines, unit, decimal_comma=decimal_comma):
-            if heading and isinstance(found, Unreadable):
-                heading = False  # the names of the columns
-                continue
-            heading = heading and found is None
-            yield found
+        return general(lines, self._heading[0] if self._heading else "", decimal_comma=decimal_comma)
 
     def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """See the source of a recording. Raises RecordingError if most lines cannot be read."""
@@ -124,7 +114,7 @@ class TextFile(Source):
                     tick = arrivals.busy_until + setup.timing.characters(len(data) + _APART)
                 elif base is None:
                     length = 0 if self._from_start else setup.timing.characters(len(data))
-                    base = 0 if found.bare and tick < _A_MONTH else tick - length
+                    base = 0 if found.bare and 0 <= tick < _A_MONTH else tick - length
                     tick -= base
                 else:
                     tick -= base

@@ -222,8 +222,22 @@ def test_most_lines_must_be_readable(tmp_path: Path, capsys: pytest.CaptureFixtu
     for command in ("sniff", "fit"):
         assert main([command, str(path)]) == 2
         err = capsys.readouterr().err
-        for said in ("line.txt:2: 'world 1' begins with no time", "more than half", "socat -x"):
+        for said in ("line.txt:2: 'world 1' has no time", "more than half", "socat -x"):
             assert said in err
+
+
+def test_times_before_a_trigger_are_negative(tmp_path: Path) -> None:
+    lines = saleae_1()
+    moved = [lines[0]]
+    for line in lines[1:]:
+        at, rest = line.split(",", 1)
+        moved.append(f"{float(at) - 86_391:.9f},{rest}")
+    assert moved[1].startswith("-")
+    path = tmp_path / "line.csv"
+    path.write_text("\n".join(moved), encoding="utf-8")
+    found = read(path)
+    same(found)
+    assert found["duration_s"] == pytest.approx(SPAN, abs=0.1)
 
 
 def test_errors_of_saleae_are_wrong_bits(tmp_path: Path) -> None:
