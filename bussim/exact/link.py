@@ -119,9 +119,9 @@ class LinkModel:
 
     ``stations`` are the slaves 1…D8177 in order, those that do not exist as well (not alive);
     ``listeners`` stations that are never polled but hear. ``attempts`` is what D8179 = ``retries``
-    means by the master profile's ``reading``. ``obstacles`` are the reasons, known from the scenario, why the
-    closed form does not hold; ``notes`` what was left out of it on request; ``inputs`` what its figures are
-    made of, with where each comes from.
+    means by the master profile's ``reading``. ``zeros``: the blocks are of zeros, else random (assumed).
+    ``obstacles`` are the reasons, known from the scenario, why the closed form does not hold; ``notes`` what
+    was left out of it on request; ``inputs`` what its figures are made of, with where each comes from.
     """
 
     bus: str
@@ -142,6 +142,7 @@ class LinkModel:
     error_count: ErrorCount = ErrorCount.PER_SCAN
     unit: int = TICKS_PER_MS
     noise: LineNoise = LineNoise()
+    zeros: bool = True
     scan: int = 0
     timeout_range: tuple[int, int] = (5, 225)
     listeners: tuple[Station, ...] = ()
@@ -261,10 +262,10 @@ class LinkModel:
     def least_timeout(self) -> int:
         """The least timeout, in ticks, at which the closed form holds.
 
-        A whole reply must fit; with bit errors also the two quiet characters after a damaged one,
-        which else would end at its deadline instead.
+        A whole reply must fit; with bit errors also the two quiet characters after a damaged one, whose
+        last character may end up to nine bits later, which else would end at its deadline instead.
         """
-        quiet = self.quiet if self.noise.sources else 0
+        quiet = self.quiet + self.character if self.noise.sources else 0
         return max((s.slowest + s.reply + quiet for s in self.alive), default=0)
 
     def timeout_reasons(self) -> list[str]:
@@ -277,9 +278,9 @@ class LinkModel:
                     f"{station.label}: its longest reply takes {milliseconds(reply):.2f} ms, longer than the "
                     f"timeout of {milliseconds(self.timeout):g} ms: late replies are taken for later attempts"
                 )
-            elif self.noise.sources and reply + self.quiet > self.timeout:
+            elif self.noise.sources and reply + self.quiet + self.character > self.timeout:
                 found.append(
-                    f"{station.label}: its longest reply takes {milliseconds(reply):.2f} ms, less than two "
+                    f"{station.label}: its longest reply takes {milliseconds(reply):.2f} ms, less than three "
                     f"characters below the timeout of {milliseconds(self.timeout):g} ms: a damaged reply may "
                     "end at the deadline"
                 )

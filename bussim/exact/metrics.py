@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bussim.exact.bursts.exchange import different
 from bussim.exact.link import LinkModel
 from bussim.exact.refresh import GapDistribution, gap_distributions
+from bussim.exact.scan.detection import detection
 from bussim.exact.scan.mixture import Distribution
-from bussim.exact.scan.outages import clean_scan, dead_means, detection, longest_scan, ride_through
+from bussim.exact.scan.outages import clean_scan, dead_means, longest_scan, ride_through
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
-from bussim.exact.text import in_ms, ms, scans_over, years_between
+from bussim.exact.text import LONGEST_YEARS, in_ms, ms, ms_cell, scans_over, years_between
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, UNIT_TICKS
 
 YEAR = int(UNIT_TICKS["y"])
 
 #: A quantile is given only where the weight of dropped components is less than this part of its level.
 _RESOLVED = 1e-3
+#: The part of the mean link scan by which the blocks' data must change it to be worth telling.
+_TELLING = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +49,10 @@ class Refresh:
 
     The preset is for a word that changes in every PLC scan of the source: the gap that is exceeded
     ``missed_per_year`` times a year, plus the longest PLC scans of both, up to the next 10 ms. None
-    where the distribution does not reach so far.
+    where the distribution does not reach so far; the mean is None where it is more than a hundred years.
     """
 
-    mean: float
+    mean: float | None
     quantiles: dict[str, float | None]
     heartbeat: int | None
 
@@ -62,7 +66,8 @@ class Figures:
     are in error, ``onsets_per_year`` the times a flag goes on. ``maximum`` has quantiles of D8202 over
     ``mission``, by probability of exceeding, neighbouring scans taken as independent. ``detect_*`` are
     for the station that takes longest; if all other stations are silent as well, a death is noticed
-    within ``worst_case``.
+    within ``worst_case``. ``random`` is the distribution of the link scan with random data in the blocks
+    instead of zeros, where bit errors make a difference.
     """
 
     model: LinkModel
@@ -90,6 +95,7 @@ class Figures:
     detect_longest: int | None = None
     detect: dict[str, float] = field(default_factory=dict)
     refresh: dict[str, Refresh] = field(default_factory=dict)
+    random: Distribution | None = None
 
     def to_json(self) -> dict[str, object]:
         """One link of the JSON form, times in ms. Quantities that do not exist are null."""
@@ -105,6 +111,7 @@ class Figures:
             "timeout_ms": in_ms(model.timeout),
             "mean_ms": in_ms(self.mean),
             "sd_ms": in_ms(self.sd),
+            "mean_random_data_ms": in_ms(self.random.mean if self.random else self.mean),
             "no_error_ms": {"min": in_ms(self.shortest), "max": in_ms(self.longest_clean)},
             "worst_case_ms": in_ms(self.worst_case),
             "quantiles_ms": {key: in_ms(x) for key, x in self.quantiles.items()},
@@ -140,8 +147,21 @@ class Figures:
         if not self.valid:
             return [f"no exact law: {reason}" for reason in self.reasons]
         said = [scans_over(p, x) for x, p in self.over.items()]
+        if self.random is not None and self.mean is not None:
+            others = [scans_over(float(self.random.tail(float(x))), x) for x in self.over]
+            if others != said or abs(self.random.mean - self.mean) > _TELLING * self.mean:
+                mean = f"the mean link scan is {ms_cell(self.random.mean)} ms"
+                said.append(f"blocks of zeros are assumed; with random data {' and '.join([mean, *others])}")
         if self.model.alive and self.onsets_per_year is not None:
             said.append(years_between(self.onsets_per_year))
+        never = [pair for pair, refresh in self.refresh.items() if refresh.mean is None]
+        if never:
+            said.append(f"with the noise as entered practically no block arrives: {', '.join(never)}")
+        if any(each.mean is not None and None in each.quantiles.values() for each in self.refresh.values()):
+            said.append(
+                "where a refresh gap has a dash it lasts so many link scans that it is not worked out: "
+                "it exceeds a time with a probability of at most its mean over that time"
+            )
         return said
 
 
@@ -169,7 +189,11 @@ def over_mission(distribution: Distribution, mission: int, level: float) -> floa
     return distribution.quantile(-math.expm1(math.log1p(-level) / scans))
 
 
-def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
+def figures_of(
+    model: LinkModel,
+    request: Request | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Figures:
     """All figures of a link; only ``valid`` and ``reasons`` where the closed form does not hold."""
     request = request or Request()
     if not model.valid:
@@ -179,11 +203,9 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
     scans = YEAR / distribution.mean
     chances = {s.number: f for s, f in zip(model.stations, solved.fails, strict=True) if s.alive}
     passed = ride_through(model, model.attempts, np.full(1, float(model.timeout)))
-    found = [detection(model, distribution, station) for station in model.alive]
-    slowest = None
-    if found:
-        number = max(found, key=lambda d: d.mean).station
-        slowest = detection(model, distribution, model.station(number), tuple(request.levels.values()))
+    random = Solved(replace(model, zeros=False)).distribution if model.noise.sources else None
+    found = [detection(solved, station) for station in different(model).values()]
+    slowest = max(found, key=lambda d: d.mean, default=None)
     return Figures(
         model,
         valid=True,
@@ -210,8 +232,9 @@ def figures_of(model: LinkModel, request: Request | None = None) -> Figures:
         two_dead=dead_means(solved, 2),
         detect_mean=slowest.mean if slowest else None,
         detect_longest=max((d.longest for d in found), default=None),
-        detect={key: slowest.quantiles[level] for key, level in request.levels.items()} if slowest else {},
-        refresh=_refreshes(solved, request) if request.refresh else {},
+        detect={key: slowest.quantile(level) for key, level in request.levels.items()} if slowest else {},
+        refresh=_refreshes(solved, request, progress) if request.refresh else {},
+        random=random,
     )
 
 
@@ -220,20 +243,24 @@ def _once(probability: float, times: float) -> float:
     return 1.0 if probability >= 1 else -math.expm1(times * math.log1p(-probability))
 
 
-def _refreshes(solved: Solved, request: Request) -> dict[str, Refresh]:
+def _refreshes(
+    solved: Solved, request: Request, progress: Callable[[str, int, int], None] | None
+) -> dict[str, Refresh]:
     model = solved.model
+    resolved = _RESOLVED * max(request.levels.values(), default=0.5)
     known: dict[int, tuple[dict[str, float | None], float | None]] = {}
     found = {}
-    for (source, receiver), gap in gap_distributions(solved).items():
+    for (source, receiver), gap in gap_distributions(solved, resolved=resolved, progress=progress).items():
         # Distributions of pairs that do not differ are one object; only the PLCs' scans may.
         if id(gap.distribution) not in known:
             quantiles = {key: _resolved(gap.distribution, level) for key, level in request.levels.items()}
             known[id(gap.distribution)] = quantiles, _rare_gap(solved, gap, request.missed_per_year)
         quantiles, rare = known[id(gap.distribution)]
         preset = None if rare is None else _preset(model, gap, rare)
-        found[f"{model.name(source)}->{model.name(receiver)}"] = Refresh(
-            gap.distribution.mean, quantiles, preset
-        )
+        # Whatever the distribution: receptions a scan × mean gap = mean scan.
+        often = gap.per_scan * LONGEST_YEARS * YEAR > solved.distribution.mean
+        mean = solved.distribution.mean / gap.per_scan if often else None
+        found[f"{model.name(source)}->{model.name(receiver)}"] = Refresh(mean, quantiles, preset)
     return found
 
 
@@ -244,7 +271,7 @@ def _resolved(distribution: Distribution, level: float) -> float | None:
 def _rare_gap(solved: Solved, gap: GapDistribution, per_year: float) -> float | None:
     """The gap in ticks that is exceeded so often a year; None where its probability is not resolved."""
     gaps = YEAR / solved.distribution.mean * gap.per_scan
-    return _resolved(gap.distribution, min(0.5, per_year / gaps))
+    return _resolved(gap.distribution, min(0.5, per_year / gaps)) if gaps else None
 
 
 def _preset(model: LinkModel, gap: GapDistribution, x: float) -> int:

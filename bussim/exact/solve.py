@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+from bussim.exact.bursts.listening import NOTHING, memory_of
 from bussim.exact.bursts.scan_chain import ScanChain
 from bussim.exact.link import LinkModel
 from bussim.exact.scan.memoryless import Fails, fails_of, probabilities_of, scan_distribution
@@ -21,11 +22,20 @@ class Solved:
         if not model.valid:
             raise ValueError("; ".join(model.reasons))
         self.model = model
+        self._chains: dict[int, ScanChain] = {}
 
     @cached_property
     def chain(self) -> ScanChain:
         """The chain from scan to scan."""
         return ScanChain(self.model)
+
+    def chain_of(self, receiver: int) -> ScanChain:
+        """The chain with what a receiver remembers of the link's frames, if that matters."""
+        if memory_of(self.model, receiver) is NOTHING:
+            return self.chain
+        if receiver not in self._chains:
+            self._chains[receiver] = ScanChain(self.model, receiver)
+        return self._chains[receiver]
 
     @cached_property
     def distribution(self) -> Distribution:

@@ -15,6 +15,8 @@ from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell
 from bussim.units import TICKS_PER_SECOND
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rich.console import Console
 
     from bussim.exact.metrics import Figures
@@ -73,6 +75,7 @@ def command(
     Where a fault comes or goes during the run, the figures are those before, during and after it.
     """
     from bussim import api
+    from bussim.commands.common.progress import progress_bar
     from bussim.exact.from_scenario import from_scenario
     from bussim.exact.latency.bounds import bounds_of
     from bussim.exact.metrics import Request, figures_of
@@ -90,8 +93,11 @@ def command(
         raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list nor a latency")
     if plot and not models:
         raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
-    found = {bus: figures_of(model, request) for bus, model in models.items()}
-    changing = {} if all(figures.valid for figures in found.values()) else _changing(loaded, request)
+    with progress_bar() as progress:
+        found = {bus: figures_of(model, request, progress) for bus, model in models.items()}
+        changing = {}
+        if not all(figures.valid for figures in found.values()):
+            changing = _changing(loaded, request, progress)
     bounds = bounds_of(loaded) if loaded.latency else {}
     if as_json:
         links = {bus: _json(figures) for bus, figures in found.items()}
@@ -134,13 +140,15 @@ def command(
         raise UsageError("--out is where --plot puts its pictures: give --plot as well")
 
 
-def _changing(scenario: Scenario, request: RequestType) -> dict[str, list[tuple[Period, Figures]]]:
+def _changing(
+    scenario: Scenario, request: RequestType, progress: Callable[[str, int, int], None] | None
+) -> dict[str, list[tuple[Period, Figures]]]:
     """The figures of each link for which a fault comes or goes, period by period."""
     from bussim.exact.metrics import figures_of
     from bussim.exact.periods import periods_of
 
     return {
-        bus: [(period, figures_of(period.model, request)) for period in periods]
+        bus: [(period, figures_of(period.model, request, progress)) for period in periods]
         for bus, periods in periods_of(scenario).items()
         if len(periods) > 1 or periods[0].model.valid
     }
@@ -227,7 +235,8 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
     if figures.two_dead is not None:
         rows.append(("two stations dead", f"link scan {ms_cell(figures.two_dead)} ms"))
     if figures.detect_mean is not None:
-        text = f"mean {ms_cell(figures.detect_mean)}, at worst {ms_cell(figures.detect_longest)} ms"
+        longest = f"{ms_cell(figures.detect_longest)} ms at worst while no other reply is lost"
+        text = f"mean {ms_cell(figures.detect_mean)}, {longest}, else {ms_cell(figures.worst_case)} ms"
         rows.append(("dead station noticed", text))
     console.print(named_values(rows))
     _show_refresh(console, figures)

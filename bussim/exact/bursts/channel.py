@@ -11,13 +11,14 @@ Times in ticks. A bit's error probability is taken from the state at its end ins
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bussim.exact.link import CHAR_BITS, LineNoise, NoiseSource, Station
+from bussim.exact.bursts.reading import read
+from bussim.exact.link import LineNoise, NoiseSource, Station
 from bussim.exact.scan.turnaround_sums import spread_of
 
 Matrix = NDArray[np.float64]
@@ -36,13 +37,15 @@ class FrameOutcome(NamedTuple):
 class ReplyOutcome(NamedTuple):
     """A reply's outcome in the master and in a listener.
 
-    ``clean``: undamaged; ``torn``: its first character undamaged, a later one hit; ``headless``: its
-    first character hit. Each is split by whether the listener had it undamaged, then not.
+    The outcomes of :class:`bussim.exact.bursts.reading.Reading`, each split by whether the listener had the
+    reply undamaged, then not.
     """
 
     clean: tuple[Matrix, Matrix]
     torn: tuple[Matrix, Matrix]
+    shifted: tuple[Matrix, Matrix]
     headless: tuple[Matrix, Matrix]
+    ends: Matrix
 
 
 class Line:
@@ -124,68 +127,78 @@ class Line:
     def outcome(self, sources: Sequence[NoiseSource], bits: int) -> FrameOutcome:
         """What becomes of so many bits, one after the other, under these sources."""
         key = (tuple(sources), bits)
-        found = self._outcomes.get(key)
-        if found is None:
-            found = self._outcomes[key] = self._outcome(self.error_rates(sources), bits)
-        return found
-
-    def _outcome(self, rates: Matrix, bits: int) -> FrameOutcome:
-        if self.states == 1:
-            log = bits * _log1m(float(rates[0]))
-            return FrameOutcome(np.full((1, 1), np.exp(log)), np.full((1, 1), -np.expm1(log)))
-        s, step = self.states, self.after(self.bit)
-        walk = np.zeros((2 * s, 2 * s))
-        walk[:s, :s] = step * (1 - rates)
-        walk[:s, s:] = step * rates
-        walk[s:, s:] = step
-        power = _power(walk, bits)
-        return FrameOutcome(power[:s, :s], power[:s, s:])
+        if key not in self._outcomes:
+            (clean, _), (_, hit) = self.shared(sources, (), (), bits)
+            self._outcomes[key] = FrameOutcome(clean, hit)
+        return self._outcomes[key]
 
     def reply(
         self,
         wire: Sequence[NoiseSource],
         master: Sequence[NoiseSource],
         listener: Sequence[NoiseSource],
-        bits: int,
+        characters: int,
+        *,
+        zeros: bool = True,
     ) -> ReplyOutcome:
         """What becomes of a reply in the master and in a listener, with the noise that they share."""
-        first = self._joint(wire, master, listener, CHAR_BITS)
-        rest = self._joint(wire, master, listener, bits - CHAR_BITS)
-        # Joint outcomes by (master hit, listener hit); rest of the frame after its first character.
-        both = first[0][0] @ rest[0][0]
-        only_master = first[0][0] @ rest[0][1] + first[0][1] @ (rest[0][0] + rest[0][1])
-        torn_heard = first[0][0] @ rest[1][0]
-        torn_missed = first[0][0] @ rest[1][1] + first[0][1] @ (rest[1][0] + rest[1][1])
-        any_rest = rest[0][0] + rest[0][1] + rest[1][0] + rest[1][1]
-        headless_heard = first[1][0] @ (rest[0][0] + rest[1][0])
-        headless_missed = first[1][0] @ (rest[0][1] + rest[1][1]) + first[1][1] @ any_rest
-        return ReplyOutcome((both, only_master), (torn_heard, torn_missed), (headless_heard, headless_missed))
+        sources = tuple(wire), tuple(master), tuple(listener)
+        return _reply(self.noise.chains, self.bit, *sources, characters, zeros=zeros)
 
-    def _joint(
+    def shared(
         self,
         wire: Sequence[NoiseSource],
-        master: Sequence[NoiseSource],
-        listener: Sequence[NoiseSource],
+        one: Sequence[NoiseSource],
+        other: Sequence[NoiseSource],
         bits: int,
     ) -> list[list[Matrix]]:
-        """Outcomes of so many bits by (master hit, listener hit)."""
-        if bits == 0:
-            nothing, whole = np.zeros((self.states,) * 2), np.eye(self.states)
-            return [[whole, nothing], [nothing, nothing]]
-        c, m, r = (self.error_rates(sources) for sources in (wire, master, listener))
-        fine = (1 - c) * (1 - m) * (1 - r) + c * m * r
-        only_r = (1 - c) * (1 - m) * r + c * m * (1 - r)
-        only_m = (1 - c) * m * (1 - r) + c * (1 - m) * r
-        both = (1 - c) * m * r + c * (1 - m) * (1 - r)
-        s, step = self.states, self.after(self.bit)
+        """What becomes of so many bits in two receivers: by whether one has them hit, then the other."""
+        s = self.states
         walk = np.zeros((4 * s, 4 * s))
-        hits = (fine, only_r, only_m, both)  # by the two bits (master, listener) of their index
         for old in range(4):
-            for new, rates in enumerate(hits):
+            for new, step in enumerate(self.bit_errors(wire, one, other)):
                 rows, columns = slice(old * s, old * s + s), slice((old | new) * s, (old | new) * s + s)
-                walk[rows, columns] += step * rates
+                walk[rows, columns] += step
         power = _power(walk, bits)
         return [[power[:s, (2 * i + j) * s : (2 * i + j + 1) * s] for j in (0, 1)] for i in (0, 1)]
+
+    def bit_errors(
+        self, wire: Sequence[NoiseSource], one: Sequence[NoiseSource], other: Sequence[NoiseSource]
+    ) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """From one bit to the next, where it is right in two receivers, hit in the other, one or both."""
+        c, m, r = (self.error_rates(sources) for sources in (wire, one, other))
+        step = self.after(self.bit)
+        return (
+            step * ((1 - c) * (1 - m) * (1 - r) + c * m * r),
+            step * ((1 - c) * (1 - m) * r + c * m * (1 - r)),
+            step * ((1 - c) * m * (1 - r) + c * (1 - m) * r),
+            step * ((1 - c) * m * r + c * (1 - m) * (1 - r)),
+        )
+
+
+@lru_cache(maxsize=1024)
+def _reply(
+    chains: tuple[tuple[float, float], ...],
+    bit: float,
+    wire: tuple[NoiseSource, ...],
+    master: tuple[NoiseSource, ...],
+    listener: tuple[NoiseSource, ...],
+    characters: int,
+    *,
+    zeros: bool,
+) -> ReplyOutcome:
+    line = Line(LineNoise((), chains), bit)
+    right, in_listener, in_master, in_both = line.bit_errors(wire, master, listener)
+    s, nothing = line.states, np.zeros_like(right)
+    # With the state goes whether the listener was hit.
+    found = read(
+        np.block([[right, in_listener], [nothing, right + in_listener]]),
+        np.block([[in_master, in_both], [nothing, in_master + in_both]]),
+        characters,
+        zeros=zeros,
+    )
+    clean, torn, shifted, headless = ((matrix[:s, :s], matrix[:s, s:]) for matrix in found[:4])
+    return ReplyOutcome(clean, torn, shifted, headless, found.ends[:s])
 
 
 def _power(walk: Matrix, steps: int) -> Matrix:
@@ -199,7 +212,3 @@ def _two_state(good: float, bad: float, ticks: Matrix) -> Matrix:
     to_bad, to_good = moved * bad / (good + bad), moved * good / (good + bad)
     rows = (np.stack((1 - to_bad, to_bad), axis=-1), np.stack((to_good, 1 - to_good), axis=-1))
     return np.stack(rows, axis=-2)
-
-
-def _log1m(rate: float) -> float:
-    return -np.inf if rate >= 1.0 else float(np.log1p(-rate))

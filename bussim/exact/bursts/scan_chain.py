@@ -9,21 +9,36 @@ fewer of them begin in one). With the policy ``probe`` that chain also holds whi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bussim.exact.bursts.exchange import Attempt, Exchange, attempt_at, exchange_at, line_of
+from bussim.engines.nn.frames import PARAMETERS_CHARS
+from bussim.exact.bursts.channel import Matrix
+from bussim.exact.bursts.exchange import (
+    Attempt,
+    Exchange,
+    attempt_at,
+    exchange_at,
+    line_of,
+    poll_path,
+    sums_of,
+)
+from bussim.exact.bursts.listening import memory_of
 from bussim.exact.bursts.state_mixture import MARK, StateMixture, Transitions, exchange_transitions
-from bussim.exact.link import LinkModel, Station
+from bussim.exact.link import CHAR_BITS, MASTER, LinkModel, NoiseSource, Station
 from bussim.exact.scan.memoryless import Fails
 from bussim.exact.scan.mixture import Distribution
-from bussim.exact.scan.turnaround_sums import TurnaroundSums, spread_of
+from bussim.exact.scan.turnaround_sums import spread_of
 
 #: Components lighter than this are dropped; with bursts there are many.
 FLOOR = 1e-18
+
+#: Bits of a parameter frame.
+PARAMETERS_BITS = CHAR_BITS * PARAMETERS_CHARS
 
 
 class _Passed(NamedTuple):
@@ -43,19 +58,41 @@ class _Passed(NamedTuple):
 
 
 class ScanChain:
-    """A link scan with one setting; without bursts the line has one state."""
+    """A link scan with one setting; without bursts the line has one state.
 
-    def __init__(self, model: LinkModel) -> None:
+    With a receiver, a state is that of the line and what that receiver remembers of the link's frames.
+    """
+
+    def __init__(self, model: LinkModel, receiver: int = MASTER) -> None:
         self.model = model
-        self.line = line_of(model)
-        self.sums = TurnaroundSums(station.turnaround for station in model.alive)
-        self._attempts = {s.number: attempt_at(self.line, model, s) for s in model.stations}
+        self.line = line = line_of(model)
+        self.sums = sums_of(model)
+        self.memory = memory = memory_of(model, receiver)
+        self.states = len(memory.over) * line.states
+        self._attempts = {s.number: attempt_at(line, model, s, receiver, memory) for s in model.stations}
+        path, same = poll_path(model, receiver), np.eye(len(memory.over))
+        #: Over a data frame of the master, and from the last exchange to it, without and with parameters.
+        self.data = self._frame(path, model.data, model.data_bits, memory.data)
+        self.plain = np.kron(memory.turned, line.after(model.overhead + model.gap))
+        parameters = self._frame(path, model.parameters, PARAMETERS_BITS, memory.parameters)
+        self.long = self.plain @ parameters @ np.kron(same, line.after(model.gap))
         self._exchanges: dict[tuple[int, int], Exchange] = {}
         self._transitions: dict[tuple[int, int], Transitions] = {}
         # Indices of the flags that a scan's start depends on.
         remembered = model.alive if model.absent.probes else ()
         self._bits = {station.number: bit for bit, station in enumerate(remembered)}
         self.configurations = 1 << len(self._bits)
+
+    def _frame(self, path: Sequence[NoiseSource], ticks: int, bits: int, heard: Matrix) -> Matrix:
+        """Over a frame of the master."""
+        if len(heard) == 1:
+            return self.line.after(ticks)
+        clean, hit = self.line.outcome(path, bits)
+        return np.asarray(np.kron(heard, clean) + np.kron(np.eye(len(heard)), hit), dtype=np.float64)
+
+    def after(self, ticks: float) -> Matrix:
+        """Over a time in which no frame is sent."""
+        return np.asarray(np.kron(np.eye(len(self.memory.over)), self.line.after(ticks)), dtype=np.float64)
 
     def attempt(self, station: Station) -> Attempt:
         """The ends of one attempt."""
@@ -66,7 +103,7 @@ class ScanChain:
         attempts = self.model.attempts_at(flagged=flagged)
         key = (station.number, attempts)
         if key not in self._exchanges:
-            self._exchanges[key] = exchange_at(self.line, self._attempts[station.number], attempts)
+            self._exchanges[key] = exchange_at(self._attempts[station.number], attempts)
         return self._exchanges[key]
 
     # -- from scan to scan -------------------------------------------------------------------------
@@ -76,8 +113,8 @@ class ScanChain:
 
         With ``spared`` only the scans without an error of that station go on.
         """
-        model, line = self.model, self.line
-        clean = start @ line.after(model.data)
+        model = self.model
+        clean = start @ self.data
         marked = np.zeros_like(clean)
         errors, onsets, before, before_marked = [], [], [], []
         for station in model.stations:
@@ -106,21 +143,20 @@ class ScanChain:
             both, without = clean + marked, 0 if model.dead else 1
             clean, marked = np.zeros_like(both), both.copy()
             clean[..., :without, :], marked[..., :without, :] = both[..., :without, :], 0.0
-        plain = model.overhead + model.gap
-        end = clean @ line.after(plain) + marked @ line.after(plain + model.parameters_cost)
+        end = clean @ self.plain + marked @ self.long
         return _Passed(end, tuple(errors), tuple(onsets), tuple(before), tuple(before_marked))
 
     def _split(self, weight: NDArray[np.float64], station: Station) -> NDArray[np.float64]:
         """Weights (…, flags, state) with an axis of its own, third from the end, for one station's flag."""
         bit = self._bits[station.number]
-        shape = (*weight.shape[:-2], self.configurations >> (bit + 1), 2, 1 << bit, self.line.states)
+        shape = (*weight.shape[:-2], self.configurations >> (bit + 1), 2, 1 << bit, self.states)
         return weight.reshape(shape)
 
     @cached_property
     def start(self) -> NDArray[np.float64]:
         """The stationary weights (flags, state) at the start of a master's data frame."""
-        size = self.configurations * self.line.states
-        unit = np.eye(size).reshape(size, self.configurations, self.line.states)
+        size = self.configurations * self.states
+        unit = np.eye(size).reshape(size, self.configurations, self.states)
         step = self._pass(unit).end.reshape(size, size)
         # One equation of (step^T - 1) w = 0 is replaced by: the weights add up to 1.
         system = step.T - np.eye(size)
@@ -133,7 +169,7 @@ class ScanChain:
         for _ in range(8):
             solution = solution @ step
         distribution = solution / solution.sum()
-        return np.asarray(distribution.reshape(self.configurations, self.line.states), dtype=np.float64)
+        return np.asarray(distribution.reshape(self.configurations, self.states), dtype=np.float64)
 
     def fails(self) -> tuple[Fails, ...]:
         """The chances of each station, in order; :attr:`Fails.flagged` is 0 here."""
@@ -171,7 +207,6 @@ class ScanChain:
                 self._attempts[station.number],
                 model.silent_cost,
                 whole,
-                model.quiet,
                 unit,
                 attempts,
                 self.mark(station),
@@ -192,13 +227,33 @@ class ScanChain:
 
     def turned(self, components: StateMixture) -> StateMixture:
         """Components of a scan's end at the next data frame's start, past a parameter frame if due."""
-        model, line = self.model, self.line
-        plain = model.overhead + model.gap
-        long = plain + model.parameters_cost
+        model = self.model
         on = ((components.code >= MARK) | bool(model.dead))[:, None, None]
-        weight = np.where(on, components.weight @ line.after(long), components.weight @ line.after(plain))
-        shift = components.shift + np.where(on[:, 0, 0], long, plain)
+        weight = np.where(on, components.weight @ self.long, components.weight @ self.plain)
+        plain = model.overhead + model.gap
+        shift = components.shift + plain + np.where(on[:, 0, 0], model.parameters_cost, 0)
         return StateMixture(shift, components.code if self._bits else components.code & (MARK - 1), weight)
+
+    def by_attempts(self, components: StateMixture, station: Station) -> list[tuple[StateMixture, int]]:
+        """Components by the number of attempts that the station's flag allows (the flag then taken off)."""
+        model = self.model
+        if not model.absent.probes:
+            return [(components, model.attempts)]
+        off, on = components.parted(self.mark(station))
+        return [(off, model.attempts)] + ([(on, 1)] if on.shift.size else [])
+
+    def rest(self, components: StateMixture, source: Station | None, floor: float) -> StateMixture:
+        """From the end of a station's exchange (None: the master's data frame) to its next one's start."""
+        model = self.model
+        index = -1 if source is None else model.stations.index(source)
+        for station in model.stations[index + 1 :]:
+            components = self.followed(components, station, floor).thinned(self.sums)
+        components = self.turned(components)
+        if source is not None:
+            components = components.times(self.data, model.data)
+        for station in model.stations[: max(index, 0)]:
+            components = self.followed(components, station, floor).thinned(self.sums)
+        return components
 
     def begun(self) -> StateMixture:
         """Stationary components, of no length, at a data frame's start, with the flags as marks."""
@@ -219,7 +274,7 @@ class ScanChain:
     def distribution(self) -> Distribution:
         """The distribution of a scan, from one master data frame's start to the next one's."""
         model = self.model
-        components = self.begun().times(self.line.after(model.data), model.data)
+        components = self.begun().times(self.data, model.data)
         for station in model.stations:
             components = self.followed(components, station, FLOOR)
         return self.turned(components).distribution(self.sums)

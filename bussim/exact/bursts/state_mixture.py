@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from bussim.exact.bursts.channel import Matrix
 from bussim.exact.bursts.exchange import Attempt
 from bussim.exact.scan.mixture import Distribution, merged
-from bussim.exact.scan.turnaround_sums import DIGIT, MAX_KINDS, Codes, Floats, TurnaroundSums
+from bussim.exact.scan.turnaround_sums import COUNTS, Codes, Floats, TurnaroundSums
 
 #: The lowest mark, above all counts of a code; there is room for one a slave.
-MARK = 1 << (DIGIT * MAX_KINDS)
+MARK = 1 << COUNTS
 _COUNTS = MARK - 1
 
 #: More components than this are thinned: the heaviest are kept, the others put together in cells of at
@@ -72,10 +72,10 @@ class StateMixture:
         """These components followed by transitions; those lighter than ``floor`` are dropped."""
         states = transitions.matrix.shape[2]
         starts = self.weight.shape[1]
-        if states == 1:
-            weight = (self.weight[:, None] * transitions.matrix).reshape(-1, starts, 1)
-        else:
-            weight = np.einsum("lzs,tsu->ltzu", self.weight, transitions.matrix).reshape(-1, starts, states)
+        before = self.weight.reshape(-1, self.weight.shape[2])
+        after = before @ transitions.matrix.transpose(1, 0, 2).reshape(before.shape[1], -1)
+        after = after.reshape(-1, starts, transitions.shift.size, states).swapaxes(1, 2)
+        weight = after.reshape(-1, starts, states)
         keep = np.nonzero(weight.max(axis=(1, 2), initial=0.0) >= floor)[0]
         i, j = np.divmod(keep, transitions.shift.size)
         one, two = self.code[i], transitions.code[j]
@@ -138,43 +138,37 @@ class StateMixture:
         return Distribution(shift, code, weight, sums, max(0.0, 1.0 - float(weight.sum())))
 
 
-def failures(
-    silent: tuple[float, int, Matrix], torn: tuple[float, int, Matrix], most: int
-) -> list[list[tuple[float, int, Matrix]]]:
-    """Components after 0, 1, … ``most`` failed attempts, each silent or torn (shift, code, matrix)."""
-    states = silent[2].shape[0]
-    levels: list[list[tuple[float, int, Matrix]]] = [[(0.0, 0, np.eye(states))]]
-    for i in range(1, most + 1):
-        before = [matrix for _, _, matrix in levels[-1]]  # by how many of i - 1 were silent
-        nothing = np.zeros((states, states))
-        levels.append(
-            [
-                (
-                    a * silent[0] + (i - a) * torn[0],
-                    a * silent[1] + (i - a) * torn[1],
-                    (before[a] if a < i else nothing) @ torn[2]
-                    + (before[a - 1] if a else nothing) @ silent[2],
-                )
-                for a in range(i + 1)
-            ]
-        )
+#: What may happen, or has happened: ticks, code, matrix.
+Part = tuple[float, int, Matrix]
+
+
+def failures(kinds: Sequence[Part], most: int) -> list[list[Part]]:
+    """Components after 0, 1, … ``most`` failed attempts, each of one of these kinds."""
+    levels: list[list[Part]] = [[(0.0, 0, np.eye(kinds[0][2].shape[0]))]]
+    for _ in range(most):
+        found: dict[tuple[float, int], Matrix] = {}
+        for ticks, code, matrix in levels[-1]:
+            for more, spread, then in kinds:
+                key = ticks + more, code + spread
+                found[key] = found[key] + matrix @ then if key in found else matrix @ then
+        levels.append([(*key, matrix) for key, matrix in found.items()])
     return levels
 
 
 def exchange_transitions(
-    attempt: Attempt, silent: float, whole: float, quiet: float, unit: int, attempts: int, mark: int
+    attempt: Attempt, silent: float, whole: float, unit: int, attempts: int, mark: int
 ) -> Transitions:
     """The components of an exchange: failed attempts, then a reply, or an error after all of them.
 
     Times in ticks: ``silent`` of an attempt that runs to its deadline, ``whole`` of one with a reply
-    without its spread (whose code is ``unit``), ``quiet`` what a torn one takes longer. An error
-    sets ``mark``.
+    without its spread (whose code is ``unit``). An error sets ``mark``.
     """
-    levels = failures((silent, 0, attempt.silent), (whole + quiet, unit, attempt.torn), attempts)
+    torn = [(whole + later, unit + code, matrix) for later, code, matrix in attempt.torn]
+    levels = failures([(silent, 0, attempt.silent), *torn], attempts)
     parts = [
         (shift + whole, code + unit, matrix @ attempt.replied)
         for level in levels[:-1]
         for shift, code, matrix in level
     ]
-    parts += [(shift, code | mark, matrix) for shift, code, matrix in levels[-1]]
+    parts += [(shift, code | mark, matrix @ attempt.over) for shift, code, matrix in levels[-1]]
     return Transitions.of(parts)

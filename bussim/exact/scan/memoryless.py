@@ -12,7 +12,6 @@ two states from scan to scan, independent of the others; its stationary distribu
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
@@ -20,15 +19,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bussim.exact.bursts.exchange import poll_path, reply_path
-from bussim.exact.link import CHAR_BITS, MASTER, LinkModel, NoiseSource, Station
+from bussim.exact.bursts.exchange import alike, attempt_at, line_of, sums_of
+from bussim.exact.link import LinkModel, Station
 from bussim.exact.scan.mixture import FLOOR, Distribution, merged
-from bussim.exact.scan.turnaround_sums import DIGIT, MAX_KINDS, Codes, Floats, TurnaroundSums, spread_of
+from bussim.exact.scan.turnaround_sums import COUNTS, Codes, Floats, TurnaroundSums, spread_of
 from bussim.plc.profiles import AbsentStation
 
 #: Above the counts of a code: where the timeouts waited for (at most 77) and a flag begin.
-_WAITS = DIGIT * MAX_KINDS
-_FLAG = _WAITS + 8
+_WAITS = COUNTS
+_FLAG = _WAITS + 7
 
 
 class AttemptProbabilities(NamedTuple):
@@ -68,39 +67,13 @@ def probabilities_of(model: LinkModel) -> tuple[AttemptProbabilities, ...]:
     """How one attempt at each station ends, in order. Raises ValueError for a line with bursts."""
     if not model.noise.memoryless:
         raise ValueError("on a link with bursts attempts differ in their probabilities")
-    known: dict[tuple[object, ...], AttemptProbabilities] = {}
-    found = []
+    line = line_of(model)
+    known: dict[object, AttemptProbabilities] = {}
     for station in model.stations:
-        poll, path = poll_path(model, station.number), reply_path(model, station, MASTER)
-        key = (station.alive, station.loss, poll, path)
-        if key not in known:
-            known[key] = _probabilities(
-                model, station.loss, _log_clean(poll), _log_clean(path), alive=station.alive
-            )
-        found.append(known[key])
-    return tuple(found)
-
-
-def _log_clean(sources: Sequence[NoiseSource]) -> float:
-    """Log of the probability that a bit is not inverted; inverted twice it is right again."""
-    rate = 0.0
-    for source in sources:
-        rate += source.good - 2 * rate * source.good
-    return -math.inf if rate >= 1.0 else math.log1p(-rate)
-
-
-def _probabilities(
-    model: LinkModel, loss: float, poll: float, reply: float, *, alive: bool
-) -> AttemptProbabilities:
-    """See :mod:`bussim.exact.bursts.exchange`; the same with numbers instead of matrices."""
-    if not alive:
-        return AttemptProbabilities(0.0, 1.0, 0.0)
-    bits, head = model.data_bits, CHAR_BITS
-    polled, sent = math.exp(model.poll_bits * poll), 1.0 - loss
-    whole = polled * sent
-    silent = -math.expm1(model.poll_bits * poll) + polled * loss - whole * math.expm1(head * reply)
-    torn = -whole * math.exp(head * reply) * math.expm1((bits - head) * reply)
-    return AttemptProbabilities(whole * math.exp(bits * reply), silent, torn)
+        replied, silent, torn, _ = attempt_at(line, model, station)
+        ends = replied, silent, sum(matrix for _, _, matrix in torn) + 0 * silent
+        known.setdefault(alike(model, station), AttemptProbabilities(*(float(end[0, 0]) for end in ends)))
+    return tuple(known[alike(model, station)] for station in model.stations)
 
 
 def fails_of(probabilities: AttemptProbabilities, attempts: int, absent: AbsentStation) -> Fails:
@@ -118,35 +91,6 @@ def _replied_once(probabilities: AttemptProbabilities, attempts: int) -> float:
     """1 - p^A without cancellation, and never above 1 as a sum of powers of p may be."""
     replied = probabilities.replied
     return 1.0 if replied >= 1.0 else -math.expm1(attempts * math.log1p(-replied))
-
-
-class MeanExchange(NamedTuple):
-    """What an exchange takes on average: timeouts waited for, and ticks on top of them."""
-
-    waits: float
-    fixed: float
-
-
-def mean_exchange(model: LinkModel, station: Station, probabilities: AttemptProbabilities) -> MeanExchange:
-    """The mean of an exchange in a stationary scan, whatever the timeout."""
-    if not station.alive:
-        waits = model.attempts_at(flagged=True)
-        return MeanExchange(float(waits), float(waits * (model.gap + model.poll)))
-    fails = fails_of(probabilities, model.attempts, model.absent)
-    # Attempts of an exchange, on average.
-    before = sum(probabilities.failed**i for i in range(model.attempts))
-    attempts = (1 - fails.flagged) * before + fails.flagged
-    whole = model.replied(station) + station.average - station.extra
-    silent, torn, replied = (
-        attempts * chance for chance in (probabilities.silent, probabilities.torn, probabilities.replied)
-    )
-    fixed = silent * (model.gap + model.poll) + torn * (whole + model.quiet) + replied * whole
-    return MeanExchange(silent, fixed)
-
-
-def any_flag(fails: Sequence[Fails]) -> float:
-    """The probability that some flag is on at the end of a scan, stations being independent."""
-    return -math.expm1(sum(math.log1p(-f.error) if f.error < 1 else -math.inf for f in fails))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,19 +126,11 @@ class _Part(NamedTuple):
     weight: Floats
 
 
-def scan_components(
-    model: LinkModel,
-    floor: float = FLOOR,
-    probabilities: Sequence[AttemptProbabilities] | None = None,
-) -> ScanComponents:
-    """The components of a scan; those lighter than ``floor`` are dropped and counted in ``lost``.
-
-    ``probabilities`` of the stations may be given where they are known already.
-    """
-    probabilities = probabilities_of(model) if probabilities is None else probabilities
-    sums = TurnaroundSums(station.turnaround for station in model.alive)
+def scan_components(model: LinkModel, floor: float = FLOOR) -> ScanComponents:
+    """The components of a scan; those lighter than ``floor`` are dropped and counted in ``lost``."""
+    sums = sums_of(model)
     parts = [_dead(model, len(model.dead))] if model.dead else []
-    pairs = [(s, p) for s, p in zip(model.stations, probabilities, strict=True) if s.alive]
+    pairs = [(s, p) for s, p in zip(model.stations, probabilities_of(model), strict=True) if s.alive]
 
     def same(pair: tuple[Station, AttemptProbabilities]) -> tuple[object, ...]:
         station, outcome = pair
@@ -272,8 +208,8 @@ def _group(
     a, b, c, weight = a[keep], b[keep], c[keep], weight[keep]
     least = spread_of(station.turnaround)[0]
     whole = float(model.replied(station) + least)
-    fixed = a * float(model.gap + model.poll) + b * (whole + model.quiet) + c * whole
-    return _Part(a, fixed, (b + c) * sums.unit(station.turnaround), c < count, weight)
+    fixed = a * float(model.gap + model.poll) + b * (whole + model.quiet + sums.earliest) + c * whole
+    return _Part(a, fixed, (b + c) * sums.unit(station.turnaround) + b * sums.torn, c < count, weight)
 
 
 @lru_cache(maxsize=512)

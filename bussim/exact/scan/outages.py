@@ -1,17 +1,14 @@
-"""What outages do: how long a one goes unnoticed, how long a scan then takes, how soon it is noticed."""
+"""What outages do: how long a one goes unnoticed, how long a scan then takes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from bussim.exact.bursts.timeout_stacks import Scans, TimeoutStacks
 from bussim.exact.link import LinkModel, Station
-from bussim.exact.scan.memoryless import mean_exchange, probabilities_of
-from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
 
@@ -68,70 +65,12 @@ def longest_scan(model: LinkModel) -> int:
     return model.base + sum(attempts) * model.silent_cost + (model.parameters_cost if attempts else 0)
 
 
-@dataclass(frozen=True, slots=True)
-class Detection:
-    """The time from a station's death, at a random instant, to its flag in the master.
-
-    ``mean`` and quantiles (by probability of exceeding) in ticks under the noise of the link;
-    ``longest`` on a line without errors.
-    """
-
-    station: int
-    mean: float
-    longest: int
-    quantiles: dict[float, float]
-
-
-def detection(
-    model: LinkModel, distribution: Distribution, station: Station, levels: tuple[float, ...] = ()
-) -> Detection:
-    """The time to detect that a station died; ``distribution`` is that of the link scan while it lives.
-
-    It dies uniformly in time, so in a scan of length T with probability in proportion to T, and the
-    instant is uniform over the scan, counted from the end of its last reply. If that is before its
-    next reply began, all attempts run to their deadline; a reply that is cut off fails its attempt
-    two quiet characters later (at the deadline if not even its first character came out). The
-    turnaround within T is taken at its mean, and the scan as one with a reply to each first attempt.
-    """
-    attempts, wait = model.attempts, model.silent_cost
-    slot = model.replied(station) + station.average - station.extra
-    mean, square = distribution.mean, distribution.variance + distribution.mean**2
-    average = detection_means(model, station, attempts, np.full(1, float(model.timeout)), mean, square)
-    others = clean_scan(model, slowest=True) - (model.replied(station) - station.extra + station.slowest)
-    return Detection(
-        station.number,
-        float(average[0]),
-        others + attempts * wait,
-        {level: _residual(distribution, level, station.reply) + attempts * wait - slot for level in levels},
-    )
-
-
-def detection_means(
-    model: LinkModel, station: Station, attempts: int, timeouts: Floats, mean: ArrayLike, square: ArrayLike
-) -> Floats:
-    """The mean time of :func:`detection` for many timeouts, from the scan's mean and mean square."""
-    mean, square = np.asarray(mean), np.asarray(square)
-    wait, cut, character = model.gap + model.poll + timeouts, station.reply, model.character
-    slot = model.replied(station) + station.average - station.extra
-    before = (square - cut * cut) / 2 + (mean - cut) * (attempts * wait - slot)
-    unseen = character * (timeouts - station.average - character / 2)
-    torn = (cut - character) * (model.quiet + character / 2)
-    return np.asarray((before + unseen + torn + cut * (attempts - 1) * wait) / mean, dtype=np.float64)
-
-
-def _residual(distribution: Distribution, level: float, least: int) -> float:
-    """What is left of the scan at a random instant and exceeded with a probability; at least ``least``."""
-    mean = distribution.mean
-    low, high = 0.0, distribution.support[1]
-    while high - low > 1.0:
-        cuts = np.linspace(low, high, 34)[1:-1]
-        above = distribution.excess(cuts) > level * mean
-        index = int(np.count_nonzero(above))
-        low, high = (
-            (float(cuts[index - 1]) if index else low),
-            (float(cuts[index]) if index < cuts.size else high),
-        )
-    return max(high, float(least))
+def longest_unnoticed(model: LinkModel, station: Station, timeouts: Floats) -> Floats:
+    """The longest time from a station's death to its error on a line without errors, in ticks by timeout."""
+    own = model.replied(station) - station.extra + station.slowest
+    waits = model.attempts + model.attempts_at(flagged=True) * len(model.dead)
+    fixed = clean_scan(model.with_setting(model.attempts, 0), slowest=True) - own
+    return fixed + model.attempts * (model.gap + model.poll) + waits * timeouts
 
 
 def dead_means(solved: Solved, count: int) -> float | None:
@@ -143,18 +82,8 @@ def dead_means(solved: Solved, count: int) -> float | None:
     alive = model.alive
     if len(alive) < count:
         return None
-    choices = combinations(alive, count)
-    if not model.noise.memoryless:
-        numbers = [tuple(station.number for station in chosen) for chosen in choices]
-        return max(Solved(model.with_dead(*chosen)).distribution.mean for chosen in numbers)
-    means = {
-        station: mean_exchange(model, station, probabilities)
-        for station, probabilities in zip(model.stations, probabilities_of(model), strict=True)
-    }
-    total = sum(mean.fixed + mean.waits * model.timeout for mean in means.values())
-    dead = model.attempts_at(flagged=True) * model.silent_cost
-    gain = max(
-        sum(dead - means[station].fixed - means[station].waits * model.timeout for station in chosen)
-        for chosen in choices
-    )
-    return model.base + total + gain + model.parameters_cost
+    choices = [tuple(station.number for station in chosen) for chosen in combinations(alive, count)]
+    if model.absent.probes and not model.noise.memoryless:
+        return max(Solved(model.with_dead(*dead)).distribution.mean for dead in choices)
+    stacks = TimeoutStacks(model, np.full(1, float(model.timeout)))
+    return max(float(Scans(stacks, model.attempts, *dead).mean[0]) for dead in choices)

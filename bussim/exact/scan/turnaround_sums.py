@@ -7,7 +7,7 @@ Everything is computed from positive terms, so that a tail is as exact, relative
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import gcd
@@ -21,10 +21,14 @@ from bussim.units import TICKS_PER_US
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
-#: Bits of a code for the count of one kind, and how many kinds fit.
-DIGIT = 12
+#: Bits of a code for the count of one kind, how many kinds of turnaround fit, and the bits of all counts:
+#: those of the turnarounds and that of the ends of torn replies.
+DIGIT = 11
 MAX_KINDS = 4
-_MASK = (1 << DIGIT) - 1
+COUNTS = DIGIT * (MAX_KINDS + 1)
+#: The greatest count.
+MOST = (1 << DIGIT) - 1
+_MASK = MOST
 
 #: Steps (ticks) of the grid on which spreads of several kinds are added up: the fine one while the
 #: widest spread has no more cells than this on it.
@@ -130,15 +134,34 @@ def count_kinds(distributions: Iterable[Turnaround]) -> int:
 class TurnaroundSums:
     """Sums of spreads of up to four kinds of turnaround; constant turnarounds have none.
 
-    A code has 12 bits for each kind's count, so that codes add as the sums do.
+    ``ends``, in ticks, is when the last character that is read of a torn reply ends, counted from
+    the reply's end: a spread of a kind of its own (None: at the reply's end), with ``shifted`` only of
+    those that do not end there. A code has 11 bits for each kind's count, so that codes add as the sums do.
     """
 
-    def __init__(self, distributions: Iterable[Turnaround]) -> None:
-        self._kinds = _kinds_of(distributions)
-        if len(self._kinds) > MAX_KINDS:
-            raise ValueError(f"{len(self._kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
-        self._units = {kind: 1 << (DIGIT * digit) for digit, kind in enumerate(self._kinds)}
-        self._grid: _Grid | None = None
+    def __init__(
+        self, distributions: Iterable[Turnaround], ends: Turnaround | None = None, *, shifted: bool = False
+    ) -> None:
+        self.shifted = shifted
+        distributions = tuple(distributions)
+        kinds = _kinds_of(distributions)
+        if len(kinds) > MAX_KINDS:
+            raise ValueError(f"{len(kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
+        self._kinds = dict(enumerate(kinds))
+        self._units = {kind: 1 << (DIGIT * digit) for digit, kind in self._kinds.items()}
+        self._grids: dict[bool, _Grid] = {}
+        #: Of the end of a torn reply: code, earliest and mean in ticks, variance in ticks².
+        self.torn, self.earliest, self.torn_mean, self.torn_variance = 0, 0, 0.0, 0.0
+        self._every = self._kinds
+        if ends is not None:
+            kind = _kind_of(ends)
+            self.torn, self.earliest = 1 << (DIGIT * MAX_KINDS), spread_of(ends)[0]
+            self.torn_mean, self.torn_variance = self.earliest + kind.mean, kind.variance
+            self._every = {**self._kinds, MAX_KINDS: kind}
+        #: Whether no sum of at least one spread has atoms.
+        self.smooth = not any(kind.atoms for kind in kinds)
+        if self.torn and any(spread_of(distribution)[1] == 0 for distribution in distributions):
+            self.smooth = False
 
     def unit(self, distribution: Turnaround) -> int:
         """The code of one turnaround of this distribution, 0 if it is constant."""
@@ -146,7 +169,7 @@ class TurnaroundSums:
 
     def counts(self, codes: Codes) -> list[Codes]:
         """How often each kind occurs."""
-        return [(codes >> (DIGIT * digit)) & _MASK for digit in range(len(self._kinds))]
+        return [(codes >> (DIGIT * digit)) & _MASK for digit in self._every]
 
     def _linear(self, codes: Codes, factors: list[float]) -> Floats:
         total = np.zeros(codes.shape, dtype=np.float64)
@@ -156,25 +179,20 @@ class TurnaroundSums:
 
     def widths(self, codes: Codes) -> Floats:
         """The greatest value of each sum, in ticks; the least is 0."""
-        return self._linear(codes, [kind.width for kind in self._kinds])
+        return self._linear(codes, [kind.width for kind in self._every.values()])
 
     def means(self, codes: Codes) -> Floats:
         """The mean of each sum, in ticks."""
-        return self._linear(codes, [kind.mean for kind in self._kinds])
+        return self._linear(codes, [kind.mean for kind in self._every.values()])
 
     def variances(self, codes: Codes) -> Floats:
         """The variance of each sum, in ticks²."""
-        return self._linear(codes, [kind.variance for kind in self._kinds])
-
-    @property
-    def smooth(self) -> bool:
-        """Whether no sum of at least one spread has atoms."""
-        return not any(kind.atoms for kind in self._kinds)
+        return self._linear(codes, [kind.variance for kind in self._every.values()])
 
     @property
     def narrowest(self) -> float:
         """The width of the narrowest spread, in ticks; 1 where there is none."""
-        return min((kind.width for kind in self._kinds), default=1.0)
+        return min((kind.width for kind in self._every.values()), default=1.0)
 
     @property
     def _uniform(self) -> float:
@@ -187,10 +205,9 @@ class TurnaroundSums:
         """P(sum > y), y in ticks."""
         if code == 0:
             return (y < 0).astype(np.float64)
-        width = self._uniform
-        if width:
-            return irwin_hall_tail(code, y / width)
-        return self._grid_sums().tail(code, y)
+        if self._uniform and not code >= self.torn > 0:
+            return irwin_hall_tail(code, y / self._uniform)
+        return self._grid_sums(code).tail(code, y)
 
     def rough_tail(self, codes: Codes, y: Floats) -> Floats:
         """P(sum > y) for arrays of codes and ticks that broadcast, to about 1e-4: for searches."""
@@ -204,26 +221,28 @@ class TurnaroundSums:
             flat = table.reshape(-1)
             low = flat[at]
             return np.asarray(np.where(y < 0, 1.0, low + (position - index) * (flat[at + 1] - low)))
-        codes, y = np.broadcast_arrays(codes, y)
-        result = np.empty(y.shape)
-        for code in np.unique(codes).tolist():
-            chosen = codes == code
-            result[chosen] = self.tail(code, y[chosen])
+        columns = codes.reshape(-1)
+        order = np.argsort(columns, kind="stable")
+        if columns[order[0]] == columns[order[-1]]:
+            return self.tail(int(columns[0]), y)
+        result = np.empty(np.broadcast_shapes(codes.shape, y.shape))
+        for chosen in np.split(order, np.flatnonzero(np.diff(columns[order])) + 1):
+            result[..., chosen] = self.tail(int(columns[chosen[0]]), y[..., chosen])
         return result
 
     def excess(self, code: int, y: Floats) -> Floats:
         """E[max(0, sum - y)] in ticks, y in ticks."""
         if code == 0:
             return np.maximum(-y, 0.0)
-        width = self._uniform
-        if width:
-            return width * irwin_hall_excess(code, y / width)
-        return self._grid_sums().excess(code, y)
+        if self._uniform and not code >= self.torn > 0:
+            return self._uniform * irwin_hall_excess(code, y / self._uniform)
+        return self._grid_sums(code).excess(code, y)
 
-    def _grid_sums(self) -> _Grid:
-        if self._grid is None:
-            self._grid = _Grid(self._kinds)
-        return self._grid
+    def _grid_sums(self, code: int) -> _Grid:
+        torn = code >= self.torn > 0
+        if torn not in self._grids:
+            self._grids[torn] = _Grid(self._every if torn else self._kinds)
+        return self._grids[torn]
 
 
 class _Grid:
@@ -235,8 +254,8 @@ class _Grid:
     cell's step in y.
     """
 
-    def __init__(self, kinds: tuple[_Kind, ...]) -> None:
-        self._kinds = kinds
+    def __init__(self, digits: Mapping[int, _Kind]) -> None:
+        kinds = list(digits.values())
         self._stepwise = all(kind.atoms for kind in kinds)
         widest = max(kind.width for kind in kinds)
         self._step = float(_FINE if widest <= _FINE * _FINE_CELLS else _COARSE)
@@ -246,7 +265,7 @@ class _Grid:
                 self._step = float(step)
             else:
                 self._stepwise = False
-        self._singles = [self._masses(kind) for kind in kinds]
+        self._singles = {digit: self._masses(kind) for digit, kind in digits.items()}
         self._sums: dict[int, tuple[float, Floats]] = {0: (0.0, np.ones(1))}
         self._tails: dict[int, tuple[float, Floats]] = {}
 
@@ -267,7 +286,7 @@ class _Grid:
     def _sum(self, code: int) -> tuple[float, Floats]:
         found = self._sums.get(code)
         if found is None:
-            digit = max(p for p in range(len(self._kinds)) if code >> (DIGIT * p) & _MASK)
+            digit = max(p for p in self._singles if code >> (DIGIT * p) & _MASK)
             offset, masses = self._sum(code - (1 << (DIGIT * digit)))
             more, single = self._singles[digit]
             found = self._sums[code] = (offset + more, np.convolve(masses, single))

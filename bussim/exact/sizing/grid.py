@@ -1,10 +1,9 @@
 """Figures of one link for all its settings at once: attempts × timeouts.
 
-On a line without memory the probabilities of an attempt do not depend on the setting, and the components
-of a scan depend on the number of attempts only; a timeout moves them. Components with equally many
-timeouts in them form a *row*, whose tail is put on a grid of 10 µs once; a quantile for any timeout is
-then found by moving the rows. With bursts the chances depend on the timeout as well: see
-:mod:`bussim.exact.sizing.grid_bursts`.
+Means and chances of error: :mod:`bussim.exact.bursts.timeout_stacks`. On a line without memory the
+components of a scan depend on the number of attempts only; a timeout moves them. Components with equally
+many timeouts in them form a *row*, whose tail is put on a grid of 10 µs once; a tail for any timeout is
+then found by moving the rows.
 """
 
 from __future__ import annotations
@@ -15,19 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bussim.exact.link import LinkModel, Station
+from bussim.exact.bursts.exchange import different
+from bussim.exact.bursts.timeout_stacks import Scans, TimeoutStacks
+from bussim.exact.link import LinkModel
 from bussim.exact.metrics import YEAR
-from bussim.exact.scan.memoryless import (
-    ScanComponents,
-    any_flag,
-    fails_of,
-    mean_exchange,
-    probabilities_of,
-    scan_components,
-)
-from bussim.exact.scan.outages import clean_scan, detection_means, ride_through
+from bussim.exact.scan.memoryless import ScanComponents, scan_components
+from bussim.exact.scan.outages import longest_unnoticed, ride_through
 from bussim.exact.scan.turnaround_sums import Floats
-from bussim.exact.sizing.grid_bursts import BurstStacks
 from bussim.exact.solve import Solved
 from bussim.units import TICKS_PER_US
 
@@ -101,82 +94,35 @@ def evaluate(
         raise ValueError("; ".join(model.obstacles))
     grid = Grid(model, tuple(attempts), tuple(timeouts), deadlines)
     tau = np.array(grid.timeouts, dtype=np.float64)
-    worker = _Memoryless(model, tau) if model.noise.memoryless else _Bursts(model, tau)
+    stacks = TimeoutStacks(model, tau)
     for row, count in enumerate(grid.attempts):
-        worker.fill(grid, row, count, details=details)
+        _fill(grid, row, count, stacks, details=details)
     grid.finish()
     return grid
 
 
-def _fill_outages(grid: Grid, row: int, count: int, mean: Floats, square: Floats) -> None:
-    """Detection and ride-through, given the scan's mean and mean square."""
-    model, tau = grid.model.with_setting(count, 0), np.array(grid.timeouts, dtype=np.float64)
-    wait = model.gap + model.poll + tau
-    if not model.alive:
-        return
-    means = [detection_means(model, station, count, tau, mean, square) for station in model.alive]
-    grid.detect_mean[row] = np.max(np.stack(means), axis=0)
-    longest = [_others_clean(model, station, wait) + count * wait for station in model.alive]
-    grid.detect_longest[row] = np.max(np.stack(longest), axis=0)
-    grid.silence[row] = ride_through(model, count, tau).silence
-
-
-def _others_clean(model: LinkModel, station: Station, wait: Floats) -> Floats:
-    """The longest scan without failed attempts and without one station's slot (the model's timeout is 0)."""
-    own = model.replied(station) - station.extra + station.slowest
-    dead = model.attempts_at(flagged=True) * len(model.dead)
-    return clean_scan(model, slowest=True) - own + dead * (wait - model.gap - model.poll)
-
-
-class _Memoryless:
-    """Fills rows of a grid on a line without memory."""
-
-    def __init__(self, model: LinkModel, tau: Floats) -> None:
-        self.model, self.tau = model, tau
-        self.probabilities = probabilities_of(model)
-
-    def fill(self, grid: Grid, row: int, count: int, *, details: bool) -> None:
-        """One number of attempts."""
-        model, tau = self.model.with_setting(count, 0), self.tau
-        waits = fixed = 0.0
-        all_fails, exchanges = [], []
-        for station, probabilities in zip(model.stations, self.probabilities, strict=True):
-            mean = mean_exchange(model, station, probabilities)
-            waits, fixed = waits + mean.waits, fixed + mean.fixed
-            exchanges.append(mean)
-            all_fails.append(fails_of(probabilities, count, model.absent))
-        alive = [f for f, s in zip(all_fails, model.stations, strict=True) if s.alive]
-        errors, onsets = [f.error for f in alive], [f.onset for f in alive]
-        parameters = model.parameters_cost
-        grid.mean[row] = model.base + fixed + waits * tau + parameters * any_flag(all_fails)
-        grid.error_per_scan[row], grid.onset_per_scan[row] = sum(errors), sum(onsets)
-        if details:
-            dead = model.attempts_at(flagged=True) * (model.gap + model.poll + tau)
-            gains = [
-                dead - mean.fixed - mean.waits * tau
-                for mean, station in zip(exchanges, model.stations, strict=True)
-                if station.alive
-            ]
-            if gains:
-                gain = np.max(np.stack(gains), axis=0)
-                grid.one_dead[row] = model.base + fixed + waits * tau + gain + parameters
-        if not details and not grid.over:
-            return
-        scan = scan_components(model, _LIGHT, self.probabilities)
-        if details:
-            _fill_outages(grid, row, count, grid.mean[row], _mean_square(scan, tau))
-        if grid.over:
-            rows = _Rows.of(scan)
+def _fill(grid: Grid, row: int, count: int, stacks: TimeoutStacks, *, details: bool) -> None:
+    """The figures with one number of attempts."""
+    model, tau, alive = grid.model.with_setting(count, 0), stacks.tau, grid.model.alive
+    scans = Scans(stacks, count)
+    grid.mean[row] = scans.mean
+    grid.error_per_scan[row], grid.onset_per_scan[row] = (chances.sum(axis=0) for chances in scans.fails)
+    if details and alive:
+        dead = [Scans(stacks, count, station.number).mean for station in different(model).values()]
+        grid.one_dead[row] = np.max(dead, axis=0)
+        grid.detect_mean[row] = scans.noticed(grid.mean[row])
+        longest = [longest_unnoticed(model, station, tau) for station in alive]
+        grid.detect_longest[row] = np.max(longest, axis=0)
+        grid.silence[row] = ride_through(model, count, tau).silence
+    if grid.over and model.noise.memoryless:
+        rows = _Rows.of(scan_components(model, _LIGHT))
+        for deadline, values in grid.over.items():
+            values[row] = rows.tail(np.full(tau.size, float(deadline)), tau)
+    elif grid.over:
+        for column in np.flatnonzero(grid.valid).tolist():
+            distribution = Solved(model.with_setting(count, grid.timeouts[column])).distribution
             for deadline, values in grid.over.items():
-                values[row] = rows.tail(np.full(tau.size, float(deadline)), tau)
-
-
-def _mean_square(scan: ScanComponents, tau: Floats) -> Floats:
-    """E[scan²] in ticks² for each timeout."""
-    middle = scan.fixed + scan.sums.means(scan.code)
-    own = float(scan.weight @ (middle * middle + scan.sums.variances(scan.code)))
-    cross, square = float(scan.weight @ (middle * scan.waits)), float(scan.weight @ scan.waits**2)
-    return own + 2 * cross * tau + square * tau * tau
+                values[row, column] = float(distribution.tail(float(deadline)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,28 +170,3 @@ class _Rows:
         low = flat[at]
         beyond = (low + (position - index) * (flat[at + 1] - low)).sum(axis=1)
         return np.asarray(np.minimum(beyond, 1.0), dtype=np.float64)
-
-
-class _Bursts:
-    """Fills rows of a grid on a line with bursts."""
-
-    def __init__(self, model: LinkModel, tau: Floats) -> None:
-        self.model = model
-        self.stacks = BurstStacks(model, tau)
-
-    def fill(self, grid: Grid, row: int, count: int, *, details: bool) -> None:
-        """One number of attempts."""
-        alive = self.model.alive
-        moments = self.stacks.moments(count)
-        grid.mean[row] = moments.mean
-        grid.error_per_scan[row] = np.sum(moments.errors, axis=0)
-        grid.onset_per_scan[row] = np.sum(moments.onsets, axis=0)
-        if details and alive:
-            _fill_outages(grid, row, count, moments.mean, moments.square)
-            means = [self.stacks.moments(count, dead=station.number).mean for station in alive]
-            grid.one_dead[row] = np.max(np.stack(means), axis=0)
-        for column, timeout in enumerate(grid.timeouts) if grid.over else ():
-            if grid.valid[column]:
-                distribution = Solved(self.model.with_setting(count, timeout)).distribution
-                for deadline, values in grid.over.items():
-                    values[row, column] = float(distribution.tail(float(deadline)))

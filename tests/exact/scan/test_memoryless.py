@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from fractions import Fraction
@@ -13,11 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bussim.exact.bursts.reading import ENDS, Reading, read
+from bussim.exact.bursts.timeout_stacks import Scans, TimeoutStacks
 from bussim.exact.link import LinkModel, frame_ticks
 from bussim.exact.scan.memoryless import (
-    any_flag,
     fails_of,
-    mean_exchange,
     probabilities_of,
     scan_components,
     scan_distribution,
@@ -99,13 +100,19 @@ def test_attempt_probabilities_in_exact_fractions() -> None:
     kept = Fraction(7, 8)
     for probabilities, rate in zip(probabilities_of(model), (thrice, twice), strict=True):
         clean = 1 - rate
-        assert probabilities.replied == pytest.approx(float(poll * kept * clean**bits), rel=1e-13)
+        headless = Fraction(reading(float(rate), bits // 10).headless[0, 0])
+        assert probabilities.replied == pytest.approx(float(poll * kept * clean**bits), rel=1e-12)
         assert probabilities.torn == pytest.approx(
-            float(poll * kept * clean**10 * (1 - clean ** (bits - 10))), rel=1e-13
+            float(poll * kept * (1 - clean**bits - headless)), rel=1e-11
         )
         assert probabilities.silent == pytest.approx(
-            float((1 - poll) + poll * (1 - kept) + poll * kept * (1 - clean**10)), rel=1e-13
+            float((1 - poll) + poll * (1 - kept) + poll * kept * headless), rel=1e-12
         )
+
+
+def reading(rate: float, characters: int) -> Reading:
+    """What is read of a reply in which each bit is inverted with a probability; tested by itself."""
+    return read(np.full((1, 1), 1 - rate), np.full((1, 1), rate), characters, zeros=True)
 
 
 # -- every outcome of every attempt, enumerated ------------------------------------------------------
@@ -124,8 +131,8 @@ def uniform_tail(count: int, y: Fraction, width: int) -> Fraction:
 
 def exchanges(
     model: LinkModel, chances: tuple[Fraction, Fraction, Fraction], attempts: int
-) -> Iterator[tuple[Fraction, int, int, bool]]:
-    """(probability, ticks, turnarounds, in error) of every course of an exchange."""
+) -> Iterator[tuple[Fraction, int, int, int, bool]]:
+    """(probability, ticks, turnarounds, torn replies, in error) of every course of an exchange."""
     replied, silent, torn = chances
     whole = model.gap + model.poll + model.data + 22_860
     for failed in range(attempts + 1):
@@ -134,32 +141,43 @@ def exchanges(
             for is_silent in course:
                 weight *= silent if is_silent else torn
                 ticks += model.silent_cost if is_silent else whole + frame_ticks(2)
+            damaged = course.count(False)
             if failed < attempts:
-                yield weight * replied, ticks + whole, course.count(False) + 1, False
+                yield weight * replied, ticks + whole, damaged + 1, damaged, False
             else:
-                yield weight, ticks, course.count(False), True
+                yield weight, ticks, damaged, damaged, True
 
 
 def enumerated_tail(
     model: LinkModel,
     chances: tuple[Fraction, Fraction, Fraction],
+    ends: dict[int, Fraction],
     mixture: list[tuple[Fraction, int]],
     x: Fraction,
 ) -> Fraction:
     total = Fraction(0)
-    alike: dict[tuple[int, int, bool], Fraction] = defaultdict(Fraction)
+    alike: dict[tuple[int, int, int, bool], Fraction] = defaultdict(Fraction)
     for share, attempts in mixture:
         for weight, *what in exchanges(model, chances, attempts):
             alike[tuple(what)] += share * weight  # type: ignore[index]
     single = [(weight, *what) for what, weight in alike.items() if weight]
+    shifts: list[dict[int, Fraction]] = [{0: Fraction(1)}]
     for course in product(single, repeat=len(model.stations)):
         weight = Fraction(1)
         for part in course:
             weight *= part[0]
         ticks = model.base + sum(part[1] for part in course)
-        if any(part[3] for part in course):
+        if any(part[4] for part in course):
             ticks += model.gap + model.parameters
-        total += weight * uniform_tail(sum(part[2] for part in course), x - ticks, 14_400)
+        turnarounds, torn = sum(part[2] for part in course), sum(part[3] for part in course)
+        while len(shifts) <= torn:
+            more: dict[int, Fraction] = defaultdict(Fraction)
+            for (shift, one), (end, other) in product(shifts[-1].items(), ends.items()):
+                more[shift + end] += one * other
+            shifts.append(more)
+        for shift, chance in shifts[torn].items():
+            if chance > Fraction(1, 10**15):
+                total += weight * chance * uniform_tail(turnarounds, x - ticks - shift, 14_400)
     return total
 
 
@@ -171,15 +189,19 @@ def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> 
     p = Fraction(ber)
     q = 1 - p
     poll, bits = q**50, model.data_bits
-    chances = (poll * q**bits, 1 - poll + poll * (1 - q**10), poll * q**10 * (1 - q ** (bits - 10)))
+    found = reading(ber, bits // 10)
+    headless, torn = Fraction(found.headless[0, 0]), Fraction(found.torn[0, 0] + found.shifted[0, 0])
+    chances = (poll * q**bits, 1 - poll + poll * headless, poll * torn)
+    ends = {1_875 * end: Fraction(found.ends[0, index]) / torn for index, end in enumerate(ENDS)}
     fail = 1 - chances[0]
     flagged = fail**3 / (1 - fail + fail**3) if absent is PROBE else Fraction(0)
     mixture = [(1 - flagged, 3), (flagged, 1)]
     seen = []
     for level in (0.5, 1e-3, 1e-6, 1e-9, 1e-12):
         x = distribution.quantile(level)
-        expected = float(enumerated_tail(model, chances, mixture, Fraction(x)))
-        assert float(distribution.tail(x)) == pytest.approx(expected, rel=1e-10)
+        expected = float(enumerated_tail(model, chances, ends, mixture, Fraction(x)))
+        # Sums with ends of torn replies are read from a grid of 1 µs.
+        assert float(distribution.tail(x)) == pytest.approx(expected, rel=1e-3)
         seen.append(expected)
     # The quantiles are where they should be, but for levels that fall between two components.
     assert seen[0] == pytest.approx(0.5, rel=1e-3)
@@ -219,11 +241,11 @@ def test_properties_of_any_link(model: LinkModel) -> None:
     assert all(sum(o) == pytest.approx(1, abs=1e-12) for o in probabilities)
     fails = [fails_of(o, model.attempts, model.absent) for o in probabilities]
     assert all(0 <= f.onset <= f.error <= 1 for f in fails)
-    assert components.weight[components.flagged].sum() == pytest.approx(any_flag(fails), rel=1e-9, abs=1e-29)
-    # The mean from the components and the mean from the exchanges' means.
-    means = [mean_exchange(model, s, o) for s, o in zip(model.stations, probabilities, strict=True)]
-    direct = model.base + sum(m.fixed + m.waits * model.timeout for m in means)
-    assert distribution.mean == pytest.approx(direct + model.parameters_cost * any_flag(fails), rel=1e-10)
+    flag = -math.expm1(sum(math.log1p(-f.error) for f in fails))
+    assert components.weight[components.flagged].sum() == pytest.approx(flag, rel=1e-9, abs=1e-29)
+    # The mean from the components and that from the exchanges' moments.
+    scans = Scans(TimeoutStacks(model, np.full(1, float(model.timeout))), model.attempts)
+    assert distribution.mean == pytest.approx(float(scans.mean[0]), rel=1e-10)
     x = np.linspace(*distribution.support, 300)
     tail = distribution.tail(x)
     assert np.all(np.diff(tail) <= 1e-15)

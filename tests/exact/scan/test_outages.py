@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import random
-
 import numpy as np
 import pytest
 
 from bussim.exact.link import LinkModel
-from bussim.exact.scan.outages import RideThrough, clean_scan, dead_means, detection, longest_scan
+from bussim.exact.scan.outages import RideThrough, clean_scan, dead_means, longest_scan
 from bussim.exact.scan.outages import ride_through as ride_through_of
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import FULL, MS, PROBE, change, link, with_burst
-from tests.exact.play import play
 
 CONSTANT = Turnaround(30_060, 0)
 
@@ -113,36 +110,3 @@ def test_without_noise_a_dead_station_costs_its_attempts_instead_of_its_slot() -
     assert dead_means(Solved(link(2, absent=PROBE)), 1) == pytest.approx(
         expected - 3 * model.silent_cost, rel=1e-14
     )
-
-
-@pytest.mark.slow
-def test_detection_of_deaths_at_random_instants() -> None:
-    # Scans are played; a death falls uniformly into their time, seen from station 2's last reply end.
-    model = link(2, ber=2e-4, attempts=3, turnaround=CONSTANT)
-    solved, station = Solved(model), model.stations[1]
-    levels = (0.5, 0.01, 1e-4)
-    found = detection(model, solved.distribution, station, levels)
-    rng = random.Random(5)
-    scans = play(model, 40_000, seed=6).scans
-    slot = model.replied(station) + 30_060
-    times = []
-    weights = np.cumsum(scans)
-    for _ in range(200_000):
-        at = rng.random() * weights[-1]
-        index = int(np.searchsorted(weights, at, side="right"))
-        left = float(weights[index] - at)  # to the end of the next reply, had it lived
-        character, wait = model.character, model.silent_cost
-        if left > station.reply:
-            times.append(left - slot + 3 * wait)
-        elif left > station.reply - character:
-            cut = station.reply - left
-            times.append(model.timeout - 30_060 - cut + 2 * wait)
-        else:
-            times.append(model.quiet + rng.random() * character + 2 * wait)
-    sample = np.array(times)
-    assert abs(sample.mean() - found.mean) < 5 * sample.std() / np.sqrt(len(scans) / 4)
-    for level in levels:
-        share = float((sample > found.quantiles[level]).mean())
-        # A share of the time in independent scans: its variance is about that of a share of the scans.
-        assert abs(share - level) < 5 * np.sqrt(2 * level / len(scans))
-    assert found.longest == clean_scan(model, slowest=True) - slot + 3 * model.silent_cost
