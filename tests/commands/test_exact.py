@@ -298,3 +298,47 @@ def test_where_faults_come_and_go_the_option_that_leaves_them_out_is_named(
 def test_a_single_station_is_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["exact", "bad_parameter"]) == 0
     assert capsys.readouterr().out.startswith("link: 1 station, mode 0")
+
+
+@pytest.mark.parametrize("noise", ["reply_loss: 1", "ber: 0.9", "ber: 1"])
+def test_where_nothing_arrives_there_are_dashes_and_a_sentence(noise: str) -> None:
+    text = f"noise=[{{bus: link, station: feeder, {noise}}}]"
+    result = invoke(exact, "two_stations", "--set", text)
+    assert result.exit_code == 0
+    assert "practically no block arrives" in result.stdout
+    assert (
+        "feeder->press          –          –" in result.stdout
+        or "feeder->press       –       –" in result.stdout
+    )
+    found = link(exact, "two_stations", "--set", text)
+    gap = found["refresh_gap_ms"]["feeder->press"]  # type: ignore[index]
+    assert set(gap.values()) == {None}
+
+
+def test_a_deaf_slave_has_valid_json() -> None:
+    result = invoke(
+        exact, "electrical_noise", "--set", "noise=[{bus: link, station: hoist, ber: 0.1}]", "--json"
+    )
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    found = json.loads(result.stdout, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert found["links"]["link"]["refresh_gap_ms"]["crane->hoist"]["mean"] is None
+
+
+@pytest.mark.slow
+def test_bursts_in_which_alone_frames_arrive_have_a_mean_and_a_bound() -> None:
+    found = link(exact, str(Path(__file__).parents[1] / "exact" / "cases" / "nothing_arrives.yaml"))
+    gaps = found["refresh_gap_ms"]
+    assert all(gap["mean"] > 1e6 and gap["1e-3"] is None for gap in gaps.values())  # type: ignore[attr-defined]
+
+
+def test_a_death_is_noticed_within_the_longest_scan() -> None:
+    case = Path(__file__).parents[1] / "exact" / "cases" / "one_attempt_replies_lost.yaml"
+    found = link(exact, str(case), "--q", "0.1,0.01")["detect_ms"]
+    assert found == {
+        "mean": pytest.approx(36.14, abs=0.05),
+        "max": pytest.approx(69.72, abs=0.01),
+        "bound": pytest.approx(73.78, abs=0.01),
+        "0.1": pytest.approx(66.32, abs=0.05),
+        "0.01": pytest.approx(71.69, abs=0.05),
+    }

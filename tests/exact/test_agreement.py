@@ -28,6 +28,8 @@ from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 CASES = Path(__file__).parent / "cases"
 #: Scans of the start-up, in which slaves wait for their parameters; blocks of the others.
 STARTING, BLOCKS = 20, 60
+#: Link scans of each random link.
+SCANS = 5_000
 
 
 class Seen:
@@ -183,7 +185,3 @@ def test_random_links(number: int) -> None:
     over = [*(figures.quantiles[key] for key in ("0.5", "0.1", "0.03", "0.01")), least + 0.6 * (rare - least)]
     found = agreement(from_data(data), over)
     assert {key: round(z, 2) for key, z in found.items() if abs(z) >= 4.5} == {}
-
-
-#: Link scans of each random link.
-SCANS = 5_000

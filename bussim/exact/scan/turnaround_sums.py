@@ -145,9 +145,9 @@ class TurnaroundSums:
         self.shifted = shifted
         distributions = tuple(distributions)
         kinds = _kinds_of(distributions)
-        if len(kinds) > MAX_KINDS:
-            raise ValueError(f"{len(kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
         self._kinds = dict(enumerate(kinds))
+        if len(self._kinds) > MAX_KINDS:
+            raise ValueError(f"{len(self._kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
         self._units = {kind: 1 << (DIGIT * digit) for digit, kind in self._kinds.items()}
         self._grids: dict[bool, _Grid] = {}
         #: Of the end of a torn reply: code, earliest and mean in ticks, variance in ticks².
