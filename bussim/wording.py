@@ -124,9 +124,10 @@ def nearest(name: str, options: Sequence[str], *, cutoff: float = 0.6) -> str | 
     for option in options:
         lower.setdefault(option.lower(), option)
     wanted = name.lower()[:200]
-    alike = [option for option in lower if option[:1] == wanted[:1]]
-    found = difflib.get_close_matches(wanted, alike, n=1, cutoff=cutoff)
-    found = difflib.get_close_matches(wanted, list(lower), n=1, cutoff=max(cutoff, 0.75)) or found
+    found = difflib.get_close_matches(wanted, list(lower), n=1, cutoff=max(cutoff, 0.75))
+    found = found or difflib.get_close_matches(
+        wanted, [option for option in lower if option[:1] == wanted[:1]], n=1, cutoff=cutoff
+    )
     return lower[found[0]] if found else None
 
 

@@ -142,7 +142,7 @@ def test_several_files_and_standard_input_are_checked_whatever_is_wrong_with_one
     assert printed.err.splitlines() == [
         "mine.yaml:16:74: nn.retries is 12, allowed 0..10",
         "gone.yaml: no such file, and no built-in scenario of that name; bussim scenarios lists them all",
-        "<stdin>:7:10: duration has no blank after its colon; write duration: 60 s",
+        "<stdin>:7:1: duration has no blank after its colon; write duration: 60 s",
     ]
     assert [line.split(": ")[0] for line in printed.out.splitlines()] == [
         "two_stations",

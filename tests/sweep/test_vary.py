@@ -121,7 +121,7 @@ def test_the_same_value_is_the_same_however_it_is_written() -> None:
         ("k=1:2:log999999999", "999,999,999 values, allowed 100,000"),
         ("k=0:9e99:1e-99", "values, allowed 100,000"),
         ("k=" + "," * 200_000, "values, allowed 100,000"),
-        ("k=[1", "the [ is never closed"),
+        ("k=[1", "a [ is never closed"),
     ],
 )
 def test_mistakes(vary: str, message: str) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.errors import Problem
 from bussim.scenario.yaml.repair import LINE_END, Mark, Mended, Trouble
 from bussim.scenario.yaml.source_map import Path, SourceMap
-from bussim.wording import CODINGS, RawFloat, RawInt, describe, shorten
+from bussim.wording import CODINGS, RawFloat, RawInt, shorten
 
 if TYPE_CHECKING:
     from ruamel.yaml.events import Event, ScalarEvent
@@ -39,8 +39,8 @@ _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
-#: A key in braces in which its value is.
-_GLUED = re.compile(r"([^\W\d][\w.-]*) *([:：=]) *(.*)")
+#: A key that may stand without a value in braces; any other one has something missing.
+_BARE_KEY = re.compile(r"[^\W\d][\w.-]*")
 #: Where a scenario begins.
 _SCHEMA = re.compile(r"^[{\s\"]*schema[\"\s]*[:：=]", re.MULTILINE)
 #: What begins a document that is meant as keys with their values.
@@ -284,24 +284,6 @@ class _Reader:
             node.block = self._block(event.start_mark.line + 1, text)
         return node
 
-    def _parted(self, key: _Node, value: _Node, before: dict[str, tuple[Mark, _Node]]) -> tuple[_Node, _Node]:
-        """Key and value of what stands in braces as a key without a value; its mistake is reported."""
-        text = key.text or ""
-        if found := _GLUED.fullmatch(text):
-            name, sign, rest = found.groups()
-            what = "no blank after its colon" if sign == ":" else f"{describe(sign)} for a colon and a blank"
-            mark = (key.mark[0], key.mark[1] + found.start(2))
-            self._complain(mark, f"{name} has {what}; write {name}: {shorten(rest)}")
-            return _Node(key.mark, name, name), _Node(key.mark, rest, _resolve(rest))
-        last, (mark, number) = next(reversed(before.items()), ("", (key.mark, value)))
-        if text[:1].isdigit() and (number.text or "").isdigit():
-            comma, dot = f"{number.text},{text}", f"{number.text}.{text}"
-            if re.match(r"\d{3}$", text):
-                dot = f"{number.text}{text}"
-            self._complain(number.mark, f"{last} is {comma}, whose comma begins another key; write {dot}")
-            return _Node(mark, last, last), _Node(number.mark, dot, _resolve(dot))
-        return key, value
-
     def _block(self, line: int, text: str) -> tuple[int, int] | None:
         """First line (from 1) and indentation of a text whose lines begin at ``line`` (from 0)."""
         for source, own in zip(self._lines[line:], text.split("\n"), strict=False):
@@ -329,14 +311,15 @@ class _Reader:
             node = self._node(next(self._events), (*path, key.text or ""))
             if node.text == "":
                 node.mark = key.mark  # of nothing, the parser's position is that of whatever comes next
-                if self._flow and plain:
-                    key, node = self._parted(key, node, entries)
+                if self._flow and plain and not _BARE_KEY.fullmatch(key.text or ""):
+                    message = f"{shorten(key.text or '')} is a key without a value"
+                    raise Trouble(_mark(event.start_mark), message, _mark(event.start_mark))
             if key.text == "<<" and plain:
                 sources = [node] if node.items is None else node.items
                 if any(source.entries is None for source in sources):
                     self._complain(node.mark, "<< takes a mapping or a list of mappings")
                 merged += sources
-            elif key.text in entries and entries[key.text][0] != key.mark:
+            elif key.text in entries:
                 name = SourceMap(self._file).short_name((*path, key.text))
                 message = f"{name} is given twice, first in line {entries[key.text][0][0]}"
                 if not self._flow and path and isinstance(path[-1], int) and key.text == next(iter(entries)):

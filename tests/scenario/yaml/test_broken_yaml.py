@@ -48,7 +48,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "syntax": (
         changed("{name: link, nn: true}", "{name: link, nn: true"),
-        ["x.yaml:5:5: the { is never closed; write } at the end"],
+        ["x.yaml:5:26: a { is never closed; write } here"],
     ),
     "listing": (
         changed(
