@@ -838,3 +838,35 @@ def test_of_another_kind_of_file_one_thing_is_said(name: str) -> None:
 @pytest.mark.slow
 def test_of_very_many_mistakes_some_are_named_and_the_search_ends() -> None:
     assert 50 < len(mistakes(re.sub(": ", ":", LINE * 5))) < 1000
+
+
+@pytest.mark.parametrize(
+    ("device", "said"),
+    [
+        (
+            'model: free, bus: hmi, says: [{data: "11 12 13 14", at: 500 ms}]',
+            [
+                "50: says.0.data is not a key here; allowed are text, bytes, at, every, times, jitter, reply_to, delay"
+            ],
+        ),
+        (
+            'model: free, bus: hmi, says: [{text: "A", reply_too: "B"}]',
+            [
+                (
+                    "61: says.0.reply_too is not a key here; allowed are text, bytes, at, every, times, "
+                    "jitter, reply_to, delay; did you mean reply_to?"
+                )
+            ],
+        ),
+        (
+            "model: stepper, bus: vfd, station: 2, switches: [{inptu: 1, low: -100, high: 0}]",
+            [
+                "68: switches.0.input is missing",
+                "69: switches.0.inptu is not a key here; allowed are input, low, high; did you mean input?",
+            ],
+        ),
+    ],
+)
+def test_the_keys_of_the_entries_of_a_list_are_offered(device: str, said: list[str]) -> None:
+    text = LINE.replace("# end", f"  - {{name: extra, {device}}}")
+    assert mistakes(text) == [f"x.yaml:38:{message}" for message in said]
