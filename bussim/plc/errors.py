@@ -12,24 +12,23 @@ from bussim.plc.profiles import ErrorCodes
 #: Serial error flag and code (PW10 board manual, section 8).
 SERIAL_ERROR = 8063
 
-
 #: The xx of an FX by the PW10's yy: 1 reception, 3 sum, 4 format, 5 command, 6 timeout, 8 N:N parameters.
 _FX_CODES = {0: 8, 1: 4, 2: 5, 3: 3, 4: 5, 5: 1, 6: 4, 7: 1, 8: 1, 9: 6, 48: 8, 49: 8}
 
 
-def serial_error(codes: ErrorCodes, port: str, code: int) -> tuple[int, int]:
-    """The number of M and D that show a port's error, and what D says.
+def serial_error(codes: ErrorCodes, port: str, code: int) -> int:
+    """What D8063 says of a port's error.
 
     PW10, section 8: D8063 = 7xyy, x the port's number, yy the code (72yy of COM2: assumed). What an FX calls
     it, 6308 for N:N parameters among them: from memory, assumed; an error of the board is one of reception.
     """
     match codes:
         case ErrorCodes.PW10:
-            return SERIAL_ERROR, 7000 + 100 * int(port[3:]) + code
+            return 7000 + 100 * int(port[3:]) + code
         case ErrorCodes.FX3U if port == "COM4":
-            return 8438, 3800 + _FX_CODES.get(code, 1)
+            return 3800 + _FX_CODES.get(code, 1)
         case ErrorCodes.FX | ErrorCodes.FX3U:
-            return SERIAL_ERROR, 6300 + _FX_CODES.get(code, 1)
+            return 6300 + _FX_CODES.get(code, 1)
         case _:
             assert_never(codes)
 
@@ -55,25 +54,25 @@ class SerialErrors:
     def __init__(self, memory: Memory, codes: ErrorCodes = ErrorCodes.PW10) -> None:
         self._memory = memory
         self._numbering = codes
-        self._codes: dict[Hashable, tuple[int, int]] = {}
+        self._codes: dict[Hashable, int] = {}
 
     def report(self, cause: Hashable, port: str, code: int) -> int:
         """A cause raises its code now; returns the number in D8063."""
         self._codes.pop(cause, None)
-        self._codes[cause] = serial_error(self._numbering, port, code)
-        self._show(*self._codes[cause])
-        return self._codes[cause][1]
+        number = self._codes[cause] = serial_error(self._numbering, port, code)
+        self._show(number)
+        return number
 
     def over(self, cause: Hashable) -> None:
         """A cause is over; nothing happens if it was none."""
-        device, _ = self._codes.pop(cause, (0, 0))
-        left = [number for other, number in self._codes.values() if other == device]
-        if left:
-            self._show(device, left[-1])
-        elif device:
-            self._memory.set(Device("M", device), 0)
+        gone = self._codes.pop(cause, 0)
+        left = [number for number in self._codes.values() if shown_at(number) == shown_at(gone)]
+        if gone and left:
+            self._show(left[-1])
+        elif gone:
+            self._memory.set(Device("M", shown_at(gone)), 0)
 
-    def _show(self, device: int, number: int) -> None:
-        self._memory.set(Device("M", device), 1)
-        self._memory.set_word("D", device, number)
+    def _show(self, number: int) -> None:
+        self._memory.set(Device("M", shown_at(number)), 1)
+        self._memory.set_word("D", shown_at(number), number)
         note_errors(self._memory.bits("M"), self._memory.words("D"))

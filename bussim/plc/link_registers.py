@@ -16,7 +16,7 @@ from bussim.engines.nn.slave import Slave
 from bussim.engines.nn.status import STATIONS, LinkStatus
 from bussim.line.characters import NN_LINE
 from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # named with the link's other registers
-from bussim.plc.errors import SerialErrors, serial_error
+from bussim.plc.errors import SerialErrors, serial_error, shown_at
 from bussim.plc.memory import BlockRange, Device, Memory, block_range
 from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, Profile, attempts_per_poll
@@ -106,7 +106,8 @@ def mode_numbers(modes: tuple[int, ...]) -> str:
 
 def refusal(profile: Profile, name: str, reasons: list[str], port: str) -> str:
     """What a PLC with bad N:N parameters does, as a sentence."""
-    device, code = serial_error(profile.error_codes, port, BAD_PARAMETERS)
+    code = serial_error(profile.error_codes, port, BAD_PARAMETERS)
+    device = shown_at(code)
     return (
         f"{name} refuses its N:N settings ({'; '.join(reasons)}): M{device} on, D{device} = {code}, "
         "and it sends nothing"
@@ -286,7 +287,7 @@ class LinkRegisters:
         found = {f"D{address}": memory.word("D", address) for address in range(8173, 8181)}
         for number in range(2 + 2 * STATIONS):
             found[f"D{8201 + number}"] = memory.word("D", devices.first_word + number)
-        port_error, _ = serial_error(self._profile.error_codes, selected_port(memory), BAD_PARAMETERS)
+        port_error = shown_at(serial_error(self._profile.error_codes, selected_port(memory), BAD_PARAMETERS))
         found[f"D{SERIAL_ERROR}"] = memory.word("D", port_error)
         found[f"M{SERIAL_ERROR}"] = memory.get(Device("M", port_error))
         found[f"M{M_PORT}"] = memory.get(Device("M", M_PORT))

@@ -148,7 +148,7 @@ def parse_range(text: str) -> DeviceRange:
     found = re.fullmatch(r"([MSTCDR])(\d{1,5}) *[-–] *\1(\d{1,5})", text, re.ASCII)
     last = FIRST_SPECIAL if found and found[1] in "MD" else 32768
     if found is None or not int(found[2]) <= int(found[3]) < last:
-        raise ValueError(f"is {text!r}, expected a range such as M500-M3071 of M S T C D R, not of specials")
+        raise ValueError(f"is {text!r}, expected a range such as M500-M3071 of M S T C D R, without specials")
     return DeviceRange(found[1], int(found[2]), int(found[3]))
 
 

@@ -186,7 +186,7 @@ def _check_settings(config: PortConfiguration, member: Member, report: Report) -
     """What becomes of words that the PLC refuses, or that set up nothing that is simulated."""
     settings = config.settings
     if isinstance(settings, BadSettings):
-        _, code = serial_error(member.profile.error_codes, config.name, settings.error)
+        code = serial_error(member.profile.error_codes, config.name, settings.error)
         text = refusal(config.node, settings.text, code)
         if not _at_cpavl(config, member, text, report, fatal=False):
             report.warn(config.path, text)
