@@ -51,11 +51,11 @@ def setting_defaults(profile: Profile) -> dict[int, int]:
 
 
 def memory_at_power_on(
-    profile: Profile, registers: Mapping[Device, int], before: Memory | None = None
+    profile: Profile, registers: Mapping[Device, int], old: Memory | None = None
 ) -> Memory:
     """The memory of a PLC when its supply comes; ``registers`` are what the scenario sets.
 
-    ``before`` is its memory when the supply went: what the profile's family keeps stays as it was there.
+    ``old`` is its memory when the supply went: what the profile's family keeps stays as it was there.
     """
     memory = Memory()
     for address, value in setting_defaults(profile).items():
@@ -65,8 +65,8 @@ def memory_at_power_on(
         memory.set_word("D", address, value)
     for device, value in registers.items():
         memory.set(device, value)
-    if before is not None:
-        memory.keep(before, profile.latched)
+    if old is not None:
+        memory.keep(old, profile.latched)
     return memory
 
 

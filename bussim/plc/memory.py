@@ -11,7 +11,7 @@ import sys
 from array import array
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 #: Bit devices and their address ranges (both ends included). T and C are the contacts.
 BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
@@ -230,13 +230,9 @@ class Memory:
 
     def keep(self, other: Memory, latched: Iterable[DeviceRange]) -> None:
         """Take over what another memory holds of some devices; those that there are not are passed over."""
-        shelves: tuple[tuple[Any, Any], ...] = (
-            (self._bits, other._bits),
-            (self._words, other._words),
-            (self.held, other.held),
-        )
         for letter, first, last in latched:
-            for mine, others in shelves:
+            for shelf in ("_bits", "_words", "held"):
+                mine, others = getattr(self, shelf), getattr(other, shelf)
                 if letter in mine:
                     mine[letter][first : last + 1] = others[letter][first : last + 1]
 

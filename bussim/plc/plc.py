@@ -94,7 +94,6 @@ class Plc:
         self._sources = {parse_device(name): source for name, source in sources.items()}
         self._linked = linked
         self._kept: Memory | None = None  # at the latest power-off
-        self._system: SystemDevices | None = None
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
@@ -138,10 +137,9 @@ class Plc:
                 ProgramPorts(self.port_registers, self.memory),
                 now,
             )
-        # A program shows its special devices itself, scan by scan.
-        self._system = SystemDevices(self.memory, now) if self._program is None else None
-        if self._system is not None:
-            self.memory.refresh_specials = self._show_specials
+        if self._program is None:  # which shows its special devices itself, scan by scan
+            system = SystemDevices(self.memory, now)
+            self.memory.refresh_specials = lambda end: system.scan(end, self.cycle.times(end))
         self.state = PlcState.STOP
 
     def run(self, now: int, *, traced: bool) -> tuple[LinkEngine | None, int]:
@@ -191,8 +189,7 @@ class Plc:
             self.record_faults(now)
             self.logic.stop()
         if not self.memory.bits("M")[8033]:
-            again = memory_at_power_on(self.profile, self._registers, self.memory)
-            self.memory.keep(again, OWN_DEVICES)
+            self.memory.keep(memory_at_power_on(self.profile, self._registers, self.memory), OWN_DEVICES)
         self.state = PlcState.STOP
 
     def power_off(self, now: int) -> None:
@@ -284,11 +281,6 @@ class Plc:
                 self._refresh(end)
         self._publish()
 
-    def _show_specials(self, end: int) -> None:
-        """Write what lives by itself as of an END, in a PLC without a program."""
-        if self._system is not None:
-            self._system.scan(end, self.cycle.times(end))
-
     def _publish(self) -> None:
         """Write the link's status into the special devices."""
         if self.before_status is not None:
@@ -346,8 +338,8 @@ class Plc:
         extra = active * self.profile.transaction_time
         self._image_until = -1
         if self._observed:
-            if self._observes_specials:
-                self._show_specials(now)
+            if self._observes_specials and self.memory.refresh_specials is not None:
+                self.memory.refresh_specials(now)
             self._observe(now)
         if observer is not None:
             observer.ended(now)

@@ -61,11 +61,9 @@ class PortRefused(NamedTuple):
 
     def text(self, program: Program | None) -> str:
         """In words; the instructions are those of the program."""
-        lines = [program.instructions[at].line if program is not None else at for at in self[:2]]
-        return (
-            f"two RS2 are driven on {self.port} at once: that at line {lines[0]} of the program keeps it "
-            f"(assumed), that at line {lines[1]} is refused"
-        )
+        holds, other = (program.instructions[at].line if program is not None else at for at in self[:2])
+        which = f"that at line {holds} of the program keeps it (assumed), that at line {other} is refused"
+        return f"two RS2 are driven on {self.port} at once: {which}"
 
 
 #: What an observer is told of a program.

@@ -89,10 +89,9 @@ class _Source:
         """The gaps of one receiver."""
         self._count()
         pair = self.named.get(receiver, self.others)
-        if receiver not in self._spans and receiver not in self._old:
-            return pair
         still = [Span(self._old[receiver], None)] if receiver in self._old else []
-        return replace(pair, stale=self._spans[receiver] + still)
+        stale = self._spans.get(receiver, []) + still
+        return replace(pair, stale=stale) if stale else pair
 
 
 class RefreshMeter:
