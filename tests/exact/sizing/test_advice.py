@@ -236,7 +236,7 @@ def advice_holds(model: LinkModel, texts: list[str]) -> None:
 def printed_figures_are_safe(model: LinkModel, goals: Goals, unmet: Unmet) -> None:
     """The best figure of each goal is that of the setting named beside it, rounded to the safe side."""
     said = re.findall(r"the best is (.+?) \(attempts (\d+), D8180 (\d+)\)", unmet.text)
-    hopeless = re.search(r"each setting misses it ([\d,.e-]+) times a year or more", unmet.text)
+    hopeless = re.search(r"each setting misses it ([\d,.e+-]+) times a year or more", unmet.text)
     if hopeless is not None:
         assert goals.heartbeat is not None
         assert float(hopeless[1].replace(",", "")) > goals.heartbeat[1]
