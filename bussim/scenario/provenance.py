@@ -22,7 +22,7 @@ _SCANS, _SLAVES, _BYTES = "PLC scan times", "how slaves watch the master", "fram
 _CLEAN, _ERRORS = (_FRAMES, _TIMES), (NOISE, _ATTEMPTS, _ABSENT)
 #: What the figures of a link are made of in the first place, by their keys in the JSON forms.
 _MADE_OF: dict[tuple[str, ...], str] = {
-    (*_CLEAN, NOISE): "mean_ms bus_load scans polls",
+    (*_CLEAN, NOISE): "mean_ms mean_random_data_ms bus_load scans polls",
     (*_CLEAN, NOISE, _JITTER): "no_error_ms collisions sd_ms",
     (*_CLEAN, _JITTER, _SCANS): "timeout_floor_ms",
     (*_CLEAN, _JITTER, _ATTEMPTS): "ride_through_ms worst_case_ms",
