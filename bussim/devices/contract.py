@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, Self
 
 from bussim.devices.areas import AreaMap
 from bussim.devices.serial_settings import DevicePort
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.framing import Framing
+from bussim.engines.modbus.gaps import GapRule
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.line.characters import LineTiming
@@ -125,7 +126,7 @@ class BusDevice:
     ``model`` is its model's name in the registry. ``station`` is None for what is no slave. ``delay`` is
     the least time from a request's end to its reply's first edge, ``jitter`` what is added to it at most,
     uniform. ``timing`` are its own rate and format, normally the bus's. ``power_on`` is when it is
-    switched on.
+    switched on. ``gaps`` are a slave's own silences of RTU, None for its model's.
     """
 
     name: str
@@ -138,9 +139,11 @@ class BusDevice:
     jitter: int
     settings: AnySettings
     power_on: int = 0
+    gaps: GapRule | None = None
 
     def framing(self) -> Framing:
         """How it frames Modbus. Raises ValueError for a mode that is impossible on its line."""
         settings = self.settings
         silence = settings.silence if isinstance(settings, MasterSettings) else None
-        return settings.port.framing(self.mode, self.timing, silence)
+        port = settings.port if self.gaps is None else replace(settings.port, gaps=self.gaps)
+        return port.framing(self.mode, self.timing, silence)

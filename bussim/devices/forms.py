@@ -15,6 +15,7 @@ from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
 from bussim.forms.fields import Baud, Format, Name, characters_or_time, choice, time, whole
 from bussim.forms.form import Model
 from bussim.forms.mistakes import EntryView, Reporter
+from bussim.forms.rtu_gaps import RtuGapsIn
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import PollSpec
 from bussim.units import TICKS_PER_SECOND, format_time
@@ -91,6 +92,12 @@ class SlaveIn(DeviceIn):
     mode: ModbusMode = Mode.RTU.value
     delay: Delay | None = None
     jitter: Delay = 0
+    rtu_gaps: RtuGapsIn | None = None
+
+    @property
+    def own_port(self) -> DevicePort:
+        """The port of its model, with its own silences."""
+        return self.port if self.rtu_gaps is None else replace(self.port, gaps=self.rtu_gaps.rule())
 
     @property
     def least_delay(self) -> int:
@@ -108,7 +115,10 @@ class SlaveIn(DeviceIn):
     def device(self, line: LineTiming, power_on: int, polls: tuple[PollSpec, ...], find: Find) -> BusDevice:
         """The frozen device with its delay."""
         return replace(
-            super().device(line, power_on, polls, find), delay=self.least_delay, jitter=self.jitter
+            super().device(line, power_on, polls, find),
+            delay=self.least_delay,
+            jitter=self.jitter,
+            gaps=self.rtu_gaps.rule() if self.rtu_gaps is not None else None,
         )
 
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
@@ -123,6 +133,8 @@ class SlaveIn(DeviceIn):
                 f"is {format_time(self.least_delay)}, but a {port.name} responds no sooner than "
                 f"{format_time(port.delay)}",
             )
+        if self.rtu_gaps is not None and Mode(self.mode) is Mode.ASCII:
+            report.warn((*entry.path, "rtu_gaps"), f"{self.name} speaks ASCII: rtu_gaps does nothing")
 
     def fill(self, written: dict[str, Any]) -> None:
         """The model's delay."""

@@ -198,14 +198,13 @@ def _time_text(value: object) -> str:
     return value[:100]
 
 
-def time_or(word: str, low: int, high: int) -> Kind:
-    """A time from ``low`` to ``high`` ticks, or ``word``."""
-    known = time(low, high)
+def none_or(known: Kind) -> Kind:
+    """A value of another kind, or the word none."""
 
-    def check(value: object) -> int | str:
-        return word if value == word else cast("int", known.read(value))
+    def write(value: object) -> object:
+        return known.write(value) if known.write and value != "none" else value
 
-    return Kind(check, lambda value: value if value == word else format_time(value))
+    return Kind(lambda value: value if value == "none" else known.read(value), write)
 
 
 def characters_or_time(low: float, high: float) -> Kind:

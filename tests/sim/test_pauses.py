@@ -9,7 +9,9 @@ import pytest
 
 from bussim.devices.free.scripted import Message
 from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.gaps import GapRule
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.line.checksums import crc16_bytes
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec
 from bussim.scenario import model
@@ -76,6 +78,51 @@ def test_a_v80_takes_all_that_comes_within_its_silence_for_one_frame(timing: Lin
     for by in (timing.characters(Fraction(16, 5)), end - 1):
         assert outcomes(asked("v80", model.Pause("panel", by, None, 3), timing)) == {"ok"}
     assert outcomes(asked("v80", model.Pause("panel", end, None, 3), timing)) == {"no response in time"}
+
+
+def test_silences_of_a_device_are_its_own() -> None:
+    rule = GapRule(Fraction(5), Fraction(5), None)
+    master = hmi("panel", poll("p", 9, every=100 * MS), timeout=60 * MS)
+    for by, expected in ((CHAR * 9 // 2, "ok"), (5 * CHAR, "no response in time")):
+        pause = model.Fault("pause", model.Pause("panel", by, None, 3))
+        done = run(serial_bus([master, device("slave", station=9, gaps=rule)], seconds=1, faults=[pause]))
+        assert outcomes(done) == {expected}
+
+
+@pytest.mark.parametrize(
+    ("pieces", "mode"),
+    [
+        ([b"\x11\x03\x00\x6b", b"\x00\x03\x76\x87"], Mode.RTU),  # V80 and PPC Modbus manual, section 2.2
+        ([bytes((byte,)) for byte in b"\x11\x03\x00\x6b\x00\x03\x76\x87"], Mode.RTU),
+        ([b"rubbish:1103006B", b"00037E\r\n"], Mode.ASCII),
+    ],
+)
+def test_a_request_in_several_messages_is_no_damaged_frame(pieces: list[bytes], mode: Mode) -> None:
+    at, messages = SECOND // 10, []
+    for piece in pieces:
+        messages.append(Message(data=piece, at=at))
+        at += (len(piece) + 3) * CHAR
+    sender = scripted("t", *messages)
+    done = run(serial_bus([sender, device("slave", station=17, mode=mode)], seconds=1))
+    (bus,) = done.totals.buses
+    assert [frame.kind for frame in frames(done, "slave")] == ["response"]
+    assert bus.undetected == 0
+    assert not done.notes("undetected")
+
+
+def test_a_request_that_is_another_by_damage_is_one() -> None:
+    # 11 03 00 6B 00 03 76 87 with some bits inverted asks for register 0: its sum is right again.
+    sent, other = (
+        bytes.fromhex("1103006b00037687"),
+        bytes.fromhex("110300000003") + crc16_bytes(bytes.fromhex("110300000003")),
+    )
+    flips = [10 * at + 1 + bit for at in range(8) for bit in range(8) if (sent[at] ^ other[at]) >> bit & 1]
+    fault = model.Fault("flip_bits", model.FlipBits("t", model.Direction.TX, tuple(flips), None))
+    sender = scripted("t", Message(data=sent, at=SECOND // 10))
+    done = run(serial_bus([sender, device("slave", station=17)], seconds=1, faults=[fault]))
+    (bus,) = done.totals.buses
+    assert bus.undetected == 1
+    assert [note.where for note in done.notes("undetected")] == ["slave"]
 
 
 def test_a_reply_with_a_pause_is_decided_by_the_master() -> None:

@@ -47,6 +47,7 @@ class LxIn(SlaveIn):
 
     example = """
 {name: press9, model: lx, bus: feeder, station: 9, delay: 3 ms, jitter: 2 ms, mode: ascii,
+  rtu_gaps: {end: 5, inner: 2, fast_character: 400 us},
   scan: {mean: 20 ms, jitter: 2 ms}, registers: {D0: -1, M3: 1}}
 """
     port = LX_PORT

@@ -156,6 +156,7 @@ class MapIn(SlaveIn):
 
     example = """
 {name: sensors, model: map, bus: feeder, station: 9, mode: ascii, delay: 3 ms, jitter: 2 ms,
+  rtu_gaps: {end: 5, inner: 2, fast_character: 400 us},
   functions: [3, 4, 6], coils: [{address: 5}], inputs: [{address: 3, count: 4, value: 1, name: doors}],
   input_registers: [{address: 3, noise: {center: 500, spread: 20, every: 1 s, normal: true}}],
   registers: [{address: 0, ramp: {from: 5, to: 99, over: 10 s, repeat: true}},

@@ -135,6 +135,7 @@ class StepperIn(SlaveIn):
 
     example = """
 {name: feeder1, model: stepper, bus: feeder, station: 9, delay: 40 ms, jitter: 2 ms,
+  rtu_gaps: {end: 5, inner: none, fast_character: none},
   registers: {pitch: 1000}, steps: [{step_speed: 300, step_distance: -500}],
   switches: [{input: 1, low: -5, high: 0}], profile: {save_coil: 30, acceleration_unit: 2.5,
   homing_zeroes: true, refused_command: 0, step_output: step, zero_is_endless: false}}

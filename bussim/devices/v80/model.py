@@ -15,6 +15,7 @@ from bussim.devices.v80.map import V80, V80_ITEMS, V80_PORT
 from bussim.engines.modbus.server import Space
 from bussim.forms.fields import whole
 from bussim.forms.mistakes import EntryView, Reporter
+from bussim.forms.rtu_gaps import RtuGapsIn
 from bussim.plc.ports.spec import PollSpec
 
 _Bits = dict[str, Annotated[int, whole(0, 1)]]
@@ -37,15 +38,23 @@ class V80Settings(SlaveSettings):
         return device
 
 
+class V80GapsIn(RtuGapsIn):
+    """Its silences."""
+
+    base = V80_PORT.gaps
+
+
 class V80In(SlaveIn):
     """An entry of this model."""
 
     example = """
 {name: oven, model: v80, bus: feeder, station: 9, mode: ascii, delay: 3 ms, jitter: 2 ms,
+  rtu_gaps: {end: 5, inner: 2, fast_character: 400 us},
   coils: {"00127": 1}, inputs: {"10002": 1}, input_registers: {"30001": 7}, registers: {"40108": 99}}
 """
     port = V80_PORT
 
+    rtu_gaps: V80GapsIn | None = None
     coils: _Bits = Field({})
     inputs: _Bits = Field({})
     input_registers: _Words = Field({})

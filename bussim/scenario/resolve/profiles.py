@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 from bussim.forms.form import changed
+from bussim.forms.rtu_gaps import RtuGapsIn
 from bussim.plc.profiles import PROFILES, Profile, Turnaround
-from bussim.scenario.schema.profiles import InstructionTimesIn, ProfileIn, RtuGapsIn, TurnaroundIn
+from bussim.scenario.schema.profiles import InstructionTimesIn, ProfileIn, TurnaroundIn
 from bussim.units import round_half_up
 
 
@@ -26,9 +27,7 @@ def _value(given: Any, base: Any) -> Any:
         case TurnaroundIn():
             return _turnaround(given)
         case RtuGapsIn():
-            gaps = given.given()
-            none = {"fast_character": None} if given.fast_character == "none" else {}
-            return changed(base, {**gaps, **none})
+            return given.rule()
         case InstructionTimesIn():
             others = {**dict(base.others), **(given.others or {})}
             return changed(base, {**given.given(), "others": others.items()})

@@ -165,7 +165,8 @@ def _response_time(slave: Node, settings: SlaveSettings, pdu_size: int) -> tuple
     mode, device, scan = slave.mode or Mode.RTU, slave.device, settings.plc_scan()
     delay, jitter = (device.least_delay, device.jitter) if isinstance(device, SlaveIn) else (0, 0)
     waiting = scan.mean + scan.jitter if scan is not None else 0
-    framing = settings.port.framing(mode, slave.timing)
+    port = device.own_port if isinstance(device, SlaveIn) else settings.port
+    framing = port.framing(mode, slave.timing)
     _, (least, most) = reply_times(framing, delay=delay, jitter=jitter, end=waiting)
     sent = slave.timing.characters(adu_chars(mode, pdu_size))
     return least + sent, most + sent

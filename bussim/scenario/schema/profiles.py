@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from pydantic import Field, create_model, field_validator, model_validator
 
-from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
+from bussim.engines.modbus.gaps import GapRule
 from bussim.engines.nn.frames import MODES
 from bussim.forms.fields import (
     Flag,
@@ -24,10 +24,10 @@ from bussim.forms.fields import (
     nanoseconds,
     number,
     time,
-    time_or,
     whole,
 )
 from bussim.forms.form import Model
+from bussim.forms.rtu_gaps import RtuGapsIn
 from bussim.plc.memory import DeviceRange
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
 from bussim.plc.program.instruction_times import InstructionTimes
@@ -65,25 +65,6 @@ class TurnaroundIn(Model):
             raise fail("is missing", "mean")
         elif self.jitter is not None and self.jitter > self.mean:
             raise fail("must not be more than the mean", "jitter")
-        return self
-
-
-class RtuGapsIn(Model):
-    """The silences of Modbus RTU, in characters; what is left out stays as the profile has it."""
-
-    example = "{end: 4.5, inner: 1.5, fast_character: none}"
-
-    end: Annotated[float, number(0.1, 1000)] | None = None
-    inner: Annotated[float, number(0.1, 1000)] | None = None
-    fast_character: Annotated[int | str, time_or("none", 1, TICKS_PER_SECOND)] | None = None
-
-    @model_validator(mode="after")
-    def _in_order(self) -> RtuGapsIn:
-        end, inner = self.end or float(STANDARD_GAPS.end), self.inner or float(STANDARD_GAPS.inner)
-        if inner > end:
-            if self.inner is not None:
-                raise fail(f"is {inner:g}, more than what ends a frame ({end:g})", "inner")
-            raise fail(f"is {end:g}, less than what a frame may have inside ({inner:g})", "end")
         return self
 
 

@@ -14,6 +14,8 @@ from bussim.trace.records import Sink
 
 #: Replies that are remembered: more than can lie between a reply and the END that takes it over.
 _REPLIES = 512
+#: Frames that are remembered: a message may come in as many as it has characters.
+_PIECES = 256
 #: Requests that were given up and may still get a reply.
 _GIVEN_UP = 64
 
@@ -26,8 +28,8 @@ class SerialBus(Line):
         self.ports: Sequence[SerialStation] = []
         #: Nodes that have received a whole frame and wait for the silence that ends it.
         self.waiting: set[SerialStation] = set()
-        # Delivered whole; of several frames at once only one is sound: a few of the latest are enough.
-        self._delivered: deque[Transmission] = deque(maxlen=8)
+        # The latest that ended: at most so many characters make a frame, each perhaps sent by itself.
+        self._delivered: deque[Transmission] = deque(maxlen=_PIECES)
         self._replies: deque[Reply] = deque(maxlen=_REPLIES)
         self._given_up: dict[int, str] = {}  # by the request's first edge: its master
         #: Responses that ended after their request had been given up, by master.
@@ -89,12 +91,17 @@ class SerialBus(Line):
         super()._deliver(frame, tx, now)
 
     def accepted(self, reading: Reading) -> None:
-        """See the line; the frame may have been delivered whole, and only its end read by the receiver."""
-        if reading.sender is None:
-            for tx in self._delivered:
-                frame = tx.frame
-                if frame is not None and (tx.start, frame.chars) == (reading.start, reading.frame.chars):
-                    reading = reading._replace(sender=tx.sender)
+        """See the line; what was sent undamaged may have been a part of a message, or several of them."""
+        origin = reading.origin
+        if reading.sender is None and origin is not None:
+            heard = [*(tx for tx in self._delivered if tx is not origin), origin]
+            parts = [tx for tx in heard if reading.start < tx.end and tx.start < reading.now]
+            sent = [(tx.start, tx.frame.chars) for tx in heard if tx.frame is not None]
+            sound = not any(tx.damaged or tx.collided or tx.cut for tx in parts)
+            together = b"".join(tx.chars for tx in parts) if sound else b""
+            chars = reading.frame.chars
+            if (reading.start, chars) in sent or chars in together:
+                return
         super().accepted(reading)
 
     # -- which request a reply belongs to ----------------------------------------------------------
