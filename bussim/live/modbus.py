@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
-from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.adu import LAST_RESERVED, Mode
 from bussim.engines.modbus.events import FrameRejected
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.gaps import STANDARD_GAPS
@@ -87,11 +87,13 @@ def master_runner(
 
     Times in ticks. ``interval`` is the pause from one transaction's end to the next request; an RTU
     master never makes it shorter than the silence that ends a frame. The timeout is the system's:
-    a response that has begun by then is waited for.
+    a response that has begun by then is waited for. Reserved stations (248 to 255) are asked, too.
     """
     framing, quiet = live_framing(mode, wire)
     silent = quiet if mode is Mode.RTU else 0
-    config = MasterConfig(framing, timeout, max(interval, silent), begun_holds=True)
+    config = MasterConfig(
+        framing, timeout, max(interval, silent), begun_holds=True, last_station=LAST_RESERVED
+    )
     if turnaround is not None:
         config = replace(config, turnaround=turnaround)
     try:

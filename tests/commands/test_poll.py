@@ -18,6 +18,8 @@ from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat
 from bussim.live.faults import Injected, ReplyFault
 from bussim.live.served import ServedSlave
+from tests.live.peers import TerminalPair
+from tests.live.recordings.reading import sniffed
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
 PATIENCE = 20.0
@@ -51,10 +53,10 @@ def test_once(slave: ServedSlave, capsys: pytest.CaptureFixture[str]) -> None:
     ("options", "values"),
     [
         (("-0", "-r", "0x28"), [40000]),
-        (("-r", "41", "-t", "4:int"), [40000 - 65536]),
-        (("-r", "41", "-t", "4:hex"), ["9C40"]),
-        (("-r", "41", "-t", "4:int32"), [41000 * 65536 + 40000 - (1 << 32)]),
-        (("-r", "41", "-t", "4:int32", "-B"), [40000 * 65536 + 41000 - (1 << 32)]),
+        (("-r", "41", "-t", "4:int16"), [40000 - 65536]),
+        (("-r", "41", "-t", "4:hex"), ["0x9C40"]),
+        (("-r", "41", "-t", "4:int"), [41000 * 65536 + 40000 - (1 << 32)]),
+        (("-r", "41", "-t", "4:int", "-B"), [40000 * 65536 + 41000 - (1 << 32)]),
         (("-t", "3", "-c", "2"), [0, 0]),
         (("-t", "0", "-c", "9"), [0] * 9),
         (("-t", "1"), [0]),
@@ -93,8 +95,10 @@ def test_writing(
 
 @posix
 def test_negative_values_come_behind_dashes(slave: ServedSlave) -> None:
-    assert main(["poll", slave.device, *LINE, "-t", "4:int", "--", "-5"]) == 0
+    assert main(["poll", slave.device, *LINE, "-t", "4:int16", "--", "-5"]) == 0
     assert device(slave).get(Space.HOLDING, 0) == 65531
+    assert main(["poll", slave.device, *LINE, "-t", "4:int", "--", "-5"]) == 0
+    assert [device(slave).get(Space.HOLDING, at) for at in (0, 1)] == [65531, 65535]
 
 
 @posix
@@ -108,7 +112,7 @@ def test_failures_are_counted_and_retried(slave: ServedSlave, capsys: pytest.Cap
     slave.faults.inject(Injected(ReplyFault.DROP))
     slave.faults.inject(Injected(ReplyFault.CORRUPT))
     slave.faults.inject(Injected(ReplyFault.EXCEPTION, code=4))
-    assert main(["poll", slave.device, *LINE, "-1", "--retries", "2", "-o", "300 ms", "--json"]) == 0
+    assert main(["poll", slave.device, *LINE, "-1", "--retries", "2", "-o", "300 ms", "--json"]) == 1
     (poll,) = json.loads(capsys.readouterr().out)["polls"]
     assert (poll["turns"], poll["attempts"], poll["ok"], poll["exceptions"]) == (1, 3, 0, 1)
     assert poll["errors"] == {
@@ -142,10 +146,52 @@ def test_parity_on_a_pseudo_terminal_is_a_warning(
 
 
 @posix
+def test_reserved_stations_are_asked_with_a_warning(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with TerminalPair() as pair:
+        assert main(["poll", pair.left, *LINE, "-a", "247,248,255", "-1", "-o", "0.05"]) == 1
+        asked = bytes(pair.carried[0])
+    assert [frame[0] for frame in (asked[at : at + 8] for at in range(0, len(asked), 8))] == [247, 248, 255]
+    err = capsys.readouterr().err
+    assert "station 248: numbers above 247 are reserved" in err
+    assert "station 247" not in err
+
+
+@posix
+def test_an_exception_has_its_name_and_is_exit_code_1(
+    slave: ServedSlave, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = {1: "illegal function", 7: "negative acknowledge", 8: "memory parity error"}
+    names |= {0x0A: "gateway path unavailable", 0x0B: "gateway target failed to respond", 0x0C: "unknown"}
+    for code, name in names.items():
+        slave.faults.inject(Injected(ReplyFault.EXCEPTION, code=code))
+        assert main(["poll", slave.device, *LINE, "-1"]) == 1
+        assert f"exception {code:02X}, {name}" in capsys.readouterr().out
+
+
+@posix
+def test_all_bytes_are_shown_in_lines_that_sniff_reads(
+    slave: ServedSlave, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["poll", slave.device, *LINE, "-v", "--rounds", "3", "-c", "2", "-l", "10"]) == 0
+    shown = capsys.readouterr().err
+    directions = [line.split()[1] for line in shown.splitlines()]
+    assert directions[0] == ">"
+    assert directions.count(">") == 3
+    carried = bytes.fromhex("".join(line.split(maxsplit=2)[2] for line in shown.splitlines()))
+    assert carried == 3 * (bytes.fromhex("010300000002c40b") + bytes.fromhex("010304000003e8fa8d"))
+    path = tmp_path / "line.txt"
+    path.write_text(shown, encoding="utf-8")
+    found = sniffed(path, *LINE)
+    assert (found["outcomes"], found["unreadable_lines"]) == ({"ok": 3}, 0)
+
+
+@posix
 def test_csv_has_a_row_a_turn(slave: ServedSlave, tmp_path: Path) -> None:
     path = tmp_path / "polls.csv"
     command = ["poll", slave.device, *LINE, "-a", "1,9", "-c", "2", "-1", "-o", "50 ms", "--csv", str(path)]
-    assert main(command) == 0
+    assert main(command) == 1  # one of them failed
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["station"] for row in rows] == ["1", "9"]
@@ -235,20 +281,34 @@ def test_the_poll_list_of_a_scenario(
     ("arguments", "said"),
     [
         (["x", "-t", "9"], "allowed are 0, 1, 3 and 4"),
-        (["x", "-t", "4:double"], "allowed are uint, int, hex, int32, float"),
+        (["x", "-t", "4:double"], "allowed are uint, int16, hex, int, float"),
         (["x", "-t", "0:int"], "have no format"),
         (["x", "-t", "3", "5"], "can only be read"),
         (["x", "-t", "0", "2"], "allowed are 0 and 1"),
         (["x", "70000"], "allowed 0…65535"),
         (["x", "word"], "no whole number"),
+        (["x", "1.5"], "no whole number such as 100 or 0x64"),
+        (["x", "010"], "write 10, without zeros in front"),
+        (["x", "-t", "4:int", "--", "-0010"], "write -10, without zeros in front"),
+        (["x", "-c", "2", "5"], "-c is how many values are read"),
         (["x", "-r", "0"], "allowed 1…65536"),
         (["x", "-r", "65536", "-c", "2"], "beyond the last one"),
         (["x", "-c", "126"], "a request may name 125"),
-        (["x", "-a", "248"], "stations 1…247"),
+        (["x", "-a", "256"], "stations 1…255"),
         (["x", "-a", "a"], "such as 1 or 1,3,5:8"),
         (["x", "-a", "0"], "can only be written"),
         (["x", "-P", "mark"], "none, even and odd"),
-        (["x", "-o", "5"], "without a unit"),
+        (["x", "-o", "500"], "without a unit that is 500 s, allowed 0.01…10"),
+        (["x", "-o", "0"], "allowed 0.01…10"),
+        (["x", "-o", "0 ms"], "must be above 0"),
+        (["x", "-o", "nan"], "without a unit"),
+        (["x", "-l", "0.5"], "such as 0.5 s"),
+        (["x", "-l", "soon"], "not a time"),
+        (["x", "-l", "soon", "5"], "not a time"),
+        (
+            ["x", "--scenario", "two_stations", "--list", "a", "-b", "9600", "--retries", "1", "-v"],
+            "leave -b, --retries out",
+        ),
         (["x", "-d", "7"], "RTU needs 8 data bits"),
         (["/dev/not/there"], "cannot be opened"),
         (["x", "--list", "a"], "belong together"),

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from bussim.commands.common.port_options import format_of, options_of, port_options
 from bussim.commands.common.scenario_options import code_option
 from bussim.commands.common.times import time_of
 from bussim.commands.poll.plan import Plan, Planned
+from bussim.engines.modbus.adu import LAST_RESERVED, LAST_STATION
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 #: Read and write functions by data type; None: cannot be written.
 _FUNCTIONS = {"0": (1, 5, 15), "1": (2, None, None), "3": (4, None, None), "4": (3, 6, 16)}
 _MOST_BITS, _MOST_WORDS = 2000, 125
+#: Of times that are written without a unit, as for mbpoll: their unit, and what mbpoll allows.
+_BARE_TIMES = {"-o": ("s", 0.01, 10.0), "-l": ("ms", 10.0, 1e9)}
 
 
 @click.command()
@@ -28,7 +32,12 @@ _MOST_BITS, _MOST_WORDS = 2000, 125
 @click.argument("values", metavar="[VALUE]...", nargs=-1)
 @click.option("-m", "mode", type=click.Choice(["rtu", "ascii"]), default="rtu", show_default=True)
 @click.option(
-    "-a", "stations", metavar="N", default="1", show_default=True, help="Stations, such as 1 or 1,3,5:8."
+    "-a",
+    "stations",
+    metavar="N",
+    default="1",
+    show_default=True,
+    help="Stations, such as 1 or 1,3,5:8; 0: all, to write.",
 )
 @click.option("-b", "baud", metavar="N", type=click.IntRange(1, 4_000_000), default=19200, show_default=True)
 @click.option("-d", "data_bits", type=click.IntRange(7, 8), help="Data bits (RTU 8, ASCII 7).")
@@ -36,21 +45,22 @@ _MOST_BITS, _MOST_WORDS = 2000, 125
 @click.option("-P", "parity", metavar="P", help="Parity: none, even (default) or odd.")
 @click.option("-r", "reference", metavar="N", default="1", help="First coil or register (1).")
 @click.option("-0", "from_zero", is_flag=True, help="-r counts from 0, as frames do, not from 1.")
-@click.option(
-    "-c", "count", metavar="N", type=click.IntRange(1, 2000), default=1, help="How many values (1)."
-)
+@click.option("-c", "count", metavar="N", type=click.IntRange(1, 2000), help="How many values to read (1).")
 @click.option(
     "-t",
     "kind",
     metavar="T",
     default="4",
     help="0 coils, 1 inputs, 3 input registers, 4 holding registers (4); with a format for registers: "
-    "4:uint, :int, :hex, :int32, :float.",
+    "4:hex, :int16, :int (32 bits), :float, :uint (the default).",
 )
-@click.option("-B", "big", is_flag=True, help="Of int32 and float the high word comes first.")
+@click.option("-B", "big", is_flag=True, help="Of int and float the high word comes first.")
 @click.option("-1", "once", is_flag=True, help="Poll once.")
-@click.option("-l", "rate", metavar="T", default="1 s", show_default=True, help="Time between polls.")
-@click.option("-o", "timeout", metavar="T", default="1 s", show_default=True, help="Timeout.")
+@click.option(
+    "-l", "rate", metavar="T", default="1000", show_default=True, help="Pause after each poll, in ms."
+)
+@click.option("-o", "timeout", metavar="T", default="1", show_default=True, help="Timeout, in seconds.")
+@click.option("-v", "verbose", is_flag=True, help="Show all bytes with their times, on standard error.")
 @click.option("--rounds", metavar="N", type=click.IntRange(1), help="End after so many rounds.")
 @click.option(
     "--retries", metavar="N", type=click.IntRange(0, 100), default=0, help="Attempts after a failed one (0)."
@@ -76,12 +86,13 @@ def command(
     parity: str | None,
     reference: str,
     from_zero: bool,
-    count: int,
+    count: int | None,
     kind: str,
     big: bool,
     once: bool,
     rate: str,
     timeout: str,
+    verbose: bool,
     rounds: int | None,
     retries: int,
     scenario: str | None,
@@ -97,8 +108,8 @@ def command(
     """Poll Modbus stations on a port, or write to them.
 
     URL is a port (COM7, /dev/ttyUSB0), socket://HOST:PORT, rfc2217://HOST:PORT or pty. With VALUEs
-    they are written, once, else values are read until Ctrl-C. Options are those of mbpoll, but times
-    are written with their unit.
+    they are written, once, else values are read until Ctrl-C. Options mean what they mean to mbpoll; times
+    may have another unit (500 ms, 2 s), and -m is rtu. The exit code is 1 if a poll failed.
     """
     from bussim.commands.poll.session import poll
 
@@ -112,6 +123,15 @@ def command(
             raise UsageError("a scenario's poll list knows itself what to write: leave the VALUEs out")
         from bussim.commands.poll.scenario import plan_of
 
+        # Of mbpoll's options only two do not say what line and polls are.
+        given = [
+            param.opts[0]
+            for param in ctx.command.params
+            if (len(param.opts[0]) == 2 and param.opts[0] not in ("-1", "-v")) or param.name == "retries"
+            if ctx.get_parameter_source(param.name or "") is ParameterSource.COMMANDLINE
+        ]
+        if given:
+            raise UsageError(f"a scenario has line and polls: leave {', '.join(given)} out")
         plan = plan_of(scenario, poll_list, allow_code=allow_code)
     else:
         from bussim.engines.modbus.adu import Mode
@@ -119,15 +139,33 @@ def command(
 
         as_mode = Mode(mode)
         fmt = format_of(STANDARD_FORMATS[as_mode], data_bits=data_bits, parity=parity, stop_bits=stop_bits)
-        every = time_of("-l", rate)
         polls = _polls(
             stations_of(stations), values, kind, reference, count,
-            from_zero=from_zero, big=big, every=every, retries=retries,
+            from_zero=from_zero, big=big, retries=retries,
         )  # fmt: skip
-        plan = Plan(as_mode, line_of(as_mode, baud, fmt), polls, time_of("-o", timeout))
+        line = line_of(as_mode, baud, fmt)
+        plan = Plan(as_mode, line, polls, _time("-o", timeout), pause=_time("-l", rate))
     rounds = 1 if once or values else rounds
     table = None if csv is None else Path(csv)
-    ctx.exit(poll(plan, url, options=options, rounds=rounds, csv=table, as_json=as_json))
+    for station in sorted({planned.poll.station for planned in plan.polls}):
+        if station > LAST_STATION:
+            click.echo(f"station {station}: numbers above {LAST_STATION} are reserved", err=True)
+    ctx.exit(poll(plan, url, options=options, rounds=rounds, csv=table, as_json=as_json, verbose=verbose))
+
+
+def _time(option: str, text: str) -> int:
+    """The ticks of a time whose unit may be left out. Raises UsageError."""
+    unit, low, high = _BARE_TIMES[option]
+    try:
+        bare = float(text)
+    except ValueError:
+        return time_of(option, text, positive=option == "-o")
+    if not low <= bare <= high:
+        raise UsageError(
+            f"{option} is {text}, without a unit that is {text} {unit}, allowed {low:g}…{high:g}; "
+            f"what is meant may be written with its unit, such as {text} {'ms' if unit == 's' else 's'}"
+        )
+    return time_of(option, f"{text} {unit}")
 
 
 def stations_of(text: str) -> list[int]:
@@ -139,8 +177,8 @@ def stations_of(text: str) -> list[int]:
             raise UsageError(f"-a has {part!r}, write stations such as 1 or 1,3,5:8")
         first = int(match.group(1))
         last = int(match.group(2) or first)
-        if not (0 <= first <= last <= 247):
-            raise UsageError(f"-a has {part.strip()}, allowed are stations 1…247 (0: broadcast)")
+        if not (0 <= first <= last <= LAST_RESERVED):
+            raise UsageError(f"-a has {part.strip()}, allowed are stations 1…{LAST_RESERVED} (0: broadcast)")
         found += range(first, last + 1)
     return list(dict.fromkeys(found))
 
@@ -150,11 +188,10 @@ def _polls(
     values: tuple[str, ...],
     kind: str,
     reference: str,
-    count: int,
+    count: int | None,
     *,
     from_zero: bool,
     big: bool,
-    every: int,
     retries: int,
 ) -> tuple[Planned, ...]:
     from bussim.engines.modbus.polls import Poll
@@ -162,15 +199,16 @@ def _polls(
     space, form = _kind(kind)
     first = _reference(reference, from_zero=from_zero)
     address = first if from_zero else first - 1
-    request = _write(space, form, address, values, big=big) if values else _read(space, form, address, count)
+    if values and count is not None:
+        raise UsageError("-c is how many values are read; with VALUEs as many are written as there are")
+    read = _read(space, form, address, count or 1) if not values else None
+    request = read or _write(space, form, address, values, big=big)
     if address + request.quantity > 0x10000:
         raise UsageError(f"-r is {reference}: {request.quantity} items from there lie beyond the last one")
     if not values and 0 in stations:
         raise UsageError("-a has 0, the broadcast, to which no station responds: it can only be written to")
     return tuple(
-        Planned(
-            Poll(station, request, 0 if values else every, retries), f"station {station}", first, form, big
-        )
+        Planned(Poll(station, request, retries=retries), f"station {station}", first, form, big)
         for station in stations
     )
 

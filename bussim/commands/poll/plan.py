@@ -31,5 +31,6 @@ class Plan:
     line: LineTiming
     polls: tuple[Planned, ...]
     timeout: int
-    interval: int = 0
+    interval: int = 0  # between transactions
+    pause: int = 0  # between turns
     turnaround: int | None = None  # after a broadcast; None: as usual

@@ -14,6 +14,7 @@ from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.pdu import READS
 from bussim.errors import UsageError
 from bussim.live.polling import PollTurns, Turn
+from bussim.live.wire import Wire
 from bussim.results.meters.histogram import Histogram
 from bussim.results.store.tables import INT, MILLISECONDS, SECONDS, TEXT, CsvTable
 from bussim.results.verdict.catalogue import meaning
@@ -36,6 +37,29 @@ COLUMNS = {
     "response_ms": MILLISECONDS,
     "values": TEXT,
 }
+
+
+class _ShownWire(Wire):
+    """A wire whose bytes are shown as they come and go, in lines that ``sniff`` reads.
+
+    A time is that of the last stop bit: sent bytes have left then, others were handed over by the system.
+    """
+
+    def read(self, until: int) -> bytes:
+        """See the base class."""
+        data = super().read(until)
+        self._show("<", data, self.clock.now())
+        return data
+
+    def write(self, data: bytes) -> None:
+        """See the base class."""
+        lasts = 0 if self.instant else self.timing.characters(len(data))
+        self._show(">", data, self.clock.now() + lasts)
+        super().write(data)
+
+    def _show(self, direction: str, data: bytes, end: int) -> None:
+        if data:
+            click.echo(f"{seconds(end):.6f} {direction} {data.hex(' ')}", err=True)
 
 
 class Tally:
@@ -84,16 +108,27 @@ class Tally:
 
 
 def poll(
-    plan: Plan, url: str, *, options: PortOptions, rounds: int | None, csv: Path | None, as_json: bool
+    plan: Plan,
+    url: str,
+    *,
+    options: PortOptions,
+    rounds: int | None,
+    csv: Path | None,
+    as_json: bool,
+    verbose: bool = False,
 ) -> int:
-    """Poll until every poll had its rounds, or until Ctrl-C; prints the summary. Returns the exit code."""
+    """Poll until every poll had its rounds, or until Ctrl-C; prints the summary.
+
+    ``verbose`` shows every byte. Returns the exit code: 1 if a turn failed or ended with an exception.
+    """
     from bussim.engines.modbus.polls import PollList
     from bussim.live.modbus import master_runner
     from bussim.live.stopping import Stopping
-    from bussim.live.wire import Wire
 
     tallies = [Tally(planned) for planned in plan.polls]
-    wire = Wire(url, plan.line, options, report=lambda text: click.echo(text, err=True))
+    wire = (_ShownWire if verbose else Wire)(
+        url, plan.line, options, report=lambda text: click.echo(text, err=True)
+    )
     with ExitStack() as stack:
         table = None if csv is None else stack.enter_context(closing(_table(csv)))
 
@@ -110,7 +145,7 @@ def poll(
         runner = master_runner(
             wire,
             plan.mode,
-            PollList(polls),
+            PollList(polls, pause=plan.pause),
             timeout=plan.timeout,
             interval=plan.interval,
             turnaround=plan.turnaround,
@@ -139,9 +174,7 @@ def poll(
         print_json(summary)
     else:
         _show(tallies, summary)
-    silent = all(not tally.ok and not tally.exceptions for tally in tallies)
-    broadcast = all(tally.planned.poll.station == 0 for tally in tallies)
-    return 1 if silent and not broadcast else 0
+    return 1 if any(tally.ok < tally.turns for tally in tallies) else 0
 
 
 def _table(path: Path) -> CsvTable:

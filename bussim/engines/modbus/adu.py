@@ -24,6 +24,8 @@ BROADCAST: Final = 0
 #: Stations that a device may have.
 FIRST_STATION: Final = 1
 LAST_STATION: Final = 247
+#: Numbers above the last station are reserved (Modbus over serial line, section 2.2), but devices have them.
+LAST_RESERVED: Final = 255
 
 #: Shortest and longest RTU frame.
 RTU_MIN: Final = 4

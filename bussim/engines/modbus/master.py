@@ -42,7 +42,8 @@ class MasterConfig:
     ``timeout`` counts from the end of the request (CPAVL +9 × 10 ms), ``interval`` from one
     transaction's end to the next request (CPAVL +2; 0 there means 5 ms), ``turnaround`` is the pause
     after a broadcast (standard: 100 to 200 ms). A response is in time if its last stop bit ends by
-    the timeout; with ``begun_holds`` if its first edge does (assumed not).
+    the timeout; with ``begun_holds`` if its first edge does (assumed not). ``last_station`` is the highest
+    number that it asks, at most 255.
     """
 
     framing: Framing
@@ -51,16 +52,19 @@ class MasterConfig:
     turnaround: int = 100 * TICKS_PER_MS
     begun_holds: bool = False
     limits: Limits = STANDARD_LIMITS
+    last_station: int = LAST_STATION
 
 
-def refusal(station: int, request: Request, limits: Limits = STANDARD_LIMITS) -> PortError | None:
+def refusal(
+    station: int, request: Request, limits: Limits = STANDARD_LIMITS, last_station: int = LAST_STATION
+) -> PortError | None:
     """Why a master cannot send a request; None if it can.
 
     Function not among 01 02 03 04 05 06 0F 10, or a broadcast read: 4; quantity 0 or over the
-    limits: 6; addresses beyond 65535: 2; station outside 0–247: 0 (assumed).
+    limits: 6; addresses beyond 65535: 2; station outside 0…``last_station``: 0 (assumed).
     """
     function, address, quantity, _ = request
-    if not 0 <= station <= LAST_STATION:
+    if not 0 <= station <= last_station:
         return PortError.STATION
     if function not in FUNCTIONS or (station == BROADCAST and function not in WRITES):
         return PortError.FUNCTION
@@ -146,7 +150,7 @@ class Master:
         self.due_counter = self._number
         self._station, self._request = station, request
         self._reset()
-        error = refusal(station, request, self.config.limits)
+        error = refusal(station, request, self.config.limits, self.config.last_station)
         if error is not None:
             self._ended(now, error, cause=None)
             return EVENTS

@@ -18,7 +18,7 @@ class PollingMaster(Master):
 
     def __init__(self, config: MasterConfig, polls: PollList[Poll]) -> None:
         for number, poll in enumerate(polls.polls):
-            error = refusal(poll.station, poll.request, config.limits)
+            error = refusal(poll.station, poll.request, config.limits, config.last_station)
             if error is not None:
                 raise ValueError(f"poll {number} cannot be sent: {MEANINGS[error]}")
         super().__init__(config)

@@ -57,11 +57,13 @@ class PollList(Generic[TurnT]):
 
     Turns that could not be begun before the poll came due again are skipped, not caught up. Of
     several that are due the one after the latest in the list is next. A cycle is over when every
-    poll without ``times`` had a turn: a poll with ``times`` is a command and no part of it.
+    poll without ``times`` had a turn: a poll with ``times`` is a command and no part of it. ``pause`` is
+    the least time in ticks from the end of a turn to the next one.
     """
 
-    def __init__(self, polls: Sequence[TurnT], start: int = 0) -> None:
+    def __init__(self, polls: Sequence[TurnT], start: int = 0, pause: int = 0) -> None:
         self.polls = tuple(polls)
+        self._pause = pause
         #: Index of the poll whose turn it is, None between turns.
         self.running: int | None = None
         self._cyclic = frozenset(index for index, poll in enumerate(self.polls) if poll.times is None)
@@ -81,11 +83,12 @@ class PollList(Generic[TurnT]):
         """When :meth:`take` may be called next; None while a turn runs or nothing is due any more."""
         if self.running is not None:
             return None
-        return min((due for due in self._due if due is not None), default=None)
+        due = min((due for due in self._due if due is not None), default=None)
+        return None if due is None else max(due, self._paused)
 
     def take(self, now: int) -> TurnT | None:
         """Begin the turn that is next; None if none is due at ``now``."""
-        if self.running is not None:
+        if self.running is not None or now < self._paused:
             return None
         count = len(self.polls)
         for step in range(1, count + 1):
@@ -127,6 +130,8 @@ class PollList(Generic[TurnT]):
             self._attempts += 1
             return poll, ()
         self.running = None
+        if self._pause:
+            self._paused = now + self._pause
         if not poll.every and self._due[index] is not None:
             self._due[index] = now
         events: list[PollEvent] = [PollEnded(now, index, self._begun, self._attempts, error, self._late)]
@@ -145,6 +150,7 @@ class PollList(Generic[TurnT]):
     def drop(self, now: int) -> None:
         """The running turn is forgotten (STOP), and the list begins anew at ``now``."""
         self.running = None
+        self._paused = 0
         self._due = [None if poll.times == 0 else now + poll.at for poll in self.polls]
         self._left = [poll.times for poll in self.polls]
         self._last = len(self.polls) - 1

@@ -193,13 +193,17 @@ SENTENCES: Mapping[str, Sentence] = {
     "code_23": Sentence("another counter received"),
     "code_31": Sentence("polled before it had parameters"),
     "code_other": Sentence("code {code}"),
-    # -- exception codes of Modbus (application protocol V1.1b3, section 7)
+    # -- exception codes of Modbus (application protocol V1.1b3, section 7; 07: Modicon PI-MBUS-300)
     "exception_01": Sentence("illegal function"),
     "exception_02": Sentence("illegal address"),
     "exception_03": Sentence("illegal value"),
     "exception_04": Sentence("device failure"),
     "exception_05": Sentence("acknowledge"),
     "exception_06": Sentence("device busy"),
+    "exception_07": Sentence("negative acknowledge"),
+    "exception_08": Sentence("memory parity error"),
+    "exception_0A": Sentence("gateway path unavailable"),
+    "exception_0B": Sentence("gateway target failed to respond"),
     "exception_other": Sentence("unknown"),
     # -- the yy of D8063 = 7xyy (PW10 board manual, section 8)
     "port_error_00": Sentence("slave address setting"),

@@ -23,9 +23,9 @@ RTU = Framing.rtu(RTU_LINE)
 READ = Request(3, 0, 2)
 
 
-def turns(polls: list[Poll], length: int, until: int) -> list[tuple[int, int]]:
+def turns(polls: list[Poll], length: int, until: int, pause: int = 0) -> list[tuple[int, int]]:
     """(begin, index) of each turn if every attempt succeeds after ``length`` ticks."""
-    dealer = PollList(polls)
+    dealer = PollList(polls, pause=pause)
     begun, now = [], 0
     while now < until:
         due = dealer.next_due()
@@ -54,6 +54,23 @@ def test_turns_that_were_missed_are_skipped() -> None:
 def test_a_period_waits_its_turn_among_others() -> None:
     polls = [Poll(1, READ, every=100), Poll(2, READ)]
     assert turns(polls, 30, 200) == [(0, 0), (30, 1), (60, 1), (90, 1), (120, 0), (150, 1), (180, 1)]
+
+
+def test_a_pause_lies_behind_each_turn_whatever_its_station() -> None:
+    polls = [Poll(1, READ), Poll(2, READ)]
+    assert turns(polls, 10, 180, pause=50) == [(0, 0), (60, 1), (120, 0), (180, 1)]
+    # A period that is over meanwhile waits for the pause.
+    assert turns([Poll(1, READ, every=100)], 80, 450, pause=50) == [(0, 0), (130, 0), (260, 0), (390, 0)]
+
+
+def test_a_retry_does_not_wait_for_the_pause() -> None:
+    dealer = PollList([Poll(1, READ, retries=1)], pause=50)
+    assert dealer.take(0) is not None
+    assert dealer.ended(10, PortError.TIMEOUT)[0] is not None
+    dealer.ended(20, None)
+    assert dealer.take(69) is None
+    assert dealer.next_due() == 70
+    assert dealer.take(70) is not None
 
 
 def test_retries_then_the_next() -> None:
