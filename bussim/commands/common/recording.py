@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bussim.commands.common.port_options import parity_of, with_options
+from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
@@ -41,6 +42,12 @@ _options = with_options(
     click.option("-s", "stop_bits", type=click.IntRange(1, 2), help="Stop bits, unless found (port: 1)."),
     click.option("-P", "parity", metavar="P", help="Parity: none, even, odd, unless found (port: even)."),
     click.option("--invert/--no-invert", "inverted", default=None, help="The line idles low, or high (.sr)."),
+    click.option(
+        "--layout",
+        metavar="FILE",
+        type=click.Path(path_type=Path),
+        help="Layout of the N:N frames (default: the assumed one; bussim guide wires).",
+    ),
     click.option("--bus", metavar="NAME", help="Name of the bus (line); in a trace: which one (the first)."),
     click.option(
         "--channel",
@@ -54,12 +61,22 @@ def line_options(function: Callable[..., None]) -> Callable[..., None]:
     """Adds the options for a line and its name; what they say comes as ``settings``, and ``bus``."""
 
     @wraps(function)
-    def command(*, protocol: str, parity: str | None, channel: str | None, **options: Any) -> None:
+    def command(
+        *, protocol: str, parity: str | None, channel: str | None, layout: Path | None, **options: Any
+    ) -> None:
         from bussim.live.sniff.heard import LineProtocol
         from bussim.live.sniff.reading import Settings
 
         names = ("baud", "data_bits", "stop_bits", "inverted")
+        given: dict[str, Any] = {}
+        if layout is not None:
+            from bussim.live.layout.file import load_layout
+
+            if protocol not in ("auto", "nn"):
+                raise UsageError(f"--layout is for N:N frames, not for --protocol {protocol}")
+            given, protocol = {"layout": load_layout(layout)}, "nn"
         settings = Settings(
+            **given,
             protocol=None if protocol == "auto" else LineProtocol(protocol),
             parity=None if parity is None else parity_of(parity),
             channels=tuple(filter(None, channel.split(","))) if channel else (),
@@ -95,6 +112,7 @@ class OpenLine:
             "echo": self.found.reading.score.echo,
             "begin": self.source.begin,
             "names": self.names,
+            "layout": setup.layout,
         }
 
 

@@ -71,7 +71,11 @@ def command(
             session.record(stack, out, force=force)
             recogniser = Recogniser(
                 lambda found: session.listener(
-                    found, exact=False, tolerance=options.tolerance, echo=settings.echo
+                    found,
+                    exact=False,
+                    tolerance=options.tolerance,
+                    echo=settings.echo,
+                    layout=settings.layout,
                 ),
                 timing,
                 options.tolerance,

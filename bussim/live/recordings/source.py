@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
+from bussim.live.layout.value import ASSUMED, Layout
 
 
 class Chunk(NamedTuple):
@@ -23,13 +24,15 @@ class LineSetup(NamedTuple):
     """How a recording is read: rate and format of its line, and where in it the line is.
 
     ``inverted``: the line idles low (None: the recording has no levels). ``channels`` are the names of its
-    wires, () where a recording has no names. ``decimal_comma``: times of a text have one.
+    wires, () where a recording has no names. ``decimal_comma``: times of a text have one. ``layout`` is
+    that of N:N frames.
     """
 
     timing: LineTiming
     inverted: bool | None = None
     channels: tuple[str, ...] = ()
     decimal_comma: bool = False
+    layout: Layout = ASSUMED
 
 
 @dataclass(slots=True)

@@ -49,7 +49,9 @@ class Channels:
             rates = {name: settings.baud or self._rate_of(name) for name in names}
             for name, baud in rates.items():
                 self._source.enough_samples(baud or 0, f"channel {name}: ")
-            return Reading(LineSetup(settings.timing(None), bool(settings.inverted)), settings.protocol)
+            return Reading(
+                settings.setup(settings.timing(None), inverted=bool(settings.inverted)), settings.protocol
+            )
         best = max(
             readings, key=lambda each: (each.score.recognised, each.score.responses > 0, each.score.rank)
         )
@@ -80,12 +82,11 @@ class Channels:
             return
         inverted = measured.inverted if settings.inverted is None else settings.inverted
         found = [
-            self._read(
-                name, LineTiming(baud, with_stops(form, settings.stop_bits or 1)), protocol, inverted=level
-            )
+            self._read(settings.setup(timing, (name,), inverted=level), protocol)
             for level in ([False, True] if inverted is None else [inverted])
             for form in _FORMATS
             if settings.allows(form)
+            for timing in [LineTiming(baud, with_stops(form, settings.stop_bits or 1))]
             for protocol in ([settings.protocol] if settings.protocol else _speaks(form))
         ]
         if found:
@@ -99,11 +100,9 @@ class Channels:
         until = self._source.samples if channel.total == len(edges) else edges[-1]
         return Receiver(timing, self._source.rate, inverted=inverted).feed(edges, until)
 
-    def _read(
-        self, name: str, timing: LineTiming, protocol: LineProtocol, *, inverted: bool
-    ) -> tuple[Reading, list[Heard]]:
-        chars = self._chars(name, timing, inverted=inverted)
-        return read([Chunk(chars)], LineSetup(timing, inverted, (name,)), protocol, _ALL)
+    def _read(self, setup: LineSetup, protocol: LineProtocol) -> tuple[Reading, list[Heard]]:
+        chars = self._chars(setup.channels[0], setup.timing, inverted=bool(setup.inverted))
+        return read([Chunk(chars)], setup, protocol, _ALL)
 
     def _stop_bits(self, best: Reading, sound: Sequence[Heard]) -> Reading:
         """The reading with two stop bits, if no character of a sound frame begins before they are over."""

@@ -17,7 +17,8 @@ class Line(NamedTuple):
     ``silence`` is shorter than the wait for a reply, ``closest`` (3.5 characters) than that of any station.
     ``slack``: so far off times may be, 0 where they are those of the line, so that distances prove something.
     ``wires`` is the number of wires, one a direction where there are two. ``echo``: each request is heard
-    twice; None: to be found out.
+    twice; None: to be found out. ``counters`` is the number of link scans after which the counter of N:N
+    frames begins again, 1 where they have none.
     """
 
     bus: str
@@ -28,6 +29,7 @@ class Line(NamedTuple):
     slack: int = 0
     wires: int = 1
     echo: bool | None = None
+    counters: int = 16
 
 
 class Decoder(ABC):

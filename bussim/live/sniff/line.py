@@ -16,7 +16,7 @@ from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.frames import TraceFile
 from bussim.live.recordings.packets import PROTOCOLS, PacketFile
 from bussim.live.recordings.sigrok import SigrokFile
-from bussim.live.recordings.source import LineSetup, Source
+from bussim.live.recordings.source import Source
 from bussim.live.recordings.text import TextFile
 from bussim.live.sniff.channels import Channels
 from bussim.live.sniff.heard import LineProtocol
@@ -46,14 +46,16 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
             settings.baud or source.bus.baud, settings.format(CharFormat.parse(source.bus.format))
         )
         given = settings.protocol or (LineProtocol(source.protocol) if source.protocol else None)
-        return FoundLine(Reading(LineSetup(timing), given, Score(echo=bool(settings.echo))))
+        return FoundLine(Reading(settings.setup(timing), given, Score(echo=bool(settings.echo))))
     channels = Channels(source) if isinstance(source, SigrokFile) else None
 
     def best_of(wanted: Settings) -> Reading:
         return channels.best(wanted) if channels is not None else _best(source, wanted, tolerance)
 
     best, suggested = best_of(settings), None
-    unrestricted = Settings(baud=None if channels is not None else settings.baud, echo=settings.echo)
+    unrestricted = Settings(
+        baud=None if channels is not None else settings.baud, echo=settings.echo, layout=settings.layout
+    )
     if settings != unrestricted and 2 * best.score.sound_characters <= best.score.characters:
         other = best_of(unrestricted)
         better = best.score.sound_characters * 2 < other.score.sound_characters
@@ -122,7 +124,7 @@ def _readings(source: Source, settings: Settings, tolerance: int, limit: int) ->
     for protocol in [settings.protocol] if settings.protocol else protocols:
         for comma in commas:
             timing = settings.timing(protocol, _rate(source))
-            setup = LineSetup(timing, None, settings.channels, comma)
+            setup = settings.setup(timing, settings.channels, decimal_comma=comma)
             try:
                 yield read(
                     source.chunks(setup),

@@ -21,8 +21,6 @@ from bussim.wording import counted
 
 #: 10 ms, the unit of D8180, in ticks.
 _TIMEOUT_UNIT = 720_000
-#: The counter of a link scan goes round after so many.
-_COUNTERS = 16
 #: Outcomes of an attempt by its code.
 OUTCOMES = {
     0: "ok",
@@ -85,6 +83,9 @@ class LinkDecoder(Decoder):
         self._pieces = 0  # damaged frames since the latest sound frame of the master
         self._pieces_of_failed = 0
         self._before: tuple[int, Frame] | None = None  # end of the sound frame right before
+        # Where frames have no counter: the latest station polled, and whether a scan's begin was missed.
+        self._latest = 0
+        self._missed = False
 
     def heard(self, heard: Heard) -> None:
         """See the base class."""
@@ -107,6 +108,11 @@ class LinkDecoder(Decoder):
             gap = heard.start - before[0]
             self._shortest_gap = gap if self._shortest_gap is None else min(gap, self._shortest_gap)
         self._decide_failed(heard.start)
+        if self._line.counters == 1 and frame.kind == POLL:
+            unseen = before is None and self._taken is not None and self._pieces > 0
+            if frame.station < self._latest or (frame.station == self._latest and unseen):
+                self._missed, self._taken = True, None
+            self._latest = frame.station
         self._pieces = 0
         if frame.kind == POLL:
             self._polled(heard, frame)
@@ -228,9 +234,13 @@ class LinkDecoder(Decoder):
     def _scan_begins(self, start: int, counter: int) -> None:
         """The master's data frame begins a scan; the one before has a time if their counters follow."""
         begun, before, attempts = self._scan or (start, counter, 0)
-        scans = (counter - before) % _COUNTERS
+        counters = self._line.counters
+        scans = (counter - before) % counters
+        if counters == 1:
+            scans = 2 if self._missed else 1
+            self._latest, self._missed, self._taken = 0, False, None
         if self._scan is not None and scans != 1:
-            self.scans_unmeasured += scans or _COUNTERS
+            self.scans_unmeasured += scans or counters
         elif self._scan is not None:
             self._sink.take(
                 ScanRecord(

@@ -8,9 +8,9 @@ from typing import assert_never
 
 from bussim.engines.modbus.adu import COLON, LAST_STATION, LF
 from bussim.engines.modbus.gaps import STANDARD_GAPS
-from bussim.engines.nn.frames import HEADERS
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
+from bussim.live.layout.value import ASSUMED, Layout
 from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.functions import KNOWN
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
@@ -31,7 +31,7 @@ class Listener:
     those of the line, so that distances prove something. ``wires`` are the wires of the line, one a direction
     where there are two. ``begin`` is the tick at which the recording begins, None: with its first character.
     ``names`` are those of stations that are known; ``decoders`` are the classes that decode an N:N link and a
-    Modbus bus.
+    Modbus bus. ``layout`` is that of N:N frames.
     """
 
     def __init__(
@@ -48,17 +48,20 @@ class Listener:
         begin: int | None = 0,
         names: Mapping[int, str] | None = None,
         decoders: tuple[type[LinkDecoder], type[ModbusDecoder]] = (LinkDecoder, ModbusDecoder),
+        layout: Layout = ASSUMED,
     ) -> None:
         self.bus, self.timing, self.protocol = bus, timing, protocol
+        self._layout = layout
         slack = 0 if exact else tolerance
         line = partial(Line, bus, timing.baud, str(timing.format), slack=slack, wires=wires, echo=echo)
-        split = partial(splitter, protocol, timing, tolerance)
+        split = partial(splitter, protocol, timing, tolerance, layout=layout)
         self.decoder: LinkDecoder | ModbusDecoder
         # The silence of a line: behind a request no station begins to reply before.
         match protocol:
             case LineProtocol.NN:
                 silence = silence_of(protocol, timing)
-                self.decoder = decoders[0](line(silence=silence, closest=silence), sink, names)
+                known = line(silence=silence, closest=silence, counters=layout.modulo)
+                self.decoder = decoders[0](known, sink, names)
             case LineProtocol.RTU | LineProtocol.ASCII:
                 silence = silence_of(LineProtocol.RTU, timing)
                 closest = min(silence, timing.characters(STANDARD_GAPS.end))
@@ -146,7 +149,7 @@ class Listener:
         if heard.part or (
             self._first
             and heard.start - (self._begin or 0) < self._torn_until
-            and not _begins_frame(self.protocol, chars)
+            and not self._begins_frame(chars)
         ):
             return Verdict.TORN
         if len(chars) == 1 or (near and len(chars) <= _LONGEST_STRAY):
@@ -154,6 +157,18 @@ class Listener:
         if self.protocol is LineProtocol.ASCII and COLON not in chars and chars[-1] != LF:
             return Verdict.STRAY
         return Verdict.DAMAGED
+
+    def _begins_frame(self, chars: bytes) -> bool:
+        """Whether characters begin as a frame does."""
+        match self.protocol:
+            case LineProtocol.NN:
+                return self._layout.begins(chars)
+            case LineProtocol.ASCII:
+                return chars[0] == COLON
+            case LineProtocol.RTU:
+                return chars[0] <= LAST_STATION and len(chars) > 1 and chars[1] in KNOWN
+            case _:
+                assert_never(self.protocol)
 
     def _report(self, heard: Heard, found: list[Heard]) -> None:
         self.decoder.heard(heard)
@@ -170,16 +185,3 @@ class Listener:
         links = (decoder.totals(),) if isinstance(decoder, LinkDecoder) else ()
         buses = (decoder.totals(),) if isinstance(decoder, ModbusDecoder) else ()
         return RunTotals(duration, links, (), warnings, buses)
-
-
-def _begins_frame(protocol: LineProtocol, chars: bytes) -> bool:
-    """Whether characters begin as a frame of a protocol does."""
-    match protocol:
-        case LineProtocol.NN:
-            return chars[0] in HEADERS
-        case LineProtocol.ASCII:
-            return chars[0] == COLON
-        case LineProtocol.RTU:
-            return chars[0] <= LAST_STATION and len(chars) > 1 and chars[1] in KNOWN
-        case _:
-            assert_never(protocol)

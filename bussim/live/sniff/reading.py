@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Timed
+from bussim.live.layout.value import ASSUMED, Layout
 from bussim.live.recordings.source import Chunk, LineSetup
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.listener import Listener
@@ -39,11 +40,23 @@ class Settings:
     inverted: bool | None = None
     channels: tuple[str, ...] = ()
     echo: bool | None = None
+    layout: Layout = ASSUMED
 
     def timing(self, protocol: LineProtocol | None, baud: int | None = None) -> LineTiming:
         """Rate and format: what is said, else the rate given, else as usual for a protocol (None: N:N)."""
         usual = USUAL[self.protocol or protocol or LineProtocol.NN]
         return LineTiming(self.baud or baud or usual.baud, self.format(usual.format))
+
+    def setup(
+        self,
+        timing: LineTiming,
+        channels: tuple[str, ...] = (),
+        *,
+        inverted: bool | None = None,
+        decimal_comma: bool = False,
+    ) -> LineSetup:
+        """How a recording is read with these settings."""
+        return LineSetup(timing, inverted, channels, decimal_comma, self.layout)
 
     def format(self, usual: CharFormat) -> CharFormat:
         """The format that is said, what is not said as usual."""
@@ -120,7 +133,15 @@ def read(
     """A reading of at most about ``limit`` characters, and its sound frames; else as :class:`Listener`."""
     sink = _Nothing()
     listener = Listener(
-        "line", setup.timing, sink, protocol, exact=exact, tolerance=tolerance, wires=wires, begin=None
+        "line",
+        setup.timing,
+        sink,
+        protocol,
+        exact=exact,
+        tolerance=tolerance,
+        wires=wires,
+        begin=None,
+        layout=setup.layout,
     )
     heard = [
         each

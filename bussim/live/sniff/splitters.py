@@ -8,21 +8,10 @@ from typing import assert_never
 
 from bussim.engines.modbus.adu import ASCII_MAX, COLON, CR, LF, RTU_MAX, RTU_MIN, Adu, decode_ascii
 from bussim.engines.modbus.gaps import STANDARD_GAPS, silences
-from bussim.engines.nn.frames import (
-    DATA_OVERHEAD_CHARS,
-    ENQ,
-    ETX,
-    HEADERS,
-    MODES,
-    PARAMETERS_CHARS,
-    POLL_CHARS,
-    SOH,
-    Frame,
-    data_chars,
-    decode,
-)
+from bussim.engines.nn.frames import Frame
 from bussim.line.characters import LineTiming
 from bussim.line.checksums import crc16
+from bussim.live.layout.value import ASSUMED, MOST_DATA, FrameLayout, Layout
 from bussim.live.sniff.functions import Asked, request_size, response_size
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.splitter import Splitter
@@ -56,12 +45,16 @@ def splitter(
     *,
     wire: int = 0,
     expects: Expects = lambda _: None,
+    layout: Layout = ASSUMED,
 ) -> Splitter:
-    """The splitter of a protocol. ``tolerance`` ticks of silence may be inside a frame."""
+    """The splitter of a protocol.
+
+    ``tolerance`` ticks of silence may be inside a frame; ``layout`` is that of N:N frames.
+    """
     silence = silence_of(protocol, timing)
     match protocol:
         case LineProtocol.NN:
-            return NnSplitter(silence, tolerance, wire)
+            return NnSplitter(silence, tolerance, wire, layout)
         case LineProtocol.ASCII:
             return AsciiSplitter(silence, tolerance, wire)
         case LineProtocol.RTU:
@@ -71,29 +64,47 @@ def splitter(
 
 
 class NnSplitter(Splitter):
-    """Frames of the N:N link: from header to sum."""
+    """Frames of the N:N link, as a layout has them: from header to sum."""
 
     protocol = LineProtocol.NN
     reason = "sum or layout"
 
+    def __init__(self, silence: int, tolerance: int, wire: int, layout: Layout) -> None:
+        super().__init__(silence, tolerance, wire)
+        self._layout = layout
+
     def _frame_at(self, at: int, *, closed: bool) -> Frame | int:
+        data, need = self._data, 0
+        for frame in self._layout.frames:
+            if frame.header is None and at not in self._breaks:
+                continue
+            if frame.header in (None, data[at]):
+                end = self._end_of(frame, at)
+                if not end:
+                    continue
+                if end <= len(data):
+                    found = self._layout.decode_as(frame, bytes(data[at:end]))
+                    if found is not None:
+                        return found
+                # A header ends what is open: no frame has one inside.
+                elif not closed and self._layout.headers.isdisjoint(data[at + 1 :]):
+                    need = max(need, end)
+        return need
+
+    def _end_of(self, frame: FrameLayout, at: int) -> int:
+        """The index behind a frame that begins at an index, beyond the data where more is needed; 0: none."""
         data, count = self._data, len(self._data)
-        header = data[at]
-        if header not in HEADERS:
-            return 0
-        if header == ENQ:
-            size = POLL_CHARS
-        elif header == SOH:
-            size = PARAMETERS_CHARS
-        else:
-            etx = data.find(ETX, at, at + data_chars(len(MODES) - 1))
-            if etx < 0:
-                open_ = count - at < data_chars(len(MODES) - 1) and HEADERS.isdisjoint(data[at + 1 :])
-                return count + 1 if open_ and not closed else 0
-            size = max(etx + 3 - at, DATA_OVERHEAD_CHARS)
-        if at + size > count:
-            return 0 if closed or not HEADERS.isdisjoint(data[at + 1 :]) else at + size
-        return decode(bytes(data[at : at + size])) or 0
+        if not frame.any_length:
+            return at + frame.size
+        limit = at + frame.size + MOST_DATA * self._layout.digits
+        if frame.end is not None and not self._layout.any_data:
+            char, behind = frame.end
+            found = data.find(char, at + 1, limit)
+            if found >= 0:
+                return max(found + 1 + behind, at + frame.size)
+            return count + 1 if count < limit else 0
+        gap = next((gap for gap in self._breaks if gap > at), count if self._closed else 0)
+        return gap or (count + 1 if count < limit else 0)
 
 
 class AsciiSplitter(Splitter):

@@ -116,7 +116,7 @@ def read_draft(data: object, report: Report) -> Draft:
     if not isinstance(data, dict):
         report.mistake((), f"a scenario is a mapping with {DocumentIn.example}; this is {show(data)}")
         return draft
-    draft.document, _ = _read(DocumentIn, data, (), report)
+    draft.document, _ = read_form(DocumentIn, data, (), report)
     draft.buses = _section(lambda _: BusIn, data, ("buses",), (0, MAX_BUSES), report)
     _check_buses_given(data, report)
     least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
@@ -181,12 +181,12 @@ def _section(
         return []
     entries = []
     for index, item in enumerate(items):
-        value, cut = _read(form(item), item, (*path, index), report)
+        value, cut = read_form(form(item), item, (*path, index), report)
         entries.append(Entry((*path, index), value, item, cut))
     return entries
 
 
-def _read(model: type[T], raw: object, path: Path, report: Report) -> tuple[T | None, tuple[Path, ...]]:
+def read_form(model: type[T], raw: object, path: Path, report: Report) -> tuple[T | None, tuple[Path, ...]]:
     """The model of ``raw`` without its wrong keys, and these keys; None if nothing is left of it."""
     data = _prepared(raw)
     pruned: list[Path] = []

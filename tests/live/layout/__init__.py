@@ -1,0 +1,1 @@
+"""Tests of layouts, and of what silences tell."""
