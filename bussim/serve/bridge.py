@@ -28,7 +28,7 @@ from bussim.sim.kernel import SENDING, Kernel
 from bussim.sim.wire.contract import LineNode, Transmission
 
 if TYPE_CHECKING:
-    from bussim.serve.partly_external_line import PartlyExternalLine
+    from bussim.serve.external_node import PartlyExternalLine
 
 
 class Bridge:

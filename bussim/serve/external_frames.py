@@ -15,7 +15,7 @@ from bussim.sim.serial.node import SerialNode
 from bussim.trace.records import FrameRecord
 
 if TYPE_CHECKING:
-    from bussim.serve.partly_external_line import PartlyExternalLine
+    from bussim.serve.external_node import PartlyExternalLine
 
 _PROTOCOLS = {protocol.value: protocol for protocol in LineProtocol}
 

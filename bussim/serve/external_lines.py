@@ -9,13 +9,14 @@ from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, ENQ, KIND_NAMES, PARAMETERS, POLL, SOH, STX, Frame
 from bussim.line.characters import LineTiming
 from bussim.serve.bridge import Bridge
-from bussim.serve.partly_external_line import PartlyExternalLine
+from bussim.serve.external_node import PartlyExternalLine
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.contract import LinkStation
 from bussim.sim.nn.reporter import LinkReporter
+from bussim.sim.notes import Notes
 from bussim.sim.serial.bus import SerialBus
-from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.trace.records import Sink
 
 _LINK_KINDS = {ENQ: KIND_NAMES[POLL], STX: KIND_NAMES[DATA], SOH: KIND_NAMES[PARAMETERS]}
@@ -93,10 +94,10 @@ class ExternalSerialBus(BridgedLine, SerialBus):
         timing: LineTiming,
         kernel: Kernel,
         sink: Sink,
-        line_reporter: LineReporter,
+        reporter: Notes,
         bridge: Bridge,
     ) -> None:
-        super().__init__(name, timing, sink, line_reporter)
+        super().__init__(name, timing, sink, reporter)
         self.bridge = bridge
         bridge.attach(self, kernel)
 

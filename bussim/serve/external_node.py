@@ -1,4 +1,4 @@
-"""The node on the other side of a wire, as far as faults and noise of a line need it."""
+"""What is on the other side of a wire, as a line of the simulation and its bridge see it."""
 
 from __future__ import annotations
 
@@ -38,3 +38,15 @@ class ExternalNode(Node):
 
     def _on_start(self, now: int) -> None:
         del now
+
+
+class PartlyExternalLine(Line):
+    """A line with nodes that are not simulated."""
+
+    def external_name(self, station: int) -> str:
+        """The name of a station that is not on this line."""
+        return f"station {station}"
+
+    def receive_by_character(self) -> None:
+        """Characters of an external node come: every node receives them one by one."""
+        self._hand_over_all()

@@ -24,9 +24,11 @@ from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.loop import RealTime
 from bussim.serve.targets import DIVISIBLE, Target
 from bussim.sim.kernel import Kernel
+from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.reporter import LinkReporter
-from bussim.sim.runner import Simulation
-from bussim.sim.wire.contract import LineReporter
+from bussim.sim.notes import Notes
+from bussim.sim.runner import Lines, Simulation
+from bussim.sim.serial.bus import SerialBus
 from bussim.trace.records import RunTotals, Sink, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
 from bussim.wording import counted
@@ -37,8 +39,8 @@ FOREVER = 100 * 365 * 86_400 * 72_000_000
 _LATE = 10 * TICKS_PER_MS
 
 
-class _Bridges:
-    """The external lines of a simulation; see :class:`bussim.sim.runner.ExternalLines`."""
+class _Bridges(Lines):
+    """The lines of a simulation of which some have bridges."""
 
     def __init__(self, targets: Sequence[Target], wires: Sequence[Wire]) -> None:
         self._line_of = {node.node: target.name for target in targets for node in target.nodes}
@@ -47,7 +49,7 @@ class _Bridges:
         self.bridges: list[Bridge] = []
 
     def line_of(self, node: str) -> str | None:
-        """The external line that a node is on."""
+        """See the base class."""
         return self._line_of.get(node)
 
     def _bridge(self, name: str, kernel: Kernel) -> Bridge:
@@ -56,11 +58,13 @@ class _Bridges:
         return bridge
 
     def serial_bus(
-        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, line_reporter: LineReporter
-    ) -> ExternalSerialBus:
-        """A serial bus at the rate and format of its wire."""
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: Notes
+    ) -> SerialBus:
+        """See the base class; an external line has the rate and format of its wire."""
+        if name not in self._wires:
+            return super().serial_bus(name, timing, kernel, sink, reporter)
         bridge = self._bridge(name, kernel)
-        return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, line_reporter, bridge)
+        return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, reporter, bridge)
 
     def link_bus(
         self,
@@ -70,8 +74,10 @@ class _Bridges:
         sink: Sink,
         reporter: LinkReporter,
         external_nodes: dict[int, str],
-    ) -> ExternalLinkBus:
-        """A line of a link."""
+    ) -> LinkBus:
+        """See the base class."""
+        if name not in self._wires:
+            return super().link_bus(name, timing, kernel, sink, reporter, external_nodes)
         bridge = self._bridge(name, kernel)
         return ExternalLinkBus(name, timing, kernel, sink, reporter, bridge, external_nodes)
 

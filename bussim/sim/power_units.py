@@ -3,28 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from bussim.plc.plc import Plc, PlcState
 from bussim.sim.nn.link_port import LinkPort
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.wire.node import Node
-
-
-class Unit(Protocol):
-    """A PLC or a device."""
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """Its nodes on buses."""
-
-    @property
-    def powered(self) -> bool:
-        """Whether it has a supply now."""
-
-    def switch(self, now: int, *, powered: bool, running: bool) -> None:
-        """Go to this state."""
 
 
 class PlcUnit:
@@ -89,21 +73,5 @@ class PlcUnit:
             self._clock.schedule_end(now)
 
 
-class DeviceUnit:
-    """A device: it runs whenever it has a supply."""
-
-    def __init__(self, node: DeviceNode) -> None:
-        self.node = node
-        self.nodes: tuple[Node, ...] = (node,)
-
-    @property
-    def powered(self) -> bool:
-        """Whether it has a supply now."""
-        return self.node.powered
-
-    def switch(self, now: int, *, powered: bool, running: bool) -> None:
-        """Go to this state; a device has no STOP."""
-        if self.node.powered and not powered:
-            self.node.power_off(now)
-        elif powered and not self.node.powered:
-            self.node.power_on(now)
+#: What has a supply; a device is its own node, and runs whenever it has one.
+Unit = PlcUnit | DeviceNode

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol, assert_never
+from typing import assert_never
 
 from bussim.devices.lx.map import LxMap
 from bussim.engines.nn.frames import data_chars
@@ -24,14 +24,14 @@ from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.link_port import LinkPort
 from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.noise import place_noise
+from bussim.sim.notes import Notes
 from bussim.sim.plc_probe import PlcProbe
-from bussim.sim.power_units import DeviceUnit, PlcUnit, Unit
+from bussim.sim.power_units import PlcUnit, Unit
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.device import DeviceNode
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
-from bussim.sim.wire.contract import LineReporter
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
 from bussim.trace.records import LinkTotals, RunTotals, Sink
@@ -41,18 +41,23 @@ Progress = Callable[[int, int], None]
 _PROGRESS_STEPS = 400
 
 
-class ExternalLines(Protocol):
-    """Lines that lead out of the simulation: the nodes on them, and how they are built."""
+class Lines:
+    """The lines of a simulation: none leads out of it. For a subclass, whose lines do.
 
-    lateness: int  # ticks by which characters from there may be late
+    ``lateness`` is by how many ticks characters may be late on a line that leads out.
+    """
+
+    lateness = 0
 
     def line_of(self, node: str) -> str | None:
         """The name of the external line that a node is on in place of its bus; None: it stays on its bus."""
+        return None
 
     def serial_bus(
-        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, line_reporter: LineReporter
+        self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: Notes
     ) -> SerialBus:
-        """An external serial bus."""
+        """A serial bus, or an external line of one."""
+        return SerialBus(name, timing, sink, reporter)
 
     def link_bus(
         self,
@@ -63,21 +68,22 @@ class ExternalLines(Protocol):
         reporter: LinkReporter,
         external_nodes: dict[int, str],
     ) -> LinkBus:
-        """An external line of a link; ``external_nodes`` are the PLCs by station that are not simulated."""
+        """A line of a link; ``external_nodes`` are the PLCs by station that are not simulated."""
+        return LinkBus(name, timing, kernel, sink, reporter)
 
 
 class Simulation:
     """A scenario in simulated time. Times are ticks from the start.
 
     ``links`` are the N:N lines by name, ``serial_buses`` the others; ``nodes`` are the nodes of all of them.
-    With ``external`` some nodes of a bus are on lines of their own that lead out of the simulation. A link
+    By ``lines`` some nodes of a bus may be on lines of their own that lead out of the simulation. A link
     is external as a whole or not at all: its stations that are on no such line are not simulated.
     """
 
-    def __init__(self, scenario: model.Scenario, sink: Sink, external: ExternalLines | None = None) -> None:
+    def __init__(self, scenario: model.Scenario, sink: Sink, lines: Lines | None = None) -> None:
         self._scenario = scenario
         self._sink = sink
-        self._external = external
+        self._outside = lines or Lines()
         self.kernel = Kernel()
         streams = Streams(scenario.seed)
         self._streams = streams
@@ -113,19 +119,16 @@ class Simulation:
 
     def _absent(self) -> set[str]:
         """PLCs that take no part in their link: it is external, and they are not on an external line."""
-        if self._external is None:
-            return set()
-        line_of = self._external.line_of
+        line_of = self._outside.line_of
         plc_names = {spec.name: spec.link.bus for spec in self._scenario.plcs if spec.link is not None}
         away = {bus for name, bus in plc_names.items() if line_of(name) is not None}
         return {name for name, bus in plc_names.items() if bus in away and line_of(name) is None}
 
     def _parts(self, names: Sequence[str]) -> dict[str | None, list[str]]:
         """Nodes of a bus by the external line that they are on, None the bus itself."""
-        line_of = self._external.line_of if self._external is not None else None
         parts: dict[str | None, list[str]] = {}
         for name in names:
-            parts.setdefault(line_of(name) if line_of is not None else None, []).append(name)
+            parts.setdefault(self._outside.line_of(name), []).append(name)
         return parts or {None: []}
 
     def _build_link(self, spec: model.Bus) -> None:
@@ -149,17 +152,10 @@ class Simulation:
         primary = next((plc.name for plc in linked if stations[plc.name] == 0 and _accepted(plc)), None)
         self._primaries[line] = primary
         longest = max((plc.profile.turnaround.longest for plc in all_linked), default=0)
-        if outer is None or self._external is None:
-            reporter = LinkReporter(line, self._sink, self._names[line], primary, longest)
-            bus = LinkBus(line, spec.timing, self.kernel, self._sink, reporter)
-        else:
-            external_nodes = {number: name for number, name in by_station.items() if name not in stations}
-            reporter = LinkReporter(
-                line, self._sink, self._names[line], primary, longest + self._external.lateness
-            )
-            bus = self._external.link_bus(
-                line, spec.timing, self.kernel, self._sink, reporter, external_nodes
-            )
+        longest += self._outside.lateness if outer else 0
+        reporter = LinkReporter(line, self._sink, by_station, primary, longest)
+        external_nodes = {number: name for number, name in by_station.items() if name not in stations}
+        bus = self._outside.link_bus(line, spec.timing, self.kernel, self._sink, reporter, external_nodes)
         ports = [
             LinkPort(self.plcs[plc.name], bus, position, self.kernel, self._streams)
             for position, plc in enumerate(linked)
@@ -188,10 +184,7 @@ class Simulation:
         kernel, reporter = self.kernel, self.serial_reporter
         for outer, members in self._parts([*ports, *devices]).items():
             line = outer or spec.name
-            if outer is None or self._external is None:
-                bus = SerialBus(line, spec.timing, self._sink, reporter)
-            else:
-                bus = self._external.serial_bus(line, spec.timing, kernel, self._sink, reporter)
+            bus = self._outside.serial_bus(line, spec.timing, kernel, self._sink, reporter)
             nodes: list[SerialNode] = []
             for name in members:
                 if name in ports:
@@ -222,7 +215,7 @@ class Simulation:
         for device in self._scenario.devices:
             node = self.nodes[device.name]
             if isinstance(node, DeviceNode):
-                units[device.name] = DeviceUnit(node)
+                units[device.name] = node
         return units
 
     def _place_noise(self, noise: model.Noise) -> None:

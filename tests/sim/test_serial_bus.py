@@ -23,7 +23,7 @@ from bussim.scenario import model
 from bussim.sim.kernel import Timer
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.node import SerialNode
-from bussim.sim.wire.cable import Listeners
+from bussim.sim.wire.contract import Listeners
 from tests.sim.build import MS, SECOND, Done, fault, run
 from tests.sim.serial import PLAIN, device, hmi, poll, scripted, serial_bus
 

@@ -27,7 +27,7 @@ class LinkBus(Line):
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: LinkReporter
     ) -> None:
         super().__init__(name, timing, sink, reporter)
-        self.reporter = reporter
+        self.reporter: LinkReporter = reporter
         self.ports: Sequence[LinkStation] = []
         self.block_history = BlockHistory()
         self.shared_listener = SharedListener()

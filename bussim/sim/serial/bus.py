@@ -7,8 +7,9 @@ from collections.abc import Hashable, Sequence
 
 from bussim.engines.modbus.adu import Adu
 from bussim.line.characters import LineTiming
+from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import Reply, SerialStation
-from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
+from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
 from bussim.trace.records import Sink
 
@@ -23,8 +24,8 @@ _GIVEN_UP = 64
 class SerialBus(Line):
     """One bus with its PLC ports and devices in cable order."""
 
-    def __init__(self, name: str, timing: LineTiming, sink: Sink, line_reporter: LineReporter) -> None:
-        super().__init__(name, timing, sink, line_reporter)
+    def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: Notes) -> None:
+        super().__init__(name, timing, sink, reporter)
         self.ports: Sequence[SerialStation] = []
         #: Nodes that have received a whole frame and wait for the silence that ends it.
         self.waiting: set[SerialStation] = set()

@@ -65,6 +65,18 @@ class DeviceNode(SerialNode):
         """Whether it has a supply."""
         return self._powered
 
+    @property
+    def nodes(self) -> tuple[DeviceNode]:
+        """Itself: the nodes that its supply feeds."""
+        return (self,)
+
+    def switch(self, now: int, *, powered: bool, running: bool) -> None:
+        """Go to this state; a device has no STOP."""
+        if powered and not self._powered:
+            self.power_on(now)
+        elif self._powered and not powered:
+            self.power_off(now)
+
     def power_on(self, now: int) -> None:
         """The supply comes."""
         self._powered = True

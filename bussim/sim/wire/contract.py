@@ -1,11 +1,12 @@
 """What a line, its nodes and their receivers require of each other, and the transmissions between them.
 
 A line delivers to nodes, a node sends on its line, a receiver reports to both: each of the three is
-written against the protocols of this module, so that none has to import another one that imports it.
+written against the types of this module, so that none has to import another one that imports it.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -83,7 +84,7 @@ class LineNode(Protocol):
     engine: Any
 
     @property
-    def line(self) -> NodeLine:
+    def line(self) -> Cable:
         """The line that it is on."""
 
     @property
@@ -142,50 +143,104 @@ class Reading(NamedTuple):
     hints: int
 
 
-class NodeLine(Protocol):
-    """A line as its nodes' receivers use it; see :class:`bussim.sim.wire.line.Line`."""
+#: Nodes that receive whole frames; those that receive characters; how many the shared listener stands for.
+Listeners = tuple[tuple[tuple[LineNode, ReceiveFrame], ...], tuple[LineNode, ...], int]
 
-    disputed: Disputed
 
-    def hand_over(self, port: LineNode) -> None:
-        """A node receives for itself from now on."""
+class Cable(ABC):
+    """A line as its receivers and what disturbs its frames see it: nodes, in segments that a break separates.
 
-    def receiver_opened(self) -> None:
-        """A node begins to receive character by character."""
+    Which nodes receive a sender's frames whole is worked out once for each sender and kept until
+    :meth:`listeners_changed`: it changes with faults, STOP and RUN, not with frames.
+    """
 
-    def receiver_closed(self) -> None:
-        """A node receives whole frames again."""
+    def __init__(self) -> None:
+        #: Which level disputed bits have.
+        self.disputed: Disputed = None
+        self.ports: Sequence[LineNode] = []
+        self._segments: list[int] = []
+        #: Nodes that receive through a shared listener (see :meth:`hand_over`).
+        self._represented: tuple[LineNode, ...] = ()
+        self._listeners_by_position: dict[int, Listeners] = {}
+        self._open_receivers = 0
 
+    # -- what a protocol's line knows of its frames --------------------------------------------------
+
+    def stream_key(self, tx: Transmission) -> Hashable:
+        """Frames with equal keys draw their noise from one stream; cheap."""
+        raise NotImplementedError
+
+    def stream_name(self, tx: Transmission) -> str:
+        """The name of that stream: sender, kind and receiver."""
+        raise NotImplementedError
+
+    def kind_name(self, tx: Transmission) -> str:
+        """The kind of a transmission's frame in a word, as the trace names it."""
+        raise NotImplementedError
+
+    @abstractmethod
     def accepted(self, reading: Reading) -> None:
-        """A node has read a valid frame."""
+        """A node has read a valid frame: an undetected error if no node sent it."""
 
+    # -- which nodes receive what --------------------------------------------------------------------
 
-class DisturbedLine(Protocol):
-    """A line as what disturbs its frames sees it."""
-
-    ports: Sequence[LineNode]
+    def set_nodes(self, nodes: Sequence[LineNode]) -> None:
+        """Put the nodes on the cable, in cable order."""
+        self.ports = nodes
+        self._segments = [0] * len(nodes)
 
     def connected(self, one: LineNode, other: LineNode) -> bool:
         """Whether the cable between two nodes is whole."""
+        return self._segments[one.position] == self._segments[other.position]
 
     def listeners_changed(self) -> None:
-        """Some node receives otherwise than before."""
+        """Forget which nodes receive what: some node receives otherwise than before."""
+        self._listeners_by_position.clear()
 
-    def stream_key(self, tx: Transmission) -> Hashable:
-        """Frames with equal keys draw their noise from one stream."""
+    def hand_over(self, port: LineNode) -> None:  # noqa: B027 - a line may have done nothing for it
+        """A node receives for itself from now on: hand over what the line has done on its behalf."""
 
-    def stream_name(self, tx: Transmission) -> str:
-        """The name of that stream."""
+    def _hand_over_all(self) -> None:  # noqa: B027 - the same
+        """Every node receives for itself from now on, also what is on the wire."""
 
-    def kind_name(self, tx: Transmission) -> str:
-        """The kind of a transmission's frame in a word."""
+    def receiver_opened(self) -> None:
+        """A node begins to receive character by character."""
+        self._open_receivers += 1
+        self.listeners_changed()
 
+    def receiver_closed(self) -> None:
+        """A node receives whole frames again."""
+        self._open_receivers -= 1
+        self.listeners_changed()
 
-class LineReporter(Protocol):
-    """Reports what a line found out about its receivers."""
+    def listeners_of(self, sender: LineNode) -> Listeners:
+        """The nodes that receive a frame while no other driver is on: whole, or character by character."""
+        found = self._listeners_by_position.get(sender.position)
+        if found is None:
+            whole: list[tuple[LineNode, ReceiveFrame]] = []
+            single: list[LineNode] = []
+            members = self._represented
+            for port in self._receivers_of(sender):
+                if port in members:
+                    continue
+                if port.nominal and sender.nominal and not port.receiver.is_open and port.understands(sender):
+                    whole.append((port, port.engine.receive_frame))
+                else:
+                    single.append(port)
+            shared = len(members) - (sender in members)
+            found = self._listeners_by_position[sender.position] = (tuple(whole), tuple(single), shared)
+        return found
 
-    def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
-        """A receiver accepted a frame that no station sent."""
+    def _receivers_of(self, sender: LineNode) -> list[LineNode]:
+        """The nodes whose receivers a sender's signal reaches: in operation, connected, driver off."""
+        return [
+            port
+            for port in self.ports
+            if port is not sender
+            and port.engine is not None
+            and not port.driving
+            and self.connected(port, sender)
+        ]
 
 
 class Transmission:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bussim.line.noise import BitNoise
 from bussim.line.wave import edge_of
-from bussim.sim.wire.contract import DisturbedLine, Transmission
+from bussim.sim.wire.contract import Cable, Transmission
 
 
 @dataclass(slots=True)
@@ -60,7 +60,7 @@ class FrameFault:
 class Disturber:
     """All that disturbs one bus now. ``active`` is False while nothing can touch a frame."""
 
-    def __init__(self, line: DisturbedLine) -> None:
+    def __init__(self, line: Cable) -> None:
         self._line = line
         self._noises: list[PlacedNoise] = []
         self._losses: list[Loss] = []

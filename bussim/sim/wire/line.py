@@ -7,12 +7,12 @@ on the level that the line really has.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from abc import abstractmethod
+from collections.abc import Iterable
 
 from bussim.line.characters import LineTiming
-from bussim.line.contention import Disputed
-from bussim.sim.wire.cable import Cable
-from bussim.sim.wire.contract import LineNode, LineReporter, Reading, Transmission, WireFrame
+from bussim.sim.notes import Notes
+from bussim.sim.wire.contract import Cable, LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.disturber import Disturber
 from bussim.trace.records import AFTER_FRAME, IN_FRAME, WITHOUT_FRAME, FrameRecord, Sink
 
@@ -23,16 +23,14 @@ class Line(Cable):
     #: How trace records name the protocol of this line, where a frame does not name it.
     protocol = ""
 
-    def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: LineReporter) -> None:
+    def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: Notes) -> None:
         super().__init__()
         self.name = name
         self.timing = timing
         self.sink = sink
-        self._line_reporter = reporter
+        self.reporter = reporter
         self.disturber = Disturber(self)
         self.character = timing.characters(1)
-        #: Which level disputed bits have.
-        self.disputed: Disputed = None
         self._on_wire: list[Transmission] = []
         #: Frames that are over, but whose driver is still on.
         self._tails: list[Transmission] = []
@@ -52,25 +50,13 @@ class Line(Cable):
 
     # -- what a protocol's line knows of its frames --------------------------------------------------
 
-    def stream_key(self, tx: Transmission) -> Hashable:
-        """Frames with equal keys draw their noise from one stream; cheap."""
-        raise NotImplementedError
-
-    def stream_name(self, tx: Transmission) -> str:
-        """The name of that stream: sender, kind and receiver."""
-        raise NotImplementedError
-
-    def kind_name(self, tx: Transmission) -> str:
-        """The kind of a transmission's frame in a word, as the trace names it."""
-        raise NotImplementedError
-
+    @abstractmethod
     def _numbers(self, frame: WireFrame) -> tuple[int | None, int | None]:
         """Station and counter that a frame carries, where it does."""
-        raise NotImplementedError
 
+    @abstractmethod
     def what(self, frame: WireFrame) -> str:
         """A frame in a word or two, for a note."""
-        raise NotImplementedError
 
     def protocol_of(self, sender: LineNode) -> str:
         """The protocol of a node, for the trace."""
@@ -242,14 +228,14 @@ class Line(Cable):
                     other.receiver.settle()
 
     def accepted(self, reading: Reading) -> None:
-        """A node has read a valid frame: an undetected error if no node sent it."""
+        """See the base class."""
         origin = reading.origin
         if reading.sender is None and origin is not None:
             if not origin.mistaken:
                 origin.mistaken = True
                 self.undetected_frames += 1
             receiver, what = reading.port.name, self.what(reading.frame)
-            self._line_reporter.undetected(reading.now, receiver, origin.sender.name, what)
+            self.reporter.undetected(reading.now, receiver, origin.sender.name, what)
 
     # -- drivers going off -------------------------------------------------------------------------
 

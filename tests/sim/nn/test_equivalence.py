@@ -20,7 +20,7 @@ from bussim.scenario import model
 from bussim.sim.kernel import Timer
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.link_port import LinkPort
-from bussim.sim.wire.cable import Listeners
+from bussim.sim.wire.contract import Listeners
 from bussim.trace.records import NoteRecord
 from tests.selection import quick
 from tests.sim import chance
