@@ -65,7 +65,8 @@ def command(
 
     SCENARIO is a file or the name of a built-in scenario. Devices are X and Y (numbered in octal), M, S
     and D; T0 and C0 are the contacts of timers and counters, TN0 and CN0 their current values (CN200 and
-    up have 32 bits), V0 to V7 and Z0 to Z7 the index registers.
+    up have 32 bits), V0 to V7 and Z0 to Z7 the index registers; an FX3U also has R0 to R32767. Comments of
+    the PLC stand below the devices.
     """
     from bussim.commands.common.output import checked_target, write_text
     from bussim.results.numbers import s
@@ -123,25 +124,28 @@ def _watched(scenario: Scenario, devices: str) -> list[Watched]:
     from bussim.results.meters.watch import Watched
     from bussim.wording import shorten, suggest
 
-    known = [plc.name for plc in scenario.plcs]
+    known = {plc.name: plc for plc in scenario.plcs}
+    example = next(iter(known))
     found: dict[str, Watched] = {}
     parts = [part.strip() for part in devices.split(",")]
     if parts == [""]:
-        raise UsageError(f"--devices is empty; write such as {known[0]}.D8201")
+        raise UsageError(f"--devices is empty; write such as {example}.D8201")
     for number, text in enumerate(parts, 1):
         if not text:
             before = f" behind {shorten(parts[number - 2])}" if number > 1 else ""
             raise UsageError(f"--devices: entry {number} of {len(parts)} is empty{before}; remove a comma")
         plc, dot, name = text.partition(".")
         if not dot:
-            raise UsageError(f"--devices has {shorten(repr(text))}; write such as {known[0]}.D8201")
+            raise UsageError(f"--devices has {shorten(repr(text))}; write such as {example}.D8201")
         if plc not in known:
-            raise UsageError(f"--devices has {shorten(text)}, but {plc} is no PLC; {suggest(plc, known)}")
+            raise UsageError(
+                f"--devices has {shorten(text)}, but {plc} is no PLC; {suggest(plc, list(known))}"
+            )
         try:
-            device = parse_device(name[:100], observed=True)
+            device = parse_device(name[:100], observed=True, fx3=known[plc].profile.fx3)
         except ValueError as error:
             raise UsageError(f"--devices: the device of {plc} {error}") from None
-        each = Watched(plc, str(device), device.width)
+        each = Watched(plc, str(device), device.width, known[plc].comment(str(device)))
         if each.name in found:
             also = f", the second time as {text}" if text != each.name else ""
             raise UsageError(f"--devices has {each.name} twice{also}")
@@ -213,7 +217,8 @@ def _show(watch: Watch, begin: int, end: int) -> None:
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0))
     table.add_column("time (s)", justify="right", no_wrap=True)
     for each in watch.watched:
-        table.add_column(Text(each.name), justify="right", no_wrap=True)
+        heading = f"{each.name}\n{each.comment}" if each.comment else each.name
+        table.add_column(Text(heading), justify="right", no_wrap=True)
     rows = list(watch.rows(begin, end))
     before: list[int] = []
     for tick, values in rows[:_MOST_ROWS]:

@@ -11,9 +11,11 @@ from bussim.plc.memory import Device, parse_device
 _STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
 
 
-def check_registers(path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool) -> None:
-    """Check devices and values; ``link``: of a PLC that can take part in N:N."""
-    for name, device in named_devices(path, registers, report):
+def check_registers(
+    path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool, fx3: bool = False
+) -> None:
+    """Check devices and values; ``link``: of a PLC that can take part in N:N; ``fx3``: of an FX3U."""
+    for name, device in named_devices(path, registers, report, fx3=fx3):
         value = registers[name]
         if not device.is_word and value not in (0, 1):
             report.error((*path, name), f"is {value}, allowed 0, 1")
@@ -23,15 +25,17 @@ def check_registers(path: Path, registers: Mapping[str, int], report: Reporter, 
             report.warn((*path, name), "is written by the link itself: the value given here is lost")
 
 
-def named_devices(path: Path, names: Iterable[str], report: Reporter) -> Iterator[tuple[str, Device]]:
+def named_devices(
+    path: Path, names: Iterable[str], report: Reporter, *, fx3: bool = False
+) -> Iterator[tuple[str, Device]]:
     """The keys of the mapping at ``path`` with the devices that they name.
 
-    Those that name none, or one that another names, are reported.
+    Those that name none (``fx3``: of an FX3U), or one that another names, are reported.
     """
     seen: dict[Device, str] = {}
     for name in names:
         try:
-            device = parse_device(name)
+            device = parse_device(name, fx3=fx3)
         except ValueError as error:
             report.mistake((*path, name), f"a device of {path[-1]} {error}", key=True)
             continue

@@ -28,6 +28,16 @@ WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "T": ((0, 255),),
     "C": ((0, 255),),
 }
+#: What an FX3U has more, labels among it (FX3 programming manual, JY997D16601, chapter 4).
+FX3_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
+    "M": ((0, 7679), (8000, 8511)),
+    "S": ((0, 4095),),
+    "T": ((0, 511),),
+    "TN": ((0, 511),),
+    "D": ((0, 8511),),
+    "R": ((0, 32767),),
+    "P": ((0, 4095),),
+}
 FIRST_LONG_COUNTER = 200
 #: M8000 and D8000 on are special devices.
 FIRST_SPECIAL = 8000
@@ -41,10 +51,10 @@ OBSERVED_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "Z": ((0, INDEX_REGISTERS - 1),),
 }
 
-_NAME = re.compile(r"([XYMSTCD]|TN|CN|V|Z)([0-9]{1,5})")
+_NAME = re.compile(r"([XYMSTCDR]|TN|CN|V|Z)([0-9]{1,5})")
 _SLIPS = str.maketrans("OIL", "011")  # letters that are taken for digits
 _LETTERS = "XYMSTCD"
-#: An FX3U has M and D to 8511, S to 4095, T to 511 and R.
+#: M and D of an FX3U.
 _WITH_SPECIALS = 8512
 _OCTAL = "XY"
 _AS_DIGITS = bytes((0x30, 0x31)) + bytes(254)
@@ -63,7 +73,7 @@ class Device(NamedTuple):
 
     @property
     def is_word(self) -> bool:
-        """Whether the name means a word (D TN CN V Z); T and C mean their contact."""
+        """Whether the name means a word (D R TN CN V Z); T and C mean their contact."""
         return self.letter not in BIT_RANGES
 
     @property
@@ -74,14 +84,16 @@ class Device(NamedTuple):
         return 32 if self.letter == "CN" and self.address >= FIRST_LONG_COUNTER else 16
 
 
-def _ranges_of(letter: str) -> tuple[tuple[int, int], ...]:
-    return BIT_RANGES.get(letter) or OBSERVED_RANGES.get(letter) or WORD_RANGES[letter]
+def _ranges_of(letter: str, *, fx3: bool) -> tuple[tuple[int, int], ...]:
+    more = FX3_RANGES.get(letter) if fx3 else None
+    return more or BIT_RANGES.get(letter) or OBSERVED_RANGES.get(letter) or WORD_RANGES.get(letter, ())
 
 
-def parse_device(name: str, *, observed: bool = False) -> Device:
+def parse_device(name: str, *, observed: bool = False, fx3: bool = True) -> Device:
     """The device of a name such as ``D8201``, ``M1064`` or ``X17`` (octal), in capitals or not.
 
-    ``observed``: also TN0–TN255, CN0–CN255, V0–V7 and Z0–Z7. Raises ValueError with a message for the user.
+    ``observed``: also TN, CN, V and Z. ``fx3``: also those that only an FX3U has. Raises ValueError with a
+    message for the user.
     """
     letters = " ".join((*_LETTERS, *OBSERVED_RANGES)) if observed else " ".join(_LETTERS)
     match = _NAME.fullmatch(name.upper() if name.isascii() else name)
@@ -99,11 +111,17 @@ def parse_device(name: str, *, observed: bool = False) -> Device:
             f"point {int(digits)} of {letter} is {point}"
         )
     device = Device(letter, int(digits, 8 if letter in _OCTAL else 10))
-    ranges = _ranges_of(letter)
-    if not any(first <= device.address <= last for first, last in ranges):
+    if not _lies_in(device, _ranges_of(letter, fx3=fx3)):
+        ranges = _ranges_of(letter, fx3=fx3)
         allowed = ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
-        raise ValueError(f"is {name!r}, allowed {allowed}")
+        also = "that only an FX3U has" + (f"; allowed {allowed}" if allowed else "")
+        only = _lies_in(device, _ranges_of(letter, fx3=True))
+        raise ValueError(f"is {name!r}, {also if only else f'allowed {allowed}'}")
     return device
+
+
+def _lies_in(device: Device, ranges: tuple[tuple[int, int], ...]) -> bool:
+    return any(first <= device.address <= last for first, last in ranges)
 
 
 def _near(name: str, *, observed: bool) -> str | None:

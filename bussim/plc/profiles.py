@@ -241,6 +241,11 @@ class Profile:
     free_keeps_frame: bool = False
     instruction_times: Annotated[InstructionTimes, Composed] = DEFAULT_TIMES
 
+    @property
+    def fx3(self) -> bool:
+        """Whether it has the devices of an FX3U."""
+        return self.name == "fx3u"
+
 
 _PW10 = Profile("pw10")
 _FX2N = replace(

@@ -17,6 +17,7 @@ from bussim.results.text.latency import (
     caveats,
     counts_in_words,
     edge_in_words,
+    heading,
     lost_in_words,
     part_names,
     shown_bounds,
@@ -66,7 +67,7 @@ def latency_part(source: Source, drawn: Charts) -> LatencyPart | None:
         [sentence for name, entry in summary.items() for sentence in in_words(name, entry)],
         [table for table in some if table.rows],
         [
-            LatencyEntry(_heading(name, summary[name]), _charts(source, name, drawn))
+            LatencyEntry(heading(name, summary[name]), _charts(source, name, drawn))
             for name, record in source.record.latency.items()
             if record.histogram.count
         ],
@@ -86,17 +87,12 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
         longest = in_ms(times["max"], most=True)
         what = f"{which} {usual}, maximum {longest}, {entry['max_at_s']:.2f} s after the start"
         cases = [f"{in_ms(bound, most=True)} with {case}" for case, bound in bounds_in_words(entry).items()]
-    yield f"{_heading(name, entry)}, {edge_in_words(entry)}: {what} ({counts_in_words(entry)})."
+    yield f"{heading(name, entry)}, {edge_in_words(entry)}: {what} ({counts_in_words(entry)})."
     if hint := lost_in_words(entry):
         yield f"{name}: {hint}."
     if cases:
         yield f"At worst {name} {'is as old as' if word else 'takes'} {', '.join(cases)}."
     yield from (f"{name}: {said}." for said in caveats(entry))
-
-
-def _heading(name: str, entry: Mapping[str, Any]) -> str:
-    ends = f"{entry['from']} to {entry['to']}"
-    return ends if name == ends else f"{name}, {ends}"
 
 
 # -- tables --------------------------------------------------------------------------------------------

@@ -299,7 +299,8 @@ class Plc:
     raw ``registers:`` of the scenario together with what ``nn:`` stands for. ``link`` is None for
     a PLC that takes no part in N:N. ``phase`` is the time from RUN to the first END, None for a
     random one. ``power_on`` is when it is switched on (tick). ``origins`` say where the fields of its
-    profile come from that the scenario gives: ``entered``, or ``measured in`` a recording.
+    profile come from that the scenario gives: ``entered``, or ``measured in`` a recording. ``comments`` are
+    the names that its user gave to devices.
     """
 
     name: str
@@ -316,6 +317,11 @@ class Plc:
     inputs: dict[str, InputSpec] = field(default_factory=dict)  # X devices by name
     observed: tuple[str, ...] = ()  # devices whose every change is recorded, by name
     origins: dict[str, str] = field(default_factory=dict)
+    comments: dict[str, str] = field(default_factory=dict)
+
+    def comment(self, device: str) -> str:
+        """A device's comment, "" for none; the value TN5 of a timer has that of T5."""
+        return self.comments.get(device) or self.comments.get(device.replace("N", "", 1), "")
 
     @property
     def instruction_time(self) -> int | None:

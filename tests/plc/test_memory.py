@@ -50,7 +50,7 @@ def test_names(name: str, device: Device) -> None:
 )
 def test_bad_names_say_what_is_allowed(name: str, says: str) -> None:
     with pytest.raises(ValueError, match="is ") as caught:
-        parse_device(name)
+        parse_device(name, fx3=False)
     assert says in str(caught.value)
 
 
@@ -85,8 +85,19 @@ def test_what_can_be_observed(name: str, device: Device, width: int) -> None:
 )
 def test_what_cannot_be_observed(name: str, says: str) -> None:
     with pytest.raises(ValueError, match="is ") as caught:
-        parse_device(name, observed=True)
+        parse_device(name, observed=True, fx3=False)
     assert says in str(caught.value)
+
+
+#: FX3 programming manual (JY997D16601), chapter 4: the last of each.
+@pytest.mark.parametrize("last", ["M7679", "M8511", "S4095", "T511", "TN511", "D8511", "R32767"])
+def test_what_only_an_fx3u_has(last: str) -> None:
+    device = parse_device(last, observed=True)
+    assert str(device) == last
+    with pytest.raises(ValueError, match="that only an FX3U has"):
+        parse_device(last, observed=True, fx3=False)
+    with pytest.raises(ValueError, match=f"allowed .*{last}"):
+        parse_device(str(device._replace(address=device.address + 1)), observed=True)
 
 
 def test_current_values_and_index_registers_by_name() -> None:

@@ -13,11 +13,15 @@ from bussim.trace.records import DeviceValueRecord, Record
 
 @dataclass(slots=True)
 class Watched:
-    """One device of ``width`` bits. ``ticks`` and ``values`` are its changes; 0 before the first."""
+    """One device of ``width`` bits, with its comment, "" for none.
+
+    ``ticks`` and ``values`` are its changes; 0 before the first.
+    """
 
     plc: str
     device: str
     width: int
+    comment: str = ""
     ticks: list[int] = field(default_factory=list)
     values: list[int] = field(default_factory=list)
 
@@ -78,6 +82,7 @@ class Watch:
         return {
             each.name: {
                 "kind": "bit" if each.bit else "word",
+                **({"comment": each.comment} if each.comment else {}),
                 "start": each.at(begin),
                 "changes": [[s(tick), value] for tick, value in each.between(begin, end)],
             }

@@ -76,6 +76,11 @@ def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) 
     return picture
 
 
+def _label(each: Watched) -> str:
+    name = shorten(each.name, 24)
+    return f"{name}\n{shorten(each.comment, 24)}" if each.comment else name
+
+
 def _heights(groups: Sequence[Sequence[Watched]], lane: float, steps: float) -> list[float]:
     return [lane * len(group) + _BETWEEN if group[0].bit else steps for group in groups]
 
@@ -104,7 +109,7 @@ def _lanes(axes: Axes, group: list[Watched], begin: int, end: int) -> None:
         levels = [low - 0.7 * value for value in values]
         axes.step(times, levels, where="post", color=SIMULATED, linewidth=1.1)
         axes.fill_between(times, levels, low, step="post", color=SIMULATED, alpha=0.25, linewidth=0)
-    axes.set_yticks(range(len(group)), [shorten(each.name, 24) for each in group])
+    axes.set_yticks(range(len(group)), [_label(each) for each in group])
     axes.set_ylim(len(group) - 0.4, -0.6)
     axes.grid(visible=False, axis="y")
 
@@ -118,4 +123,4 @@ def _steps(axes: Axes, each: Watched, begin: int, end: int) -> None:
     ticks = 4 if axes.get_window_extent().height > 60 else 2
     axes.yaxis.set_major_locator(MaxNLocator(ticks, integer=True))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:.0f}"))
-    axes.set_ylabel(shorten(each.name, 24), rotation=0, ha="right", va="center")
+    axes.set_ylabel(_label(each), rotation=0, ha="right", va="center")

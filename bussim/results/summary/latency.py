@@ -16,6 +16,7 @@ class LatencyBounds(NamedTuple):
     cases: Mapping[str, int]
     reasons: Sequence[str] = ()
     notes: Sequence[str] = ()
+    comments: Mapping[str, str] = {}  # of the two devices, by their names in the entry
 
 
 def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict[str, Any]:
@@ -49,6 +50,8 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
     }
     if bounds is None:
         return summary
+    if bounds.comments:
+        summary["comments"] = dict(bounds.comments)
     if bounds.cases:
         summary["bound_ms"] = {case: ms(ticks) for case, ticks in bounds.cases.items()}
     if bounds.reasons:

@@ -64,10 +64,8 @@ def part_names(*, word: bool) -> Mapping[str, str]:
 def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     """A run's latencies as lines of text, from its summary."""
     for name, entry in summary.get("latency", {}).items():
-        ends = f"{entry['from']} to {entry['to']}"
-        label = ends if name == ends else f"{name}: {ends}"
         yield ""
-        yield f"{label}, {edge_in_words(entry)}"
+        yield f"{heading(name, entry, ': ')}, {edge_in_words(entry)}"
         yield f"  {counts_in_words(entry)}"
         times = entry["ms"]
         hint = lost_in_words(entry)
@@ -87,6 +85,14 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         if cases := [f"{bound:.3f} with {case}" for case, bound in bounds.items()]:
             yield f"  at worst         {', '.join(cases)} (ms)"
         yield from (f"  {' ' * 17 if cases else ''}{said}" for said in caveats(entry))
+
+
+def heading(name: str, entry: Mapping[str, Any], between: str = ", ") -> str:
+    """The name of an entry of the summary, where it has one, and its two devices with their comments."""
+    ends = (entry["from"], entry["to"])
+    comments: Mapping[str, str] = entry.get("comments", {})
+    said = " to ".join(f"{end} ({comments[end]})" if end in comments else end for end in ends)
+    return said if name == " to ".join(ends) else f"{name}{between}{said}"
 
 
 def edge_in_words(entry: Mapping[str, Any]) -> str:

@@ -76,9 +76,11 @@ def _plc(member: Member, polls: Sequence[TransactionIn]) -> dict[str, object]:
         written["ports"][config.name] = port
     for key in ("registers", "sources", "inputs"):
         written[key] = {device_name(name) or name: value for name, value in written[key].items()}
-    for key in ("registers", "ports", "polls", "sources", "inputs"):
+    for key in ("registers", "ports", "polls", "sources", "inputs", "comments"):
         if not written[key]:
             del written[key]
+    if member.logic.comments:
+        written["comments"] = dict(member.logic.comments)
     if member.logic.program is not None:
         written["program"] = member.logic.program.text
     for name, given in plc.inputs.items():

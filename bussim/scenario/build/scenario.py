@@ -121,6 +121,7 @@ def _plc(member: Member, resolved: Resolved, observed: tuple[str, ...]) -> Plc:
         inputs=dict(member.logic.inputs),
         observed=observed,
         origins=_origins(plc.profile),
+        comments=dict(member.logic.comments),
     )
 
 

@@ -28,6 +28,8 @@ MAX_PROGRAM = 128 * 1024
 #: What a programming tool makes of that in its tables.
 MAX_EXPORT = 16 * MAX_PROGRAM
 MAX_CSV = 1024 * 1024
+#: Devices with comments that are taken from a file: a run's scenario.yaml holds them.
+MAX_COMMENTS = 2000
 
 #: How a message names another line of the program; no word of a program has a blank in it.
 _LINE = re.compile(r"\bat line ([0-9]+)\b", re.ASCII)
@@ -65,12 +67,13 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class PlcLogic:
-    """``first`` is what the program sets at RUN; ``inputs`` are by device name."""
+    """``first`` is what the program sets at RUN; ``inputs`` and ``comments`` are by device name."""
 
     program: Program | None = None
     origin: Origin | None = None
     first: FirstScan = field(default_factory=FirstScan)
     inputs: Mapping[str, InputSpec] = field(default_factory=dict)
+    comments: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_logic(
@@ -89,18 +92,47 @@ def read_logic(
     ``registers`` are what the PLC has at power-on without its program.
     """
     inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
+    comments = _comments((*path, "comments"), plc.comments, files, report, fx3=profile.fx3)
     if plc.program is None:
-        return PlcLogic(inputs=inputs)
+        return PlcLogic(inputs=inputs, comments=comments)
     program, origin = _program(
-        (*path, "program"), plc, plc.program, files, report, {"skips": skips, "fx3": profile.name == "fx3u"}
+        (*path, "program"), plc, plc.program, files, report, {"skips": skips, "fx3": profile.fx3}
     )
     if program is None:
-        return PlcLogic(origin=origin, inputs=inputs)
+        return PlcLogic(origin=origin, inputs=inputs, comments=comments)
     known = {parse_device(name): value for name, value in registers.items()}
     levels = {
         parse_device(name): given for name, given in inputs.items() if not isinstance(given, RandomInput)
     }
-    return PlcLogic(program, origin, first_scan(program, profile, known, levels, power_on), inputs)
+    first = first_scan(program, profile, known, levels, power_on)
+    return PlcLogic(program, origin, first, inputs, comments)
+
+
+def _comments(
+    path: Path, given: Mapping[str, str], files: Files, report: Report, *, fx3: bool
+) -> dict[str, str]:
+    """The names of devices, those of the scenario before those of a file."""
+    names = {key: text for key, text in given.items() if key != "file"}
+    own = {str(device): names[name] for name, device in named_devices(path, names, report, fx3=fx3)}
+    if "file" not in given:
+        return own
+    from bussim.plc.program.text.exports import listing  # what only a scenario with such a file pays
+
+    name = given["file"]
+    try:
+        found = listing(files.read(name, MAX_EXPORT, coded=True))
+    except ValueError as error:
+        report.error(_inner(path, "file", report), str(error))
+        return own
+    if found.comments is None:
+        report.error(
+            _inner(path, "file", report), f"is {shorten(name)}, {found.kind}, and no device comments"
+        )
+    kept = dict(list((found.comments or {}).items())[:MAX_COMMENTS])
+    if len(kept) < len(found.comments or {}):
+        text = f"has comments of more than {MAX_COMMENTS} devices: those of the first are taken"
+        report.warn(_inner(path, "file", report), text)
+    return kept | own
 
 
 def _program(
@@ -146,7 +178,7 @@ def _exported(name: str, files: Files) -> tuple[str, str]:
     if found.comments is not None:
         raise ValueError(
             f"is {shorten(name)}, which holds {found.kind}, {counted(len(found.comments), 'device')}, and no "
-            "program; export the program itself"
+            f"program; it goes to comments: {shorten(name)}, export the program itself"
         )
     text = found.text
     if len(text.encode()) > MAX_PROGRAM:

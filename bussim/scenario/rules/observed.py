@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from bussim.forms.fields import PlcPoint
+from bussim.plc.memory import parse_device
 from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.schema.programs import LatencyIn
-from bussim.scenario.yaml.source_map import Report
+from bussim.scenario.yaml.source_map import Path, Report
 
 
 def check_observed(resolved: Resolved, report: Report) -> None:
-    """Warn of a device that is observed twice."""
-    document = resolved.draft.document
+    """Check that each device is one of its PLC's profile; warn of one that is observed twice."""
+    document, members = resolved.draft.document, {member.name: member for member in resolved.members}
     seen: set[PlcPoint] = set()
     for index, point in enumerate(document.observe if document is not None else ()):
+        _check_device(("observe", index), point, members.get(point.plc), report)
         if point in seen:
             report.warn(("observe", index), f"{point} is observed twice")
         seen.add(point)
+
+
+def _check_device(path: Path, point: PlcPoint, member: Member | None, report: Report) -> None:
+    if member is not None:
+        try:
+            parse_device(str(point.device), observed=True, fx3=member.profile.fx3)
+        except ValueError as error:
+            report.error(path, f"is {point}, whose device {error}")
 
 
 def check_latencies(resolved: Resolved, report: Report) -> None:
@@ -37,6 +47,8 @@ def _check_latency(
     report: Report,
 ) -> None:
     start, end, path = given.from_, given.to, entry.path
+    _check_device((*path, "from"), start, source, report)
+    _check_device((*path, "to"), end, target, report)
     if start.device.is_word != end.device.is_word:
         kinds = [f"{point} is a {'word' if point.device.is_word else 'bit'}" for point in (start, end)]
         report.error((*path, "to"), f"is {end}: {' and '.join(kinds)}, but a latency has two of a kind")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from itertools import product
 from typing import TYPE_CHECKING
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
 MAX_PROGRAMS = 256 * 1024
+_DEVICE = re.compile(r"(?<!\()\b[XYMSTCDR][0-9]+\b", re.ASCII)
 #: Writes into other stations' blocks that are reported of one PLC.
 MAX_FOREIGN = 20
 
@@ -50,11 +52,18 @@ def check_programs(resolved: Resolved, report: Report) -> None:
 def _warn_at(member: Member, at: Instruction, message: str, report: Report, *, in_runs: bool = True) -> None:
     origin = member.logic.origin
     if origin is not None:
-        problem = Problem("", at.line, at.column, f"{member.name}: {message}")
+        named = _DEVICE.sub(lambda found: _named(found[0], member), message)
+        problem = Problem("", at.line, at.column, f"{member.name}: {named}")
         placed = origin.problem(report, problem, warning=True)
         report.add(placed, fatal=False)
         if not in_runs:
             report.plain[placed] = ""
+
+
+def _named(device: str, member: Member) -> str:
+    """A device in a message, with its comment."""
+    comment = member.logic.comments.get(device)
+    return f"{device} ({comment})" if comment else device
 
 
 def _check_settings(member: Member, report: Report) -> None:

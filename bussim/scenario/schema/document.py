@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.forms.fields import (
@@ -181,3 +181,9 @@ class PlcIn(Model):
     sources: dict[str, SourceIn] = Field(default_factory=dict)
     program: ProgramIn | None = None
     inputs: dict[str, InputIn] = Field(default_factory=dict)
+    comments: dict[str, Title] = Field(default_factory=dict)  # by device; ``file``: an export of them
+
+    @field_validator("comments", mode="before")
+    @classmethod
+    def _comments_of_a_file(cls, value: Any) -> Any:
+        return {"file": value} if isinstance(value, str) else value

@@ -34,8 +34,10 @@ _CODECS = {
     "GBK": "gbk",
     "Big5": "big5",
 }
-#: Katakana of half width alone, which Shift-JIS has in single bytes.
+#: Katakana of half width alone, which Shift-JIS has in single bytes, and the common characters of GB 2312 in
+#: two: a text that may be both is Chinese (every run of Katakana would have to be of even length).
 _HALF_WIDTH = re.compile(rb"[\x00-\x7f\xa6-\xdf]*")
+_COMMON_CHINESE = re.compile(rb"(?:[\x00-\x7f]|[\xb0-\xd7][\xa1-\xfe])*")
 
 #: What code pages make of bytes that mean nothing in them.
 _UNASSIGNED = re.compile("[\x80-\x9f\ue000-\uf8ff]")
@@ -48,7 +50,7 @@ def _coding(raw: bytes) -> str:
     if b"\0" in raw[:2]:
         return "UTF-16BE" if raw[0] == 0 else "UTF-16LE"
     names = [name for name in _CODECS if not name.startswith("UTF-16")]
-    if _HALF_WIDTH.fullmatch(raw):
+    if _HALF_WIDTH.fullmatch(raw) and not _COMMON_CHINESE.fullmatch(raw):
         names.insert(1, "Shift-JIS")
     for name in names:
         try:

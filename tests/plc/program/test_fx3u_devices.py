@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.errors import ProgramError
+import bussim
+from bussim.errors import ProgramError, ScenarioError
 from bussim.plc.memory import Device, Memory
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
+from bussim.scenario.loader import loads
 from bussim.units import TICKS_PER_MS
 from tests.plc.program.rigs import problems
 
@@ -96,3 +98,33 @@ def test_an_operand_out_of_range_says_the_same_on_a_line_of_its_own() -> None:
             each.split(": ", 1)[1] for each in map(str, beside)
         ]
         assert says in str(below)
+
+
+OBSERVED = """
+schema: 1
+name: x
+duration: 100 ms
+plcs:
+  - name: p
+    profile: fx3u
+    scan: 10 ms
+    registers: {R7: 5, M7000: 1}
+    program: |
+      LD M7000
+      MOV R7 D8
+      OUT T50 K3
+      END
+observe: [p.R7, p.TN500, p.D8]
+"""
+
+
+def test_they_are_observed_and_set_as_any_other() -> None:
+    text = OBSERVED.replace("T50 ", "T500 ").replace("D8\n", "R8\n").replace("p.D8", "p.R8")
+    values = bussim.run(loads(text)).values
+    last = {row.device: row.value for row in values.itertuples()}
+    assert last == {"R7": 5, "TN500": 3, "R8": 5}
+    # An FX2N has none of them.
+    with pytest.raises(ScenarioError) as caught:
+        loads(OBSERVED.replace("fx3u", "fx2n").replace("MOV R7", "MOV D7"))
+    found = [problem.message for problem in caught.value.problems]
+    assert len(found) == sum("only an FX3U has" in message for message in found) == 5

@@ -92,6 +92,7 @@ plcs:
       D0: {counter: 100 ms}
       D1: {constant: -5}
       D2: {ramp: {from: 10, to: -10, over: 10 s}}
+    comments: {X0: limit switch, M1000: 門}
     program: "LD X0\nOUT Y0\nLD X4\nOUT Y1\nEND\n"
     inputs:
       X0: {pulse: {width: 50 ms, every: 2 s, at: 1 s, times: 3}}

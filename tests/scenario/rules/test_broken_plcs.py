@@ -90,7 +90,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "unknown plc key": (
         changed("scan: 8 ms", "scann: 8 ms"),
         [
-            "x.yaml:8:5: scann is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs; did you mean scan?"
+            "x.yaml:8:5: scann is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs, comments; did you mean scan?"
         ],
     ),
     "duplicate name": (

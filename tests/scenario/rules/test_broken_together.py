@@ -48,7 +48,7 @@ def test_a_wrong_key_hides_no_other_mistake_of_its_plc() -> None:
         "scan: 5 ms, nn: {bus: link, port: COM4, station: 2", "scn: 5, nn: {bus: lin, retries: 11"
     )
     assert mistakes(text) == [
-        "x.yaml:11:20: scn is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs; did you mean scan?",
+        "x.yaml:11:20: scn is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs, comments; did you mean scan?",
         "x.yaml:11:32: nn.station is missing",
         "x.yaml:11:52: nn.retries is 11, allowed 0..10",
     ]
@@ -56,7 +56,7 @@ def test_a_wrong_key_hides_no_other_mistake_of_its_plc() -> None:
         "scan: 5 ms, nn: {bus: link, port: COM4, station: 2", "scn: 5, nn: {bus: lin, station: 2"
     )
     assert mistakes(text) == [
-        "x.yaml:11:20: scn is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs; did you mean scan?",
+        "x.yaml:11:20: scn is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs, comments; did you mean scan?",
         "x.yaml:11:38: nn.bus is 'lin', which is no bus; did you mean link?",
     ]
 

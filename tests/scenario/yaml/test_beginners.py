@@ -171,7 +171,7 @@ CASES: dict[str, tuple[str, str, list[str]]] = {
         "nn: {bus: link, port: COM4, station: 3}",
         "nn: {bus: link, station: 3}, port: COM4",
         [
-            "21:62: port is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs; it belongs into nn",
+            "21:62: port is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs, comments; it belongs into nn",
         ],
     ),
     "brace never closed": (
@@ -381,7 +381,7 @@ CASES: dict[str, tuple[str, str, list[str]]] = {
         "    profile: pw10",
         "    Profile: pw10",
         [
-            "10:5: Profile is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs; did you mean profile?",
+            "10:5: Profile is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs, comments; did you mean profile?",
         ],
     ),
     "wide colon": (

@@ -97,7 +97,7 @@ def test_the_source_says_what_was_run() -> None:
         ),
         (
             "plcs.press1.sorce.D0.counter=1 s",
-            "--set plcs.press1.sorce.D0.counter=1 s: plcs.press1.sorce is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs; did you mean sources?",
+            "--set plcs.press1.sorce.D0.counter=1 s: plcs.press1.sorce is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs, comments; did you mean sources?",
         ),
         ("seed.x=2", "--set seed.x=2: seed is 1, which has no keys of its own"),
         ("faults.0.at=5 s", "--set faults.0.at=5 s: faults has no entry 0; it is empty"),

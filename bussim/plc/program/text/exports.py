@@ -107,7 +107,8 @@ def _comments(rows: list[list[_Cell]], at: int | None) -> dict[str, str]:
             found[str(parse_device(texts[0].upper(), observed=True))] = comment
         except ValueError:
             continue  # a heading, or a device that no PLC here has
-    return {name: comment for name, comment in found.items() if comment}
+    printable = {name: "".join(filter(str.isprintable, text))[:200] for name, text in found.items()}
+    return {name: text for name, text in printable.items() if text}
 
 
 def _busiest(filled: list[list[_Cell]]) -> int:

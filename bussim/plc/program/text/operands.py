@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from bussim.plc.memory import BIT_RANGES, FIRST_LONG_COUNTER, INDEX_REGISTERS, Device
+from bussim.plc.memory import BIT_RANGES, FIRST_LONG_COUNTER, FX3_RANGES, INDEX_REGISTERS, Device
 from bussim.wording import shorten
 
 #: Word devices that a program may name, and their ranges. C200–C255 have 32 bits and stand alone.
@@ -20,15 +20,6 @@ WORD_SPANS: dict[str, tuple[tuple[int, int], ...]] = {
     "C": ((0, FIRST_LONG_COUNTER - 1), (FIRST_LONG_COUNTER, 255)),
     "V": ((0, INDEX_REGISTERS - 1),),
     "Z": ((0, INDEX_REGISTERS - 1),),
-}
-#: What an FX3U has more (FX3 programming manual, JY997D16601, chapter 4).
-_FX3 = {
-    "M": ((0, 7679), (8000, 8511)),
-    "S": ((0, 4095),),
-    "T": ((0, 511),),
-    "D": ((0, 8511),),
-    "R": ((0, 32767),),
-    "P": ((0, 4095),),
 }
 #: Labels P0–P127, of which P63 means END, and levels N0–N7 (FX programming manual).
 LAST_LABEL = 127
@@ -80,7 +71,7 @@ class Operand:
 
 def range_of(letter: str, address: int, *, word: bool, fx3: bool = False) -> tuple[int, int] | None:
     """The range of bits or words that holds an address, both ends included; None if none does."""
-    more = _FX3.get(letter) if fx3 else None
+    more = FX3_RANGES.get(letter) if fx3 else None
     for first, last in more or (WORD_SPANS if word else BIT_RANGES).get(letter, ()):
         if first <= address <= last:
             return first, last
@@ -95,7 +86,7 @@ def range_text(letter: str, *, fx3: bool = False) -> str:
         return f"P0–P{LAST_LABEL}"
     if letter == "N":
         return f"N0–N{LAST_LEVEL}"
-    ranges = (_FX3.get(letter) if fx3 else None) or BIT_RANGES.get(letter) or WORD_SPANS[letter]
+    ranges = (FX3_RANGES.get(letter) if fx3 else None) or BIT_RANGES.get(letter) or WORD_SPANS[letter]
     return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
 
 
@@ -149,7 +140,9 @@ def _address(text: str, letter: str, digits: str, *, fx3: bool = False) -> int:
     else:
         inside = range_of(letter, address, word=letter not in BIT_RANGES, fx3=fx3) is not None
     if not inside:
-        raise ValueError(f"{shown}: there is no {letter}{digits}, allowed {range_text(letter, fx3=fx3)}")
+        only = letter != "R" and any(low <= address <= high for low, high in FX3_RANGES.get(letter, ()))
+        why = "only an FX3U has it" if only else f"there is no {letter}{digits}"
+        raise ValueError(f"{shown}: {why}, allowed {range_text(letter, fx3=fx3)}")
     return address
 
 
