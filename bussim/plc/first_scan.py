@@ -70,6 +70,8 @@ def first_scan(
         value = memory.get(device)
         if value == other.get(device) or value != before.get(device):
             found.link[name] = value
+    if program.uses_rs:
+        calls.devices.setdefault(profile.rs_port, (cpavl.RS_WORDS, cpavl.RS_BITS))
     for port, (words, bits) in calls.devices.items():
         last = min(words.address + cpavl.WORDS, len(memory.words(words.letter)))
         values = {

@@ -61,7 +61,9 @@ def memory_at_power_on(
     for address, value in setting_defaults(profile).items():
         memory.set_word("D", address, value)
     memory.set(COM2_STATION, profile.com2_station)
-    for address, value in zip((8000, 8001, 8101), (WATCHDOG, *profile.firmware), strict=True):
+    # Beside firmware and watchdog: STX and ETX, with which RS frames data, and its timeout in 10 ms (FX).
+    defaults = (WATCHDOG, *profile.firmware, 2, 3, 10)
+    for address, value in zip((8000, 8001, 8101, 8124, 8125, 8129), defaults, strict=True):
         memory.set_word("D", address, value)
     for device, value in registers.items():
         memory.set(device, value)

@@ -134,7 +134,7 @@ class Plc:
                 self.memory,
                 (MAX_SLAVES + 1) * self.profile.word_spacing,
                 self.profile.instruction_times,
-                ProgramPorts(self.port_registers, self.memory),
+                ProgramPorts(self.port_registers, self.memory, self.profile.rs_port),
                 now,
             )
         if self._program is None:  # which shows its special devices itself, scan by scan

@@ -191,6 +191,7 @@ class Profile:
     ``word_spacing``          distance of the stations' D blocks                             PW10, FX
     ``devices``               addresses of the special devices                               PW10, FX
     ``firmware``              D8001 and D8101 (FX: assumed)                                  PW10
+    ``rs_port``               the port that RS drives (PW10: COM2; FX: assumed)              PW10
     ``error_codes``           numbers of serial errors (FX: assumed)                         PW10
     ``link_at_step_0``        M8038 must be the contact of a program's first step (else      PW10, FX
                               its settings of the link are without effect: assumed)
@@ -226,6 +227,7 @@ class Profile:
     word_spacing: Annotated[int, Number(4, 1000)] = 32
     devices: LinkDevices = _PW10_DEVICES
     firmware: Annotated[tuple[int, int], Number(0, 32767)] = (25010, 16003)
+    rs_port: str = "COM2"
     error_codes: ErrorCodes = ErrorCodes.PW10
     link_at_step_0: bool = False
     latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED
@@ -256,6 +258,7 @@ _FX2N = replace(
     modes=(0, 1, 2),
     word_spacing=10,
     firmware=(24300, 0),
+    rs_port="COM3",
     error_codes=ErrorCodes.FX,
     link_at_step_0=True,
 )

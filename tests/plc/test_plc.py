@@ -304,7 +304,9 @@ def test_without_other_ports_no_end_needs_to_be_carried_out() -> None:
     tested.run(0, traced=False)
     assert tested.wanted_end(0) is None
     assert tested.longest_scan() == SCAN
-    assert not ProgramPorts(tested.port_registers, tested.memory).cpavl(Device("D", 0), Device("M", 0), 3)
+    assert not ProgramPorts(tested.port_registers, tested.memory, "COM2").cpavl(
+        Device("D", 0), Device("M", 0), 3
+    )
 
 
 def test_an_end_that_is_carried_out_changes_nothing_without_ports() -> None:

@@ -419,7 +419,7 @@ def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: P
         for where, bit, what in (
             ("11:17", 8034, "which switches all outputs off"),
             ("11:37", 8160, "which makes XCH swap bytes"),
-            ("11:47", 8161, "the 8-bit mode (RS2 has that of the format word which CPAVL takes)"),
+            ("11:47", 8161, "the 8-bit mode of RS (RS2 has that of the format word which CPAVL takes)"),
         )
     ]
 

@@ -514,7 +514,7 @@ def test_two_rs2_on_one_port_are_warned_of_once_with_their_lines_and_number(*, p
     totals = simulate(scenario, record)
     (warning,) = totals.warnings
     found = re.fullmatch(
-        r"p's program met an error in the scan up to 0\.00\d s: two RS2 are driven on COM4 at once: that at line 6 "
+        r"p's program met an error in the scan up to 0\.00\d s: two RS or RS2 are driven on COM4 at once: that at line 6 "
         r"of the program keeps it \(assumed\), that at line 7 is refused; (\d+) times in all",
         warning,
     )

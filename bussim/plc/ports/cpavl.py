@@ -53,6 +53,12 @@ PORT_PROTOCOLS: Final[dict[str, frozenset[str]]] = {
 #: The own station number of COM2 as a slave lies in D8121 (LX slave note), not in its word +1.
 COM2_STATION: Final = Device("D", 8121)
 
+#: RS has its parameters and flags in special devices that lie as those of CPAVL do (FX communication manual,
+#: RS): the format's bits 8 and 9 say whether D8124 and D8125 frame the data, M8161 is the 8-bit mode.
+RS_WORDS: Final = Device("D", 8120)
+RS_BITS: Final = Device("M", 8120)
+_RS_START, _RS_END, _RS_EIGHT_BIT = 0x100, 0x200, Device("M", 8161)
+
 #: Format word 0: the word of a port that is not set up.
 DEFAULT_LINE: Final = LineTiming(9600, CharFormat(8, "N", 1))
 #: Interval and timeout that 0 in their words means; their units.
@@ -135,6 +141,8 @@ def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | Ba
     format word, 7 data bits under RTU: 6, a value that the PLC cannot take (assumed; the manual's
     table has nothing nearer, and says of 7 data bits only that communication fails).
     """
+    if words == RS_WORDS:
+        return _read_rs(port, memory)
     values = [memory.word(words.letter, words.address + number) for number in range(TIMEOUT + 1)]
     code = values[PROTOCOL]
     protocol = _PROTOCOLS.get(code) if code else ("hmi" if port == "COM2" else None)
@@ -159,4 +167,26 @@ def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | Ba
         start=values[START] & 0xFF,
         end=values[END] & 0xFF,
         timeout=(values[TIMEOUT] or DEFAULT_TIMEOUT) * TIMEOUT_UNIT,
+    )
+
+
+def _read_rs(port: str, memory: Memory) -> PortSettings | BadSettings:
+    """The settings of a port that RS drives; without a format it stays silent (assumed)."""
+    word = memory.get(RS_WORDS)
+    if not word:
+        return BadSettings(PortError.DATA, f"{port}: D8120, the format of RS, is 0")
+    try:
+        timing, _ = decode_format(word)
+    except ValueError as bad:
+        return BadSettings(PortError.DATA, f"{port}: {bad}")
+    start, end, timeout = (memory.word("D", RS_WORDS.address + offset) for offset in (START, END, TIMEOUT))
+    return PortSettings(
+        timing=timing,
+        eight_bit=bool(memory.get(_RS_EIGHT_BIT)),
+        protocol="free",
+        station=0,
+        interval=DEFAULT_INTERVAL,
+        start=start & 0xFF if word & _RS_START else 0,
+        end=end & 0xFF if word & _RS_END else 0,
+        timeout=(timeout or DEFAULT_TIMEOUT) * TIMEOUT_UNIT,
     )

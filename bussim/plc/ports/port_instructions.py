@@ -1,4 +1,4 @@
-"""RS2 and CPAVL of a program, carried out on its PLC's ports."""
+"""RS, RS2 and CPAVL of a program, carried out on its PLC's ports."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from bussim.plc.ports.rs2 import Drive, Rs2, port_of
 class ProgramPorts:
     """The ports of one PLC; see :class:`bussim.plc.program.machine.Ports`."""
 
-    def __init__(self, ports: Mapping[str, PortRegisters], memory: Memory) -> None:
+    def __init__(self, ports: Mapping[str, PortRegisters], memory: Memory, rs_port: str) -> None:
         self._ports = ports
+        self._rs_port = int(rs_port[3:])
         self._memory = memory
         self._driven: dict[int, Rs2] = {}  # in the scan before
         self._now_driven: dict[int, Rs2] = {}
@@ -25,7 +26,7 @@ class ProgramPorts:
 
     def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
         """See the protocol."""
-        s, m, d, n, n1 = operands
+        s, m, d, n, n1 = operands if len(operands) > 4 else (*operands, self._rs_port)
         if isinstance(s, Device) and isinstance(d, Device):
             rs2 = self._now_driven[instruction] = Rs2(s, m, d, n, n1)
             port = port_of(rs2, self._memory)

@@ -63,7 +63,7 @@ class PortRefused(NamedTuple):
         """In words; the instructions are those of the program."""
         holds, other = (program.instructions[at].line if program is not None else at for at in self[:2])
         which = f"that at line {holds} of the program keeps it (assumed), that at line {other} is refused"
-        return f"two RS2 are driven on {self.port} at once: {which}"
+        return f"two RS or RS2 are driven on {self.port} at once: {which}"
 
 
 #: What an observer is told of a program.

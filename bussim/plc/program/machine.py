@@ -25,16 +25,16 @@ Take = Callable[[int], None]
 
 
 class Ports(Protocol):
-    """Carries RS2 and CPAVL out. Called during a scan, only while the instruction's condition is on.
+    """Carries RS, RS2 and CPAVL out. Called during a scan, only while the instruction's condition is on.
 
-    ``instruction`` is the instruction's number in its program, the same in every scan: an RS2 that
-    stops being driven is one that a scan does not call. ``operands`` are S, m, D, n, n1; a constant is
-    an int (0…65535 where it is written so), a register its Device, whose value the ports read when they
-    need it.
+    ``instruction`` is the instruction's number in its program, the same in every scan: an RS or RS2 that
+    stops being driven is one that a scan does not call. ``operands`` are S, m, D, n and, of RS2,
+    n1; a constant is an int (0…65535 where it is written so), a register its Device, whose value the ports
+    read when they need it.
     """
 
     def drive(self, instruction: int, operands: tuple[Device | int, ...], now: int) -> None:
-        """RS2 is carried out at the tick ``now``."""
+        """RS or RS2 is carried out at the tick ``now``."""
 
     def cpavl(self, words: Device, bits: Device, port: int) -> bool:
         """CPAVL: the parameters of a port (2–6) are the 20 words and the 20 bits from these on.

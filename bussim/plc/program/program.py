@@ -72,8 +72,13 @@ class Program:
 
     @property
     def uses_ports(self) -> bool:
-        """Whether it has an RS2 or CPAVL."""
+        """Whether it has an RS, RS2 or CPAVL."""
         return any(at.spec.group == "serial" for at in self.instructions)
+
+    @property
+    def uses_rs(self) -> bool:
+        """Whether it has an RS, so that the special devices of its port live."""
+        return any(at.name == "RS" for at in self.instructions)
 
     @property
     def sets_link_at_step_0(self) -> bool:
@@ -109,11 +114,12 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
     def warn(at: Instruction, message: str) -> Problem:
         return Problem(name, at.line, at.column, message)
 
+    with_rs = any(at.name == "RS" for at in instructions)
     coils: dict[Device, Instruction] = {}
     idle: dict[str, Instruction] = {}
     for at in instructions:
         for extent in extents(at) if at.name not in ("RST", "ZRST") else ():
-            for message in not_simulated(extent):
+            for message in not_simulated(extent, with_rs=with_rs):
                 if idle.setdefault(message, at) is at:
                     yield warn(at, message)
         if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b":

@@ -179,7 +179,7 @@ def _read(name: str, words: Device, registers: Mapping[str, int]) -> cpavl.PortS
             memory.set(parse_device(register), value)
         except ValueError:
             continue  # words behind the end of the memory, which the rules report
-    if words.letter != "D" or last.address > FIRST_SPECIAL:
+    if words != cpavl.RS_WORDS and (words.letter != "D" or last.address > FIRST_SPECIAL):
         memory, words = Memory(), Device("D", 0)
     return cpavl.read_settings(name, memory, words)
 

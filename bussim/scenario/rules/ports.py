@@ -13,6 +13,7 @@ from bussim.plc.ports.cpavl import (
     INTERVAL_UNIT,
     PORT_PROTOCOLS,
     PROTOCOL_CODES,
+    RS_WORDS,
     TIMEOUT_UNIT,
     WORDS,
     BadSettings,
@@ -154,6 +155,10 @@ def _check_config(
     path, given = config.path, config.given
     sure = not entry.lost("registers", "ports")
     before = len(report.errors)
+    if config.words == RS_WORDS and (keys := _given(given)):
+        text = f"has no meaning: RS of {config.plc} drives {config.name}, as D8120 to D8129 and M8161 say"
+        report.error((*path, keys[0]), f"{text}; leave all keys but bus out", key=True)
+        return
     if given.protocol is not None and given.protocol not in protocols_of(config.name):
         allowed = ", ".join(protocols_of(config.name))
         report.error((*path, "protocol"), f"is {given.protocol}, which only COM2 has; allowed {allowed}")
@@ -279,7 +284,7 @@ def _check_positions(member: Member, report: Report) -> None:
     """CPAVL's words and bits must lie in the memory, and apart."""
     for kind, size in (("words", WORDS), ("bits", BITS)):
         taken: list[tuple[Device, PortConfiguration]] = []
-        for config in member.ports:
+        for config in (each for each in member.ports if each.words != RS_WORDS):
             first: Device = getattr(config, kind)
             wanted = "D" if kind == "words" else "M"
             shown = f"is {first}, the first of {size} {kind}"

@@ -101,11 +101,21 @@ def _check_specials(member: Member, report: Report) -> None:
     from bussim.plc.program.text.operand_checks import Extent
     from bussim.plc.program.text.specials import not_simulated
 
+    program = member.logic.program
+    with_rs = program is not None and program.uses_rs
     for name, value in member.raw.items():
         letter, address = parse_device(name)
         extent = Extent(letter, address, address, word=letter == "D", writes=True)
-        for message in not_simulated(extent) if value else ():
+        for message in not_simulated(extent, with_rs=with_rs) if value else ():
             report.warn((*member.path, "registers", name), f"{member.name}: {message}", key=True)
+
+
+def _port(at: Instruction, member: Member) -> str | None:
+    """The port that RS, RS2 or CPAVL names; None where a register does, and of other instructions."""
+    if at.name == "RS":
+        return member.profile.rs_port
+    number = at.operands[-1].constant if at.spec.group == "serial" else None
+    return None if number is None else f"COM{number}"
 
 
 def _check_ports(member: Member, report: Report) -> None:
@@ -115,9 +125,12 @@ def _check_ports(member: Member, report: Report) -> None:
         return
     reported: set[str] = set()
     for at in program.instructions:
-        port = f"COM{at.operands[-1].constant}" if at.spec.group == "serial" else None
-        if port not in (None, "COMNone", *member.plc.ports, *reported):
-            does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
+        port = _port(at, member)
+        does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
+        if at.name == "RS" and member.takes_part and port == member.port and port not in reported:
+            _warn_at(member, at, f"RS {does}, which the link has: it does nothing", report)
+            reported.add(f"{port}")
+        if port not in (None, *member.plc.ports, *reported):
             message = (
                 f"{at.name} {does}, but ports does not name its bus: it does nothing; "
                 f"write ports: {{{port}: {{bus: …}}}}"
@@ -188,11 +201,10 @@ def _check_rungs(program: Program, member: Member, members: list[Member], report
         # Without INV, rungs with the same contacts are on together.
         said = tuple((at.name, *(operand.text for operand in at.operands)) for at in contacts)
         for at in outputs if not inverted else ():
-            port = at.operands[-1].text if at.spec.name == "RS2" else ""
+            port = at.operands[-1].text if at.name == "RS2" else _port(at, member) if at.name == "RS" else ""
             if port and (first := drives.setdefault((port, said), at)) is not at:
-                message = (
-                    f"RS2 drives port {port} while RS2 at line {first.line} does, which keeps it (assumed)"
-                )
+                other = f"{first.name} at line {first.line}"
+                message = f"{at.name} drives port {port} while {other} does, which keeps it (assumed)"
                 _warn_at(member, at, message, report, in_runs=False)
     for station, where in taken.items():
         (at, bit), *more = where.items()

@@ -122,7 +122,7 @@ class Bench:
     @property
     def program_ports(self) -> ProgramPorts:
         """RS2 and CPAVL of a program of this PLC."""
-        return ProgramPorts(self.plc.port_registers, self.plc.memory)
+        return ProgramPorts(self.plc.port_registers, self.plc.memory, self.plc.profile.rs_port)
 
     def run_plc(self) -> None:
         now = self.wire.now

@@ -261,7 +261,7 @@ def test_program_steps(text: str, steps: int) -> None:
         ("LD X0\nOUT M8160\nMOV D0 D1\nEND", ["p.il:2:1: M8160, which makes XCH swap bytes, is not simulated: it changes nothing, and nothing drives it"]),
         ("LD X0\nRST M8160\nXCHP D0 D1\nEND", []),
         ("LD M8160\nXCHP D0 D1\nEND", ["p.il:1:1: M8160, which makes XCH swap bytes, is not simulated: it changes nothing, and nothing drives it"]),
-        ("LD X0\nSET M8161\nRS2 D0 K1 D9 K1 K3\nEND", ["p.il:2:1: M8161, the 8-bit mode (RS2 has that of the format word which CPAVL takes), is not simulated: it changes nothing, and nothing drives it"]),
+        ("LD X0\nSET M8161\nRS2 D0 K1 D9 K1 K3\nEND", ["p.il:2:1: M8161, the 8-bit mode of RS (RS2 has that of the format word which CPAVL takes), is not simulated: it changes nothing, and nothing drives it"]),
         ("LD X0\nSET M8028\nOUT T62 K1\nEND", ["p.il:2:1: M8028, which on some PLCs makes T32–T62 timers of 10 ms, is not simulated: it changes nothing, and nothing drives it"]),
         ("LD X0\nMOV D8120 D1\nMOV K1 D8120\nEND", ["p.il:2:1: D8120 is not simulated: it changes nothing, and nothing drives it"]),
         ("LD M8029\nOUT Y0\nLD M8123\nRST M8123\nEND", ["p.il:1:1: M8029 is not simulated: it changes nothing, and nothing drives it", "p.il:3:1: M8123 is not simulated: it changes nothing, and nothing drives it"]),

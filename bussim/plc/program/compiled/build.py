@@ -50,6 +50,7 @@ APPLIED: dict[str, Callable[[Machine, Instruction], Act]] = {
     "SFTL": shifts.shift,
     "ALT": shifts.alternate,
     "ZRST": shifts.reset_zone,
+    "RS": serial.drive,
     "RS2": serial.drive,
     "CPAVL": serial.set_up,
 }

@@ -1,4 +1,4 @@
-"""RS2 and CPAVL (PW10 board manual, section 5): handed on to the PLC's ports."""
+"""RS, RS2 and CPAVL (PW10 board manual, section 5): handed on to the PLC's ports."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from bussim.plc.program.text.catalog import Instruction
 
 
 def drive(machine: Machine, at: Instruction) -> Act:
-    """RS2 S m D n n1."""
+    """RS S m D n; RS2 S m D n n1."""
     ports, now, number = _ports(machine), machine.now, at.number
     operands: tuple[Device | int, ...] = tuple(
         operand.address if operand.kind == "K" else operand.device for operand in at.operands
@@ -30,5 +30,5 @@ def set_up(machine: Machine, at: Instruction) -> Act:
 
 def _ports(machine: Machine) -> Ports:
     if machine.ports is None:
-        raise ValueError("RS2 and CPAVL need ports")
+        raise ValueError("RS, RS2 and CPAVL need ports")
     return machine.ports

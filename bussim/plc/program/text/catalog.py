@@ -206,6 +206,12 @@ _RESET = Slot("device", (*BITS_TO, "D.b", "T", "C", "D", "V", "Z"), writes=True,
 _ZONE = Slot("first device", (*BITS_TO, "T", "C", "D"), writes=True, index=False)
 _PORT_REGISTER = Slot("S", ("D",), index=False)
 _PORT_COUNT = Slot("m", COUNTS, index=False, limits=(0, 0xFFFF))
+_SENT_AND_RECEIVED = (
+    _PORT_REGISTER,
+    _PORT_COUNT,
+    replace(_PORT_REGISTER, name="D"),
+    replace(_PORT_COUNT, name="n"),
+)
 _OUTPUTS = [
     _output("OUT", Slot("device", (*BITS_TO, "T", "C", "D.b"), writes=True, index=False)),
     _output("SET", _ANY_BIT),
@@ -235,15 +241,8 @@ _OUTPUTS = [
     _output("ZRST", _ZONE, replace(_ZONE, name="last device"), forms="P", group="block"),
     _block("MEAN", _BLOCK_SOURCE, _D, 64, "DP"),
     # PW10 board manual, section 5.
-    _output(
-        "RS2",
-        _PORT_REGISTER,
-        _PORT_COUNT,
-        replace(_PORT_REGISTER, name="D"),
-        replace(_PORT_COUNT, name="n"),
-        replace(_PORT_COUNT, name="n1", limits=(2, 6)),
-        group="serial",
-    ),
+    _output("RS", *_SENT_AND_RECEIVED, group="serial"),
+    _output("RS2", *_SENT_AND_RECEIVED, replace(_PORT_COUNT, name="n1", limits=(2, 6)), group="serial"),
     _output(
         "CPAVL",
         replace(_PORT_REGISTER, points=20),

@@ -18,20 +18,25 @@ SPECIAL_BITS = {
     8037: ", which forces STOP,",
     8039: ", which makes the scan last as long as D8039 says,",
     8160: ", which makes XCH swap bytes,",
-    8161: ", the 8-bit mode (RS2 has that of the format word which CPAVL takes),",
+    8161: ", the 8-bit mode of RS (RS2 has that of the format word which CPAVL takes),",
 }
 #: The special devices that do something here.
 _ALIVE = device_ranges(
     "M8000-8004 M8011-8014 M8020-8022 M8024 M8033 M8038 M8061 M8063 M8067-8068 M8179 M8183-8191 M8200-8234 "
     "M8438 D8000-8001 D8004 D8010-8019 D8061 D8063 D8067-8069 D8101 D8121 D8173-8180 D8201-8218 D8438"
 )
+#: Those of RS.
+_OF_RS = device_ranges("M8121-8124 M8129 M8161 D8120 D8122-8125 D8129")
 
 
-def not_simulated(extent: Extent) -> Iterator[str]:
-    """What is to be said of special devices that are touched: of the first, and of bits that are written."""
-    letter = extent.letter
+def not_simulated(extent: Extent, *, with_rs: bool) -> Iterator[str]:
+    """What is to be said of special devices that are touched: of the first, and of bits that are written.
+
+    ``with_rs``: of a program with an RS.
+    """
+    letter, known = extent.letter, (*_ALIVE, *(_OF_RS if with_rs else ()))
     for address in range(max(extent.first, FIRST_SPECIAL), extent.last + 1) if letter in "MD" else ():
         effect = SPECIAL_BITS.get(address, "") if letter == "M" else ""
-        alive = any(each.letter == letter and each.first <= address <= each.last for each in _ALIVE)
+        alive = any(each.letter == letter and each.first <= address <= each.last for each in known)
         if not alive and (address == extent.first or (effect and extent.writes)):
             yield f"{letter}{address}{effect} is not simulated: it changes nothing, and nothing drives it"

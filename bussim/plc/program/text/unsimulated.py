@@ -14,7 +14,6 @@ from bussim.plc.program.text.catalog import FORMS, SPECS, Form, LadderRole, Spec
 SKIPPED = Spec("(skipped)", LadderRole.OUTPUT)
 #: What they would do, and their names.
 _EFFECTS = {
-    "its port stays silent; RS2 with the port K2 does the same": "RS",
     "its port stays silent; polls: of the PLC make the same requests": "ADPRW",
     "its port speaks to no inverter; polls: of the PLC make requests": "IVCK IVDR IVRD IVWR IVBWR IVMC EXTR",
     "interrupts never come, what their programs write stays as it is": "I EI DI IRET HSCS HSCR HSZ",
