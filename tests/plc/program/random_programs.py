@@ -10,9 +10,13 @@ _OPERATORS = ("=", "<>", ">", "<", ">=", "<=")
 
 
 class Writer:
-    """Writes one program. Devices come from small sets, so that its rungs meet each other."""
+    """Writes one program. Devices come from small sets, so that its rungs meet each other.
 
-    def __init__(self, seed: int) -> None:
+    ``fx3``: of an FX3U, with R, bits of words, contacts with an index and its longer ranges.
+    """
+
+    def __init__(self, seed: int, *, fx3: bool = False) -> None:
+        self.fx3 = fx3
         self.rng = random.Random(seed)
         self.lines: list[str] = []
         self.size = 0
@@ -84,6 +88,14 @@ class Writer:
 
     def contact(self) -> str:
         rng = self.rng
+        if self.fx3 and (kind := rng.random()) < 0.3:
+            word_bit = f"D{rng.randrange(16)}.{rng.randrange(16):X}"
+            indexed = (
+                f"{rng.choice(('X0', 'M30', 'M7670', 'Y1', 'T250', 'C100'))}{rng.choice(('Z0', 'Z1', 'V0'))}"
+            )
+            return (
+                word_bit if kind < 0.1 else indexed if kind < 0.2 else rng.choice(("M7679", "S4095", "T256"))
+            )
         letter = rng.choice("XXXYMMMSTC")
         number = rng.randrange({"X": 8, "Y": 8, "M": 32, "S": 8, "T": 3, "C": 3}[letter])
         if letter == "T":
@@ -207,6 +219,8 @@ class Writer:
     def target(self, *, wide: bool, registers: bool = True) -> str:
         rng = self.rng
         kind = rng.random()
+        if self.fx3 and kind < 0.2:
+            return rng.choice((f"R{rng.randrange(8)}{self.index()}", "R32760", "D8500", "K4M7664", "K2S4088"))
         if kind < 0.6:
             return f"D{rng.randrange(16)}{self.index()}"
         if kind < 0.8:
@@ -240,6 +254,10 @@ class Writer:
     def basic(self) -> str:
         rng = self.rng
         kind = rng.random()
+        if self.fx3 and kind < 0.12:
+            word_bit = f"D{rng.randrange(16)}.{rng.randrange(16):X}"
+            one = f"{rng.choice(('OUT', 'SET', 'RST'))} {rng.choice((word_bit, word_bit, 'M7679', 'S4095'))}"
+            return rng.choice((one, one, "RST R3", f"OUT T256 {rng.choice(('K0', 'K30', 'D1', 'R1'))}"))
         if kind < 0.35:
             return f"OUT {self.bit(index=False)}"
         if kind < 0.5:

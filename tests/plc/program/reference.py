@@ -50,7 +50,8 @@ class RefusedError(Exception):
 
 
 class Reference:
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, *, fx3: bool = False) -> None:
+        self.fx3 = fx3
         self.lines = [line.split() for line in text.split("\n") if line.strip()]
         self.bits: dict[tuple[str, int], int] = defaultdict(int)
         self.words: dict[tuple[str, int], int] = defaultdict(int)
@@ -74,13 +75,16 @@ class Reference:
         address = base
         if register:
             address += self.signed(self.words[register, int(number)], 16)
-        low, high = self.bounds(letter, base, word=letter in "DTCVZ" and not groups)
+        low, high = self.bounds(letter, base, word=letter in "DRTCVZ" and not groups)
         if not low <= address <= high:
             raise RefusedError
         return letter, address, int(groups or 0)
 
-    @staticmethod
-    def bounds(letter: str, base: int, *, word: bool) -> tuple[int, int]:
+    def bounds(self, letter: str, base: int, *, word: bool) -> tuple[int, int]:
+        if letter == "M" and self.fx3:
+            return (0, 7679) if base < 8000 else (8000, 8511)
+        if letter in "SDTR" and self.fx3:
+            return 0, {"S": 4095, "D": 8511, "T": 511, "R": 32767}[letter]
         if letter == "M":
             return (0, 3071) if base < 8000 else (8000, 8255)
         if letter == "C":
@@ -281,7 +285,11 @@ class Reference:
     def contact(self, at: int, match: re.Match[str], operands: list[str]) -> None:
         plain, edge, join, wide, test = match.groups()
         if plain:
-            bit = self.bits[self.bit_place(operands[0])]
+            try:
+                bit = self.bit(operands[0])
+            except RefusedError:
+                self.fail()
+                edge, bit = "", int(plain in ("LDI", "ANI", "ORI"))  # it does not conduct
             if edge:
                 before, self.before[at] = self.before[at], bit
                 bit = int(bit and not before) if edge == "P" else int(before and not bit)
@@ -304,6 +312,20 @@ class Reference:
         else:
             self.acc = int(self.acc or bit)
 
+    def bit(self, text: str) -> int:
+        """A bit device, or the bit of a word such as D5.A."""
+        word, dot, number = text.partition(".")
+        if dot:
+            return self.words["D", int(word[1:])] >> int(number, 16) & 1
+        return self.bits[self.bit_place(text)]
+
+    def word_bit(self, name: str, text: str, on: int) -> None:
+        """OUT, SET or RST of the bit of a word."""
+        word, _, number = text.partition(".")
+        place, mask = ("D", int(word[1:])), 1 << int(number, 16)
+        if name == "OUT" or on:
+            self.words[place] = self.words[place] & ~mask | (mask if on and name != "RST" else 0)
+
     def fail(self) -> None:
         self.bits["M", 8067] = self.bits["M", 8068] = 1
         self.words["D", 8067] = 6706
@@ -317,6 +339,9 @@ class Reference:
 
     def basic(self, at: int, name: str, operands: list[str]) -> None:
         on = self.on()
+        if "." in operands[0]:
+            self.word_bit(name, operands[0], on)
+            return
         letter, address, _ = self.split(operands[0])
         if name == "OUT" and letter == "T":
             self.timer(address, on, operands[1])
@@ -342,9 +367,9 @@ class Reference:
                 self.reset(letter, address)
 
     def reset(self, letter: str, address: int) -> None:
-        if letter in "DVZTC":
+        if letter in "DRVZTC":
             self.words[letter, address] = 0
-        if letter not in "DVZ":
+        if letter not in "DRVZ":
             self.bits[letter, address] = 0
         if letter == "T":
             self.timers.pop(address, None)
@@ -365,13 +390,19 @@ class Reference:
         self.words["T", number] = reached
 
     def pulse(self, number: int) -> int:
-        unit = UNIT // 10 if 246 <= number <= 249 else UNIT if 200 <= number <= 245 else 10 * UNIT
+        unit = (
+            UNIT // 10
+            if 246 <= number <= 249 or number > 255
+            else UNIT
+            if 200 <= number <= 245
+            else 10 * UNIT
+        )
         return self.now // unit
 
     def timer(self, number: int, on: int, preset: str) -> None:
         if not on:
             self.timers.pop(number, None)
-            if number < 246:
+            if number < 246 or number > 255:
                 self.bits["T", number] = self.words["T", number] = 0
             return
         if f"T{number}" in self.held:
