@@ -89,6 +89,9 @@ def _table(rows: list[Row], delimiter: str, columns: int, *, heads: tuple[str, .
 
 
 HEADS = ("Step No.", "Line Statement", "Instruction", "I/O(Device)", "Blank", "PI Statement", "Note")
+HEADS_JAPANESE = (
+    "ステップ番号", "行間ステートメント", "命令", "I/Oデバイス", "空欄", "PIステートメント", "ノート",
+)  # fmt: skip
 HEADS_CHINESE = ("步号", "行间声明", "指令", "I/O(软元件)", "空白", "P/I声明", "注解")
 
 
@@ -99,6 +102,11 @@ def gx_works2(rows: list[Row]) -> bytes:
 
 def gx_works2_chinese(rows: list[Row]) -> bytes:
     return ('"主程序"\r\n' + _table(rows, "\t", 7, heads=HEADS_CHINESE)).encode("utf-16")
+
+
+def gx_works2_japanese(rows: list[Row]) -> bytes:
+    top = '"MAIN"\r\n"機種情報:"\t"FXCPU FX3U/FX3UC"\r\n'
+    return (top + _table(rows, "\t", 7, heads=HEADS_JAPANESE)).encode("utf-16")
 
 
 def gx_developer(rows: list[Row]) -> bytes:
@@ -139,7 +147,16 @@ def handheld(rows: list[Row]) -> bytes:
     return "\n".join(lines).replace("LD X", "ＬＤ　Ｘ").encode()
 
 
-TOOLS = [gx_works2, gx_works2_chinese, gx_developer, gx_developer_bare, fxgp, printed, handheld]
+TOOLS = [
+    gx_works2,
+    gx_works2_chinese,
+    gx_works2_japanese,
+    gx_developer,
+    gx_developer_bare,
+    fxgp,
+    printed,
+    handheld,
+]
 
 
 def scenario(path: Path, content: bytes, *, link: bool = False) -> Path:

@@ -14,12 +14,21 @@ from typing import NamedTuple
 from bussim.plc.memory import parse_device
 from bussim.plc.program.text.catalog import FORMS
 
-#: How the headings of columns are written, in small letters.
+#: How the headings of columns are written, in small letters and without blanks.
 _HEADS = {
     "instruction": ("instruction", "命令", "指令", "命令語", "命令语"),
-    "device": ("i/o", "i/o(device)", "i/o(デバイス)", "i/o(软元件)", "デバイス", "软元件", "軟元件"),
+    "device": (
+        "i/o",
+        "i/o(device)",
+        "i/oデバイス",
+        "i/o(デバイス)",
+        "i/o(软元件)",
+        "デバイス",
+        "软元件",
+        "軟元件",
+    ),
     "comment": ("comment", "コメント", "注释", "註解", "注解", "软元件注释"),
-    "name": ("device", "device name", "デバイス", "デバイス名", "软元件", "软元件名", "軟元件名"),
+    "name": ("device", "devicename", "デバイス", "デバイス名", "软元件", "软元件名", "軟元件名"),
 }
 _QUOTED = re.compile(r'"((?:[^"]|"")*)"?')
 _OPERAND = re.compile(r"(?:[XYMSTCDR]|TN|TS|CN|CS)[0-9]+", re.ASCII)
@@ -83,7 +92,7 @@ def _heading(rows: list[list[_Cell]]) -> tuple[int, dict[str, int]]:
             name: at
             for at, cell in reversed(list(enumerate(row)))
             for name, heads in _HEADS.items()
-            if cell.text.casefold() in heads
+            if cell.text.casefold().replace(" ", "") in heads
         }
         if "instruction" in where and len(row) > 2:
             return number + 1, {name: where[name] for name in ("instruction", "device") if name in where}
