@@ -123,6 +123,23 @@ def test_what_it_sends_after_a_dip(lasting: float) -> None:
     assert word_of(frame) <= 2
 
 
+def test_where_nothing_is_latched_it_has_nothing_until_it_has_heard_the_others() -> None:
+    scenario = load("power_dips", ["plcs.press.profile={base: pw10, latched: [S0-S1]}"])
+    done = run(scenario)
+    watch = Watch([Watched("press", name, 16) for name in scenario.plcs[1].observed])
+    for record in done.record.values:
+        watch.take(record)
+    seen = {each.name: each for each in watch.watched}
+    for _, again in DIPS.values():
+        back, fresh = first_end(seen, again), received(done, 0, 1, again)
+        for tick in (back, fresh - 1):
+            for name in ("M1000", "M1065", "Y10", "D0"):
+                assert seen[f"press.{name}"].at(tick) == 0, name
+            assert seen["press.D300"].at(tick) <= (tick - again) // (100 * MS) + 1
+        # Nor does it send its fault: X0 alone.
+        assert points_of(next(frame for frame in done.of("press") if frame.start > again)) == 1
+
+
 def test_for_how_long_which_station_worked_on_old_data() -> None:
     done, _, stale = dips()
     names = ["line", "press", "feeder"]
