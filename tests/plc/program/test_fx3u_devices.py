@@ -69,6 +69,12 @@ def test_a_contact_with_an_index_fails_beyond_its_range() -> None:
         Program.parse("LD S0Z0\nOUT Y0\nEND", "p", fx3=True)
 
 
+def test_program_steps() -> None:
+    lines = ["LD D0.3", "ANI M0Z1", "OUT D1.F", "LDP M0", "SET D1.0", "MOV K1 R0", "OUT T300 K5", "END"]
+    program = Program.parse("\n".join(lines), "p", fx3=True)
+    assert [at.step for at in program.instructions] == [0, 3, 6, 9, 11, 14, 19, 22]
+
+
 def test_timers_from_t256_on_have_units_of_1_ms_and_keep_nothing() -> None:
     text = "LD X0\nOUT T511 K15\nOUT T250 K100\nLD T511\nOUT Y0"
     memory = Memory()

@@ -289,8 +289,14 @@ FORMS: dict[str, Form] = _forms()
 
 
 def steps_of(form: Form, operands: tuple[Operand, ...]) -> int:
-    """How many program steps an instruction takes (FX programming manual)."""
+    """How many program steps an instruction takes (FX programming manual).
+
+    Of an FX3U's bits of words and indexed contacts three: from memory, assumed.
+    """
     spec = form.spec
+    basic = spec.group == "basic" and spec.role in (LadderRole.CONTACT, LadderRole.OUTPUT)
+    if basic and operands and (operands[0].kind == "D.b" or operands[0].index):
+        return 3
     if spec.steps is not None:
         return spec.steps
     if spec.name in ("OUT", "SET", "RST") and operands:

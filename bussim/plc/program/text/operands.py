@@ -169,4 +169,6 @@ def _hint(upper: str) -> str:
             except ValueError:
                 continue
             return f"did you mean {shorten(guess)}?"
+    if re.fullmatch(r"(?:S[MDBWT]|L|B|W|F|ZR|LC|LT|U)[0-9][0-9A-F]*", upper, re.ASCII):
+        return "it is one of an FX5 or Q series; an FX has M8000… and D8000…, M, S, D and R"
     return "write a device of X Y M S T C D V Z with its number, a group such as K1M0, or K or H and a number"

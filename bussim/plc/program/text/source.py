@@ -2,8 +2,9 @@
 
 A line is ``[step number] mnemonic operands``, separated by blanks, tabs or commas, or a label
 (``P0``), alone or in front of an instruction. Operands may also stand on lines of their own below their
-instruction, as programming tools print them. ``;``, ``//``, ``#`` and ``'`` begin a comment, ``(* … *)``
-and ``/* … */`` hold one. Capitals or not, of full width or not makes no difference; between a device's letter
+instruction, as programming tools print them. ``;``, ``//``, ``#`` and ``'`` begin a comment, as does a word
+in Chinese, Japanese or Korean with no instruction behind it, and a line's first ``*``; ``(* … *)`` and
+``/* … */`` hold one. Capitals or not, of full width or not makes no difference; between a device's letter
 and its number may be blanks (``X 0``), in front of a comparison's sign too (``LD = D0 K1``), behind it none
 (``LD=D0 K1``), and a handheld programmer's SP in front of a preset (``OUT T0 SP K50``). Several instructions
 may stand on a line. Step numbers are read over: a list that was edited keeps its old ones;
@@ -32,7 +33,9 @@ _MAX_PROBLEMS = 100
 
 _TOKEN = re.compile(r"[^\s,]+")
 #: Comments, the first to begin wins: to the end of the line, or up to their closing mark.
-_COMMENT = re.compile(r"(?:;|//|#|')[^\n]*|\(\*.*?\*\)|/\*.*?\*/|(?P<open>\(\*|/\*).*", re.DOTALL)
+_COMMENT = re.compile(
+    r"(?:;|//|#|'|^[ \t]*\*)[^\n]*|\(\*.*?\*\)|/\*.*?\*/|(?P<open>\(\*|/\*).*", re.DOTALL | re.MULTILINE
+)
 #: What may stand apart from its number, and the signs of comparisons that may stand apart.
 _LETTERS = frozenset("KHXYMSTCDPNVZ")
 _NUMBER = re.compile(r"[+-]?[0-9]+(?:[VvZz][0-9]?)?", re.ASCII)
@@ -46,6 +49,21 @@ _OPERAND = re.compile(
     r"(?:(?:K[0-9]+)?[XYMSTCDRPN][0-9]+|K[+-]?[0-9]+|H|E[+-]?[0-9]+|V|Z)[0-9.A-F]*(?:[VZ][0-9]*)?|\".*\"|U[0-9]\\G[0-9]+",
     re.ASCII | re.IGNORECASE,
 )
+#: The first word of a text in Chinese, Japanese or Korean, in brackets or not: no device has such letters.
+_EAST_ASIAN = re.compile("[(\\[{<《「【〈]?[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af\uff66-\uff9f]")
+#: Names that others give to instructions.
+_ELSEWHERE = {
+    **dict.fromkeys(("TMR", "CNT", "TIM", "ST", "="), "OUT"),
+    **dict.fromkeys(("LDN", "LDNOT", "STR"), "LDI"),
+    **dict.fromkeys(("ANDI", "ANDN", "AN"), "ANI"),
+    **dict.fromkeys(("ORN", "ON"), "ORI"),
+    "A": "AND",
+    "O": "OR",
+    "NOT": "INV",
+    "JMP": "CJ",
+    "S": "SET",
+    "R": "RST",
+}
 _FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
 #: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
 #: each other the earlier one is meant.
@@ -145,8 +163,11 @@ class Source:
         return _COMMENT.sub(blank, text)
 
     def _line(self, number: int, line: str) -> None:
-        steps = 0
-        for words in _statements(_joined(number, line)):
+        steps, found = 0, _joined(number, line)
+        text = next((at for at, word in enumerate(found) if _EAST_ASIAN.match(word.text)), len(found))
+        if not any(word.text.upper() in FORMS for word in found[text:]):
+            found = found[:text]  # the rest is a comment without its mark
+        for words in _statements(found):
             head = words[0]
             if not _STEP.fullmatch(head.text):
                 self._begin_or_go_on(words)
@@ -305,7 +326,7 @@ def _unknown(word: str) -> str:
     ):
         if base in FORMS and base != upper and not FORMS[base].wide:
             return f"{shown}: {base} has {_forms(FORMS[base].spec)}"
-    near = _nearest(upper)
+    near = _ELSEWHERE.get(upper) or _nearest(upper)
     if near is not None:
         return f"{shown} is no instruction; did you mean {near}?"
     return f"{shown} is no instruction"
