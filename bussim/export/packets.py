@@ -1,7 +1,9 @@
 """Frames as packets of a pcapng file: what a receiver on the bus read, and remarks on what went wrong.
 
-A packet's time is the frame's first edge. Characters of seven bits leave bit 7 free: there it marks
-one whose parity or stop bit was wrong (in N:N and Modbus ASCII packets; the dissectors of this package know).
+A packet's time is its first edge. A frame is one packet; where it is read with silences in it that end a
+frame (others sent at the same time, or its sender paused), it is several. Characters of seven bits leave
+bit 7 free: there it marks one whose parity or stop bit was wrong (in N:N and Modbus ASCII packets; the
+dissectors of this package know).
 """
 
 from __future__ import annotations
@@ -54,15 +56,19 @@ def write_pcapng(path: Path, job: Job) -> Written:
         for received in receive(in_order(selection.frames(), survey.lateness), survey):
             frame = received.frame
             bus, data = survey.buses[frame.bus], _data(received)
+            packets = [
+                (start, data[first:end]) for start, first, end in received.pieces(bus.timing.characters(1))
+            ]
             if frame.protocol == "modbus-rtu" and frame.bus in gateways:
-                data = gateways[frame.bus].wrap(frame, data)
-            writer.packet(
-                interfaces[frame.bus, frame.protocol],
-                nanoseconds(frame.start),
-                data,
-                _comment(received, bus),
-                SYMBOL_ERROR if received.wrong else 0,
-            )
+                packets = [(frame.start, gateways[frame.bus].wrap(frame, data))]
+            for start, piece in packets:
+                writer.packet(
+                    interfaces[frame.bus, frame.protocol],
+                    nanoseconds(start),
+                    piece,
+                    _comment(received, bus),
+                    SYMBOL_ERROR if received.wrong else 0,
+                )
     return Written(survey.frames, tuple(survey.buses), tuple(how_to_open(survey, encapsulation)))
 
 

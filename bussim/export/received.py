@@ -28,13 +28,28 @@ class Received(NamedTuple):
     """A frame and what was read of it.
 
     ``wrong`` are the characters (from 0) whose parity or stop bit was wrong, with which of the two;
-    ``over`` are the other senders that were sending meanwhile.
+    ``over`` are the other senders that were sending meanwhile; ``starts`` the first edges (ticks) of the
+    characters where these are not those of the frame, else ().
     """
 
     frame: FrameRecord
     chars: bytes
     wrong: tuple[tuple[int, str], ...] = ()
     over: tuple[str, ...] = ()
+    starts: tuple[int, ...] = ()
+
+    def pieces(self, character: int) -> Iterator[tuple[int, int, int]]:
+        """What lies between silences that end a frame: its first edge, and the range of its characters.
+
+        On the N:N link a character (of so many ticks) of silence ends one, else 3.5 of them.
+        """
+        apart = 2 * character if self.frame.protocol == "nn" else 9 * character // 2
+        first = 0
+        for at in range(1, len(self.starts)):
+            if self.starts[at] - self.starts[at - 1] >= apart:
+                yield self.starts[first], first, at
+                first = at
+        yield self.starts[first] if self.starts else self.frame.start, first, len(self.chars)
 
 
 def receive(frames: Iterable[FrameRecord], survey: Survey) -> Iterator[Received]:
@@ -88,7 +103,7 @@ class _Receiver:
     def close(self) -> list[Received]:
         """What was read of the frames; then there are none."""
         frames, self.frames, self.until = self.frames, [], 0
-        if len(frames) == 1 and is_plain(frames[0], self._timing):
+        if len(frames) == 1 and is_plain(frames[0], self._timing) and not frames[0].pauses:
             chars = frames[0].chars
             if self._mask != 0xFF:
                 chars = bytes(value & self._mask for value in chars)
@@ -98,6 +113,7 @@ class _Receiver:
     def _read(self, frames: list[FrameRecord]) -> list[Received]:
         chars = [bytearray() for _ in frames]
         wrong: list[list[tuple[int, str]]] = [[] for _ in frames]
+        starts: list[list[int]] = [[] for _ in frames]
         at = 0
         for char in characters_of(frames, self._timing, self._disputed):
             while at + 1 < len(frames) and frames[at + 1].start <= char.start:
@@ -105,8 +121,11 @@ class _Receiver:
             if not (char.parity_ok and char.stop_ok):
                 wrong[at].append((len(chars[at]), "parity" if char.stop_ok else "framing"))
             chars[at].append(char.value)
+            starts[at].append(char.start)
         return [
-            Received(frame, bytes(chars[at]), tuple(wrong[at]), _senders_over(frame, frames))
+            Received(
+                frame, bytes(chars[at]), tuple(wrong[at]), _senders_over(frame, frames), tuple(starts[at])
+            )
             for at, frame in enumerate(frames)
         ]
 

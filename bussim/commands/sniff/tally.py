@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from typing import TYPE_CHECKING, Any
 
 from bussim.commands.sniff.warnings import warnings_of
@@ -50,16 +50,13 @@ class Tally(Collector):
 
     def __init__(self, *, traced: bool, rows: Rows | None, bus_of: dict[str, str]) -> None:
         super().__init__(traced=traced, rows=rows, bus_of=bus_of)
-        self.asked: dict[str, Asked] = {}
+        self.asked: defaultdict[str, Asked] = defaultdict(Asked)
         self.scan_times = Histogram()
 
-    def _asked(self, name: str) -> Asked:
-        known = self.asked.get(name)
-        if known is None:
-            # A master that sends another request every time must not fill the memory.
-            name = name if len(self.asked) < MOST_ASKED else "others"
-            known = self.asked.setdefault(name, Asked())
-        return known
+    def _named(self, name: str) -> str:
+        """The name by which a station or request is counted."""
+        # A master that sends another request every time must not fill the memory.
+        return name if name in self.asked or len(self.asked) < MOST_ASKED else "others"
 
     def take(self, record: Record) -> None:
         """Count a record."""
@@ -67,22 +64,24 @@ class Tally(Collector):
             case ScanRecord():
                 self.scan_times.add(record.duration)
             case AttemptRecord():
-                asked = self._asked(f"station {record.station}")
+                asked = self.asked[self._named(f"station {record.station}")]
                 asked.attempts += 1
                 asked.outcomes[OUTCOMES[record.code]] += 1
                 if record.turnaround is not None:
                     asked.response.add(max(0, record.turnaround))
             case TransactionRecord():
-                asked = self._asked(record.poll)
+                name = self._named(record.poll)
+                asked = self.asked[name]
                 asked.attempts += record.outcome not in NO_ATTEMPT
                 asked.outcomes[record.outcome] += 1
                 if record.exception:
                     asked.exceptions[record.exception] += 1
                 if record.answer_start is not None and record.asked is not None:
                     asked.response.add(max(0, record.answer_start - record.asked))
-                if record.outcome in NEITHER:
-                    self._keep(record)
-                    return
+                if record.outcome not in NEITHER:
+                    self._ports.take(record if name == record.poll else record._replace(poll=name))
+                self._keep(record)
+                return
         super().take(record)
 
 

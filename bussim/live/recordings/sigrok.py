@@ -163,9 +163,9 @@ class SigrokFile(Source):
                 edges = found[name]
                 self.facts.spikes += int((np.diff(edges, prepend=latest[name]) < shortest).sum())
                 latest[name] = edges[-1:] if len(edges) else latest[name]
-            yield from _merged(
+            yield from merged(
                 [
-                    receiver.feed(found[name].tolist(), until)
+                    receiver.feed(found[name], until)
                     for name, receiver in zip(setup.channels, receivers, strict=True)
                 ]
             )
@@ -227,7 +227,7 @@ class SigrokFile(Source):
         raise RecordingError(f"{self._name}: its samples {self._capture!r} are missing")
 
 
-def _merged(wires: list[list[Timed]]) -> Iterator[Chunk]:
+def merged(wires: list[list[Timed]]) -> Iterator[Chunk]:
     """Characters of all wires by time, in chunks of one wire."""
     if len(wires) == 1:
         if wires[0]:

@@ -5,7 +5,6 @@ Times are samples, integers; a waveform is the samples at which the level change
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.engines.contract import RxChar
@@ -77,6 +76,8 @@ def _fitted(edges: np.ndarray, bit: float) -> float | None:
     import numpy as np
 
     for _ in range(3):
+        if int((np.diff(edges) < SPIKE * bit).sum()) > _MOST_SPIKES * len(edges):
+            return None  # at least so many edges would be left out
         kept, spikes = without_spikes(edges, SPIKE * bit)
         if spikes > _MOST_SPIKES * len(edges):
             return None
@@ -117,46 +118,46 @@ class Receiver:
     """
 
     def __init__(self, timing: LineTiming, rate: int, *, inverted: bool) -> None:
+        import numpy as np
+
         form = timing.format
         self._rate, self._bit = rate, rate / timing.baud
-        self._inside = form.bits  # bits of a character
         self._middle = (form.bits - form.stop_bits + 0.5) * self._bit  # of the first stop bit
-        self._last = (form.bits - 0.5) * self._bit
+        self._centres = (np.arange(form.bits) + 0.5) * self._bit
+        self._weights = 1 << np.arange(form.bits - 1)
         self._ticks = timing.characters(1)
         self._table = _table(form)
-        self._whole = (1 << form.bits) - 1
         # Edges to the level of a start bit have even indices.
-        self._edges: list[int] = [0] if inverted else []
+        self._edges = np.zeros(int(inverted), dtype=np.int64)
         self._ready = 0.0
 
-    def feed(self, edges: Sequence[int], until: float) -> list[Timed]:
+    def feed(self, edges: np.ndarray, until: float) -> list[Timed]:
         """The characters that are whole before a sample, up to which all ``edges`` are known."""
-        kept, last = self._edges, self._last
-        kept += edges
-        found: list[Timed] = []
-        at, count, ready, per_bit = 0, len(kept), self._ready, 1 / self._bit
-        table, whole, rate, length = self._table, self._whole, self._rate, self._ticks
-        while at < count:
-            start = kept[at]
-            if start < ready:
-                at += 2
-                continue
-            limit = start + last
-            if limit >= until:
-                break
-            word, index = 0, at + 1
-            while index < count and (edge := kept[index]) <= limit:
-                word ^= whole & (-1 << int((edge - start) * per_bit + 0.5))
-                index += 1
-            if word & 1:
-                ready = start + self._bit / 2
-            else:
-                tick = (2 * start * TICKS_PER_SECOND + rate) // (2 * rate)
-                found.append((table[word >> 1], tick, tick + length))
-                ready = start + self._middle
+        import numpy as np
+
+        kept = np.concatenate((self._edges, edges))
+        starts = kept[::2]
+        starts = starts[: np.searchsorted(starts, until - self._centres[-1])]
+        # Of every start: whether it is a glitch, and which start comes next if a character begins there.
+        low = np.searchsorted(kept, starts + self._centres[0]) % 2 == 1
+        ready = starts + np.where(low, self._middle, self._bit / 2)
+        following = np.searchsorted(starts, ready).tolist()
+        begun, at = [], int(np.searchsorted(starts, self._ready))
+        last = len(starts)
+        while at < last:
+            begun.append(at)
+            at = following[at]
+        if begun:
+            self._ready = float(ready[begun[-1]])
+        first = np.array(begun, dtype=np.int64)[low[begun]]
+        levels = 1 - np.searchsorted(kept, starts[first, None] + self._centres[1:]) % 2
+        rate, length, table = self._rate, self._ticks, self._table
+        found = []
+        for word, start in zip((levels @ self._weights).tolist(), starts[first].tolist(), strict=True):
+            tick = (2 * start * TICKS_PER_SECOND + rate) // (2 * rate)
+            found.append((table[word], tick, tick + length))
         # An edge whose partner is still to come stays: edges to a start bit's level have even indices.
-        del kept[: min(at, count & ~1)]
-        self._ready = ready
+        self._edges = kept[min(2 * last, len(kept) & ~1) :]
         return found
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any
 
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.arrival import Timed
-from bussim.live.recordings.sigrok import LEAST_SAMPLES, SigrokFile
+from bussim.live.recordings.sigrok import LEAST_SAMPLES, SigrokFile, merged
 from bussim.live.recordings.source import Chunk, LineSetup
 from bussim.live.recordings.waveform import Receiver, measure
 from bussim.live.sniff.heard import Heard, LineProtocol
@@ -18,6 +18,9 @@ from bussim.live.sniff.reading import Reading, Settings, pieces_of, read
 _FORMATS = tuple(map(CharFormat.parse, ("8N1", "8E1", "8O1", "7E1", "7O1", "7N1")))
 #: A channel with fewer edges is named, but not tried.
 _LEAST_EDGES = 20
+#: Characters that are read in every format and protocol. Where one has such a share of them in sound frames,
+#: and none other half of it, it is the line's; else all that was surveyed decides.
+_GLANCED, _CLEAR = 1500, 0.9
 
 
 class Channels:
@@ -31,6 +34,7 @@ class Channels:
             for name, channel in self._channels.items()
             if channel.total >= _LEAST_EDGES
         }
+        self._known: dict[tuple[str, LineTiming, bool | None], list[Timed]] = {}
 
     def standard(self, reading: Reading) -> bool:
         """Whether the rate that was measured is a standard one."""
@@ -63,11 +67,20 @@ class Channels:
         ]
         if len(alike) < 2 or protocol is None:
             return best
-        setup = setup._replace(channels=tuple(alike))
-        together, _ = read(self._source.chunks(setup), setup, protocol, _ALL, wires=len(alike))
+        alone, together = self._together(setup, protocol, [setup.channels[0], *alike])
         # Where one channel has both directions, others repeat a part of it.
-        several = len(settings.channels) > 1 or together.score.responses > 2 * best.score.responses
+        several = len(settings.channels) > 1 or together.score.responses > 2 * alone.score.responses
         return together if several else best
+
+    def _together(self, setup: LineSetup, protocol: LineProtocol, names: list[str]) -> list[Reading]:
+        """The readings of the first channel and of all others as one line, of what was surveyed of all."""
+        every = [self._chars(name, setup) for name in names]
+        until = min(chars[-1][2] for chars in every)
+        every = [list(takewhile(lambda char: char[2] <= until, chars)) for chars in every]
+        return [
+            read(merged(chars), setup._replace(channels=channels), protocol, _ALL, wires=len(chars))[0]
+            for channels, chars in ((setup.channels, every[:1]), (tuple(names[1:]), every[1:]))
+        ]
 
     def _rate_of(self, name: str) -> int | None:
         """The rate of a channel, if it is a standard one."""
@@ -81,33 +94,44 @@ class Channels:
         if measured is None or baud is None or self._source.rate < LEAST_SAMPLES * baud:
             return
         inverted = measured.inverted if settings.inverted is None else settings.inverted
-        found = [
-            self._read(settings.setup(timing, (name,), inverted=level), protocol)
+        self._known.clear()  # of one channel at a time, lest they fill the memory
+        tried = [
+            (settings.setup(timing, (name,), inverted=level), protocol)
             for level in ([False, True] if inverted is None else [inverted])
             for form in _FORMATS
             if settings.allows(form)
             for timing in [LineTiming(baud, with_stops(form, settings.stop_bits or 1))]
             for protocol in ([settings.protocol] if settings.protocol else _speaks(form))
         ]
-        if found:
-            best, sound = max(found, key=lambda each: each[0].score.rank)
+        glanced = [self._read(*each, _GLANCED)[0].score for each in tried]
+        shares = sorted(each.sound_characters / max(1, each.characters) for each in glanced)
+        if len(tried) > 1 and shares[-1] >= _CLEAR and shares[-2] <= _CLEAR / 2:
+            tried = [max(zip(glanced, tried, strict=True), key=lambda each: each[0].rank)[1]]
+        if tried:
+            best, sound = max((self._read(*each) for each in tried), key=lambda each: each[0].score.rank)
             yield best if settings.stop_bits else self._stop_bits(best, sound)
 
-    def _chars(self, name: str, timing: LineTiming, *, inverted: bool) -> list[Timed]:
-        """The characters of the edges by which a line is found."""
+    def _chars(self, name: str, setup: LineSetup) -> list[Timed]:
+        """The characters of the edges of a channel by which a line is found."""
+        known = self._known.get((name, *setup[:2]))
+        if known is not None:
+            return known
         channel = self._channels[name]
-        edges = channel.edges.tolist()
-        until = self._source.samples if channel.total == len(edges) else edges[-1]
-        return Receiver(timing, self._source.rate, inverted=inverted).feed(edges, until)
+        edges = channel.edges
+        until = self._source.samples if channel.total == len(edges) else int(edges[-1])
+        receiver = Receiver(setup.timing, self._source.rate, inverted=bool(setup.inverted))
+        return self._known.setdefault((name, *setup[:2]), receiver.feed(edges, until))
 
-    def _read(self, setup: LineSetup, protocol: LineProtocol) -> tuple[Reading, list[Heard]]:
-        chars = self._chars(setup.channels[0], setup.timing, inverted=bool(setup.inverted))
-        return read([Chunk(chars)], setup, protocol, _ALL)
+    def _read(
+        self, setup: LineSetup, protocol: LineProtocol, limit: int | None = None
+    ) -> tuple[Reading, list[Heard]]:
+        """A reading of a channel's first characters."""
+        return read([Chunk(self._chars(setup.channels[0], setup)[:limit])], setup, protocol, _ALL)
 
     def _stop_bits(self, best: Reading, sound: Sequence[Heard]) -> Reading:
         """The reading with two stop bits, if no character of a sound frame begins before they are over."""
         timing = best.setup.timing
-        chars = self._chars(best.setup.channels[0], timing, inverted=bool(best.setup.inverted))
+        chars = self._chars(best.setup.channels[0], best.setup)
         frames = iter(sound)
         frame, apart = next(frames, None), []
         for (_, start, end), (_, after, _) in pairwise(chars):
@@ -131,7 +155,7 @@ class Channels:
             return found
         inverted, tried = bool(measured.inverted), []
         for form in _FORMATS:
-            chars = self._chars(name, LineTiming(measured.baud, form), inverted=inverted)
+            chars = self._chars(name, LineSetup(LineTiming(measured.baud, form), inverted))
             wrong = sum(not (char.parity_ok and char.stop_ok) for char, _, _ in chars)
             tried.append((wrong / len(chars) if chars else 1.0, str(form), chars))
         tried.sort(key=lambda each: each[0])
