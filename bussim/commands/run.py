@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import print_json
+from bussim.commands.common.output import print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, set_option, unsimulated_option, values_of
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def command(
     source = DEFAULT if scenario is None else scenario
     values = values_of(overrides, allow_unsimulated=allow_unsimulated, duration=duration, seed=seed)
     loaded = loader.load(source, values, allow_code=allow_code)
+    show_carried(loaded, err=as_json)
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
     try:
         with simulating_bar() as progress:

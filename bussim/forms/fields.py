@@ -137,13 +137,16 @@ def _parsed(parse: Callable[[str], object], expected: str) -> Kind:
     return Kind(check, str)
 
 
-def _title(value: object) -> str:
-    value = _unread(value)
-    if not isinstance(value, str) or not value.strip():
-        raise fail(f"{_found(value)}, expected a line of text")
-    if len(value) > 200 or not value.isprintable():
-        raise fail(f"{_found(value)}, expected one line of at most 200 printable characters")
-    return value
+def _line(most: int) -> Callable[[object], str]:
+    def check(value: object) -> str:
+        value = _unread(value)
+        if not isinstance(value, str) or not value.strip():
+            raise fail(f"{_found(value)}, expected a line of text")
+        if len(value) > most or not value.isprintable():
+            raise fail(f"{_found(value)}, expected one line of at most {most} printable characters")
+        return value
+
+    return check
 
 
 def whole(low: int, high: int) -> Kind:
@@ -357,7 +360,8 @@ NodeName = Annotated[
     str, _matching(_NODE, "expected the name of a PLC, a port such as press1.COM3, or a device")
 ]
 #: A line of free text, 1 to 200 characters.
-Title = Annotated[str, Kind(_title)]
+Title = Annotated[str, Kind(_line(200))]
+Sentence = Annotated[str, Kind(_line(2000))]
 Time = Annotated[int, time()]
 Positive = Annotated[int, time(low=1)]
 Probability = Annotated[float, number(0, 1)]

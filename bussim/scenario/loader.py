@@ -156,6 +156,7 @@ def _check(
                 report.warn((*entry.path, "to"), path.unmeasured)
     # Without their positions, two may be the same.
     said = (report.plain.get(each, each.message) for each in report.warnings)
-    warnings = tuple(dict.fromkeys(text for text in said if text))
+    carried = (each.text for each in scenario.carried)
+    warnings = tuple(dict.fromkeys(text for text in (*carried, *said) if text))
     scenario = replace(scenario, warnings=warnings)
     return Examined(scenario, (), tuple(sorted(report.warnings)))

@@ -377,8 +377,16 @@ class Latency:
 
 
 @dataclass(frozen=True, slots=True)
+class CarriedWarning:
+    """What the command that wrote a scenario wants repeated wherever it is used."""
+
+    code: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Scenario:
-    """Everything a run needs. ``warnings`` are what the loader found odd but possible.
+    """Everything a run needs. ``warnings`` are what it carries and what the loader found odd but possible.
 
     ``source`` is the scenario as plain data with every default filled in, in the file's own form
     (times as text with units), so that a run can leave it behind as YAML.
@@ -394,6 +402,7 @@ class Scenario:
     warnings: tuple[str, ...] = ()
     devices: tuple[BusDevice, ...] = ()
     latency: tuple[Latency, ...] = ()
+    carried: tuple[CarriedWarning, ...] = ()
     source: dict[str, object] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,10 +15,19 @@ from bussim.errors import UsageError
 from bussim.files import written_whole
 from bussim.wording import shell_word
 
+if TYPE_CHECKING:
+    from bussim.scenario.model import Scenario
+
 
 def print_json(data: Any, *, indent: int = 2) -> None:
     """Print plain data as JSON; texts as they are, not escaped. Raises ValueError for what is no number."""
     click.echo(json.dumps(data, ensure_ascii=False, allow_nan=False, indent=indent))
+
+
+def show_carried(scenario: Scenario, *, err: bool = False) -> None:
+    """Repeat what the command that wrote a scenario warns of, before anything is said of it."""
+    for warning in scenario.carried:
+        click.echo(f"warning: {warning.text}", err=err)
 
 
 def checked_target(path: Path, endings: Sequence[str], *, force: bool, option: str = "-o") -> Path:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import print_json
+from bussim.commands.common.output import print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.common.times import time_of
 from bussim.errors import UsageError
@@ -87,6 +88,7 @@ def command(
         mission=time_of("--mission", mission, positive=True),
     )
     loaded = api.load(scenario, overrides, allow_code=allow_code)
+    show_carried(loaded, err=as_json)
     models = from_scenario(loaded, ignore_faults=ignore_faults)
     polls = _polls(loaded)
     if not (models or polls or loaded.latency):
@@ -107,6 +109,8 @@ def command(
             ]
         lists = {node: figures.to_json() for node, figures in polls.items()}
         result: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
+        if loaded.carried:
+            result["warnings"] = [asdict(each) for each in loaded.carried]
         if bounds:
             result["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
         result["classes"] = dict.fromkeys(("polls", "latency"), ASSUMED)  # as times of ports and programs are

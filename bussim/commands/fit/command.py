@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,44 +65,68 @@ def command(
     overhead, loss and bit errors with their 95 % confidence intervals, and poll intervals.
     """
     from bussim.commands.fit.recording import fit
-    from bussim.commands.fit.show import comparison_of, show, to_json
+    from bussim.commands.fit.recording import simulate as simulated_of
+    from bussim.commands.fit.show import compared, show, to_json
+    from bussim.commands.fit.warnings import carried, difference, warnings_of
 
     if not is_recording(trace):
         raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
     target = None if output is None else checked_target(Path(output), (), force=force)
     with busy(f"reading {trace}"):
         fitted = fit(trace, settings, bus=bus, tolerance=tolerance)
+    estimated = warnings_of(fitted)
+    to_carry = carried(fitted, estimated)
+    longest = time_of("--simulate", simulate)
     scenario = scenario_of(
         fitted,
         base,
         name=f"fitted to {Path(trace).stem}",
         seed=seed,
-        longest=time_of("--simulate", simulate),
+        longest=longest,
+        warnings=to_carry,
         allow_code=allow_code,
     )
-    with busy("simulating the estimates"):
-        simulated = _simulated(scenario, fitted, wanted=time_of("--simulate", simulate) > 0)
-    comparison = None if simulated is None else comparison_of(fitted, simulated)
+    simulated = None
+    if longest and fitted.timed and fitted.behaviour.times:
+        with busy("simulating the estimates"):
+            simulated = simulated_of(scenario, fitted)
+    found = None if simulated is None else compared(fitted, simulated[1])
+    differs = {} if found is None else difference(found.comparison)
+    for text in differs.values():
+        click.echo(text, err=True)
+    warnings = differs | fitted.warnings | estimated
     if target is not None:
         from bussim.scenario.yaml.dump import dumps
         from bussim.version import __version__
 
+        if differs:
+            carries = [{"code": code, "text": text} for code, text in (differs | to_carry).items()]
+            scenario = replace(scenario, source={**scenario.source, "warnings": carries})
         write_text(target, f"# Made by bussim {__version__} fit from {trace}.\n{dumps(scenario)}")
     if plot is not None:
-        _plot(Path(plot), fitted, simulated)
+        _plot(Path(plot), fitted, None if simulated is None else simulated[0])
     if as_json:
-        found = to_json(fitted, comparison)
-        print_json({"source": trace, "scenario": output, **found})
+        print_json({"source": trace, "scenario": output, **to_json(fitted, found, warnings)})
         return
-    show(fitted, comparison)
+    show(fitted, found, warnings)
     if target is not None:
         click.echo(f"scenario: {target}")
 
 
 def scenario_of(
-    fitted: Fitted, base: str | None, *, name: str, seed: int, longest: int, allow_code: bool = False
+    fitted: Fitted,
+    base: str | None,
+    *,
+    name: str,
+    seed: int,
+    longest: int,
+    warnings: Mapping[str, str],
+    allow_code: bool = False,
 ) -> Scenario:
-    """The scenario of the estimates, or ``base`` with them. Raises ScenarioError or UsageError."""
+    """The scenario of the estimates, or ``base`` with them; it carries ``warnings``, by code.
+
+    Raises ScenarioError or UsageError.
+    """
     from bussim import api
     from bussim.commands.fit.scenario import bus_scenario, link_scenario, put_link
     from bussim.scenario.loader import from_data
@@ -116,25 +142,17 @@ def scenario_of(
     else:
         assert fitted.ports is not None  # noqa: S101 - narrows the type
         data = bus_scenario(fitted.ports, fitted.bus, name=name, duration=duration, seed=seed)
+    if warnings:
+        data["warnings"] = [{"code": code, "text": text} for code, text in warnings.items()]
     folder = None if base is None else Path(base).parent
     return from_data(data, name=base or "<fit>", allow_code=allow_code, folder=folder)
-
-
-def _simulated(scenario: Scenario, fitted: Fitted, *, wanted: bool) -> RunRecord | None:
-    from bussim import api
-
-    if not wanted or fitted.link is None or not fitted.link.scans:
-        return None
-    record = api.run(scenario, rows=False).record
-    link = record.links.get(fitted.bus)
-    return record if link is not None and link.scan_times.histogram.count else None
 
 
 def _plot(folder: Path, fitted: Fitted, simulated: RunRecord | None) -> None:
     from bussim.results.plots.scan_times import scan_time_histogram
     from bussim.results.store.safe_names import file_name
 
-    if simulated is None:
+    if simulated is None or fitted.link is None:
         raise UsageError("there are no link scans to draw")
     folder.mkdir(parents=True, exist_ok=True)
     picture = scan_time_histogram([fitted.measured, simulated], fitted.bus, ["measured", "simulated"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
@@ -13,7 +13,11 @@ from bussim.engines.modbus.server import SPACES, Space
 from bussim.errors import UsageError
 from bussim.line.protocols import BusProtocol
 from bussim.live.fit.link import LinkEstimate
-from bussim.live.fit.modbus import BusEstimate, PollEstimate
+from bussim.live.fit.modbus import BusEstimate
+from bussim.live.fit.noise import MASTER, NoiseEstimate
+from bussim.live.fit.outages import Losses
+from bussim.live.fit.polls import PollEstimate
+from bussim.live.fit.statistics import Estimate
 from bussim.live.fit.turnaround import TurnaroundDistribution
 from bussim.plc.link_registers import D_STATION
 from bussim.plc.profiles import PROFILES
@@ -58,16 +62,12 @@ def link_scenario(
         "seed": seed,
         "buses": [{"name": bus, "nn": True}],
         "plcs": plcs,
-        "noise": _link_noise(link, bus, name_of),
+        "noise": _noise(link.noise, bus, name_of, _lost(link), link.recording),
         "faults": [
-            {
-                "at": format_time(outage.start),
-                **({} if outage.end is None else {"for": format_time(max(1, outage.end - outage.start))}),
-                "power_off": name_of[k.station],
-            }
-            for k in link.stations
-            for outage in k.outages
-            if k.station in name_of and outage.start < duration
+            fault
+            for each in link.stations
+            if each.station in name_of
+            for fault in _outages(each.losses, name_of[each.station], duration)
         ],
     }
 
@@ -106,9 +106,9 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
     kept_noise = [
         each
         for each in data.get("noise", [])
-        if each.get("bus") != bus or not ({"ber", "reply_loss"} & set(each))
+        if each.get("bus") != bus or not ({"ber", "burst", "reply_loss"} & set(each))
     ]
-    data["noise"] = kept_noise + _link_noise(link, bus, name_of)
+    data["noise"] = kept_noise + _noise(link.noise, bus, name_of, _lost(link), link.recording)
     return data
 
 
@@ -121,7 +121,7 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
     if found.interval is not None:
         hmi["interval"] = format_time(min(found.interval, _LONGEST_DELAY))
     hmi["polls"] = []
-    held = [poll for poll in found.polls if _holds(poll)]
+    held = [poll for poll in found.polls if left_out(poll) is None]
     for poll in held:
         entry: dict[str, Any] = {
             "station": poll.station,
@@ -132,15 +132,10 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         }
         if poll.function in WRITES:
             entry["values"] = [0] * poll.quantity  # what was written may have changed each time
-        if poll.every is not None and poll.periodic:
+        if poll.every is not None:
             entry["every"] = format_time(poll.every)
             entry["at"] = format_time(max(0, poll.first - found.begin))
-        if poll.turns == 1:
-            entry["times"] = 1
         hmi["polls"].append(entry)
-    noise: list[dict[str, Any]] = []
-    if found.ber is not None and found.ber.value:
-        noise.append({"bus": bus, "ber": found.ber.value, "measured": found.recording})
     devices = [hmi] if hmi["polls"] else []
     for slave in found.slaves:
         if slave.station not in range(FIRST_STATION, LAST_STATION + 1):
@@ -157,9 +152,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         # A station that is asked for nothing that a map has is there nevertheless.
         device |= _items(held, slave.station) or {"registers": [{"address": 0, "count": 1, "value": 0}]}
         devices.append(device)
-        if slave.loss is not None and slave.loss.value and slave.delay is not None:
-            loss = {"reply_loss": slave.loss.value, "measured": found.recording}
-            noise.append({"bus": bus, "station": device["name"], **loss})
+    names = {slave.station: f"station{slave.station}" for slave in found.slaves} | {MASTER: "master"}
+    loss = {slave.station: slave.losses for slave in found.slaves if slave.delay is not None}
     return {
         "schema": 1,
         "name": name,
@@ -168,7 +162,13 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         "buses": [{"name": bus, "baud": found.baud, "format": found.format}],
         "plcs": [{"name": "idle"}],  # a scenario needs one
         "devices": devices,
-        "noise": noise,
+        "noise": _noise(found.noise, bus, names, loss, found.recording),
+        "faults": [
+            fault
+            for each in found.slaves
+            if each.delay is not None and each.station in range(FIRST_STATION, LAST_STATION + 1)
+            for fault in _outages(each.losses, names[each.station], duration)
+        ],
     }
 
 
@@ -181,9 +181,21 @@ def _delay(distribution: TurnaroundDistribution) -> dict[str, str]:
     }
 
 
-def _holds(poll: PollEstimate) -> bool:
-    """Whether a scenario can have a poll: its function, and its station."""
-    return poll.function in SPACES and poll.station <= LAST_STATION
+def left_out(poll: PollEstimate) -> str | None:
+    """Why a scenario cannot have a poll; None where it can."""
+    if poll.function not in SPACES:
+        return f"a scenario's master does not send function {poll.function}"
+    if not FIRST_STATION <= poll.station <= LAST_STATION and (poll.station or poll.function not in WRITES):
+        return f"station {poll.station} is none that may be asked"
+    return None
+
+
+def _outages(losses: Losses, name: str, duration: int) -> Iterator[dict[str, Any]]:
+    """Faults that switch a station off while it did not reply."""
+    for outage in losses.outages:
+        if outage.start < duration:
+            lasts = {} if outage.end is None else {"for": format_time(max(1, outage.end - outage.start))}
+            yield {"at": format_time(outage.start), **lasts, "power_off": name}
 
 
 def _items(polls: Sequence[PollEstimate], station: int) -> dict[str, list[dict[str, Any]]]:
@@ -237,13 +249,38 @@ def _fields(link: LinkEstimate, number: int) -> dict[str, Any]:
     return {"turnaround": {"mean": format_time(mean), "jitter": format_time(jitter)}}
 
 
-def _link_noise(link: LinkEstimate, bus: str, name_of: dict[int, str]) -> list[dict[str, Any]]:
-    noise, where = list[dict[str, Any]](), link.recording
-    if link.ber is not None and link.ber.value:
-        noise.append({"bus": bus, "ber": link.ber.value, "measured": link.recording})
-    noise += [
-        {"bus": bus, "station": name_of[found.station], "reply_loss": found.loss.value, "measured": where}
-        for found in link.stations
-        if found.loss is not None and found.loss.value and found.station in name_of
-    ]
+def _lost(link: LinkEstimate) -> dict[int, Losses]:
+    return {each.station: each.losses for each in link.stations}
+
+
+def _noise(
+    found: NoiseEstimate, bus: str, name_of: Mapping[int, str], lost: Mapping[int, Losses], where: str
+) -> list[dict[str, Any]]:
+    """Entries of noise: on the whole line, or of each sender's frames where they differ; lost replies.
+
+    What only the master's receiver has is noise of it. A reply of which it heard nothing is as one that was
+    not sent: it waits as long.
+    """
+    noise = list[dict[str, Any]]()
+
+    def add(rate: Estimate | None, key: str, **more: Any) -> None:
+        if rate is not None and rate.value:
+            noise.append({"bus": bus, **more, key: rate.value, "measured": where})
+
+    states, master = found.bursts.states, found.master_receiver
+    if states is not None:
+        times = {"good": states.good, "bad": states.bad}
+        burst: dict[str, Any] = {key: format_time(max(1, round(each.value))) for key, each in times.items()}
+        burst |= {"ber_good": states.ber_good.value, "ber_bad": states.ber_bad.value}
+        noise.append({"bus": bus, "burst": burst, "measured": where})
+    elif found.senders:
+        for sender, rate in found.senders.items():
+            add(rate, "ber", station=name_of[sender], direction="tx")
+    else:
+        add(found.ber, "ber")
+    add(master.ber, "ber", station=name_of[MASTER], direction="rx")
+    add(master.unheard, "reply_loss")
+    for station, each in lost.items():
+        if station in name_of:
+            add(each.loss, "reply_loss", station=name_of[station])
     return noise

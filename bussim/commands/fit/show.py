@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from bussim.commands.sniff.tally import statistics
-from bussim.live.fit.statistics import Estimate, Fit, compare
+from bussim.live.fit.comparison import Behaviour, Comparison, compare
+from bussim.live.fit.noise import NoiseEstimate
+from bussim.live.fit.outages import Losses
+from bussim.live.fit.statistics import Estimate
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.units import milliseconds, seconds
 from bussim.wording import counted
@@ -18,30 +21,34 @@ if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
     from bussim.live.fit.link import LinkEstimate
     from bussim.live.fit.turnaround import TurnaroundDistribution
-    from bussim.results.run_record import RunRecord
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
-    """Measured link scans against simulated ones."""
+class Compared:
+    """A recording against a simulation of its estimates: link scans, or exchanges of a Modbus bus."""
 
     measured: Histogram
     simulated: Histogram
-    fit: Fit
+    comparison: Comparison
+    what: str
 
 
-def comparison_of(fitted: Fitted, simulated: RunRecord) -> Comparison:
-    """How far the two histograms, of bins of 10 µs, are from each other."""
-    theirs = simulated.links[fitted.bus].scan_times.histogram
-    ours = fitted.measured.links[fitted.bus].scan_times.histogram
-    return Comparison(ours, theirs, compare(_samples(ours), _samples(theirs)))
+def compared(fitted: Fitted, simulated: Behaviour) -> Compared:
+    """How far the two are from each other."""
+    measured = fitted.behaviour
+    what = "scan" if fitted.link is not None else "exchange"
+    comparison = compare(measured, simulated, fitted.resolution)
+    return Compared(_histogram(measured), _histogram(simulated), comparison, what)
 
 
-def _samples(histogram: Histogram) -> list[int]:
-    return [position * BIN_TICKS for position, count in histogram.bins.items() for _ in range(count)]
+def _histogram(behaviour: Behaviour) -> Histogram:
+    histogram = Histogram()
+    for time in behaviour.times:
+        histogram.add(time)
+    return histogram
 
 
-def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
+def to_json(fitted: Fitted, simulated: Compared | None, warnings: Mapping[str, str]) -> dict[str, Any]:
     """The estimates as plain data; times in ms."""
     found: dict[str, Any] = {
         "schema": 1,
@@ -49,6 +56,7 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
         "exact_times": fitted.exact,
         "duration_s": round(seconds(fitted.duration), 6),
         "confidence": 0.95,
+        "warnings": [{"code": code, "text": text} for code, text in warnings.items()],
     }
     link = fitted.link
     if link is not None:
@@ -58,20 +66,17 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
             "master_gap_ms": _interval(link.master_gap, _ms),
             "scan_overhead_ms": _interval(link.scan_overhead, _ms),
             "reply_loss": _interval(link.loss),
-            "ber": _interval(link.ber),
+            **_noise(link.noise),
             "frames": link.frames,
             "damaged": link.damaged,
-            "scans": len(link.scans),
+            "scans": len(link.behaviour.times),
             "stations": {
                 str(each.station): {
                     "name": fitted.names.get(each.station),
                     "polls": each.polls,
                     "turnaround_ms": _interval(each.turnaround, _ms),
                     "law": _distribution(each.distribution),
-                    "reply_loss": _interval(each.loss),
-                    "outages_s": [
-                        [seconds(o.start), None if o.end is None else seconds(o.end)] for o in each.outages
-                    ],
+                    **_losses(each.losses),
                 }
                 for each in link.stations
             },
@@ -82,7 +87,8 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
             "protocol": ports.protocol.value,
             "interval_ms": _ms(ports.interval),
             "timeout_ms": _ms(ports.timeout),
-            "ber": _interval(ports.ber),
+            "timeout_between_ms": ports.timeout_between and [*map(_ms, ports.timeout_between)],
+            **_noise(ports.noise),
             "frames": ports.frames,
             "damaged": ports.damaged,
             "polls": [
@@ -104,20 +110,65 @@ def to_json(fitted: Fitted, comparison: Comparison | None) -> dict[str, Any]:
                     "requests": each.requests,
                     "delay_ms": _interval(each.delay, _ms),
                     "law": _distribution(each.distribution),
-                    "reply_loss": _interval(each.loss),
+                    **_losses(each.losses),
+                    "wrong_answers": each.wrong,
                     "exceptions": {f"{code:02X}": count for code, count in each.exceptions.items()},
                 }
                 for each in ports.slaves
             },
         }
-    if comparison is not None:
+    if simulated is not None:
+        comparison = simulated.comparison
         found["comparison"] = {
+            "verdict": comparison.verdict,
+            "differs": [
+                {"figure": each.name, "measured": each.measured, "simulated": each.simulated, "p": each.p}
+                for each in comparison.differs
+            ],
+            "tail_judged": comparison.tail,
             "ks_distance": comparison.fit.distance,
             "p": comparison.fit.p,
-            "measured_ms": {"count": comparison.measured.count, **statistics(comparison.measured)},
-            "simulated_ms": {"count": comparison.simulated.count, **statistics(comparison.simulated)},
+            "measured_ms": {"count": simulated.measured.count, **statistics(simulated.measured)},
+            "simulated_ms": {"count": simulated.simulated.count, **statistics(simulated.simulated)},
         }
     return found
+
+
+def _losses(found: Losses) -> dict[str, Any]:
+    return {
+        "reply_loss": _interval(found.loss),
+        "damaged_replies": _interval(found.damaged_replies),
+        "outages_s": [[seconds(o.start), None if o.end is None else seconds(o.end)] for o in found.outages],
+    }
+
+
+def _noise(found: NoiseEstimate) -> dict[str, Any]:
+    bursts, master, states = found.bursts, found.master_receiver, found.bursts.states
+    good, bad = (states.good, states.bad) if states is not None else (None, None)
+    bers = (states.ber_good, states.ber_bad) if states is not None else (None, None)
+    return {
+        "ber": _interval(found.ber),
+        "ber_of_senders": {str(sender): _interval(rate) for sender, rate in found.senders.items()},
+        "master_receiver": {
+            "repeats": master.repeats,
+            "loss": _interval(master.loss),
+            "unheard": _interval(master.unheard),
+            "ber": _interval(master.ber),
+        },
+        "burst": {
+            "seen": bursts.seen,
+            "attempts": bursts.attempts,
+            "failures": bursts.failures,
+            "p_fail": bursts.p_fail,
+            "p_fail_after_fail": bursts.p_fail_after_fail,
+            "runs_p": bursts.runs_p,
+            "dispersion": bursts.dispersion,
+            "good_ms": _interval(good, _ms),
+            "bad_ms": _interval(bad, _ms),
+            "ber_good": _interval(bers[0]),
+            "ber_bad": _interval(bers[1]),
+        },
+    }
 
 
 def _settings(link: LinkEstimate) -> tuple[int, int, int, int]:
@@ -158,13 +209,15 @@ def _distribution(distribution: TurnaroundDistribution | None) -> dict[str, Any]
     }
 
 
-def show(fitted: Fitted, comparison: Comparison | None) -> None:
+def show(fitted: Fitted, simulated: Compared | None, warnings: Mapping[str, str]) -> None:
     """Print the estimates, and both histograms side by side."""
     from rich.text import Text
 
     from bussim.commands.common.console import plain_table, wide_console
 
     console = wide_console()
+    for text in warnings.values():
+        click.echo(f"warning: {text}")
     source = "exact times" if fitted.exact else "times of the operating system, its delays included"
     click.echo(f"{fitted.bus}: {seconds(fitted.duration):.1f} s, {source}")
     if fitted.link is not None:
@@ -178,8 +231,8 @@ def show(fitted: Fitted, comparison: Comparison | None) -> None:
     console.print(table)
     for line in _outages(fitted):
         click.echo(line)
-    if comparison is not None:
-        for line in _side_by_side(comparison):
+    if simulated is not None:
+        for line in _side_by_side(simulated):
             console.print(line, markup=False)
 
 
@@ -207,25 +260,39 @@ def _rows(fitted: Fitted) -> list[tuple[str, str, str, str]]:
             name = fitted.names.get(each.station) or f"station {each.station}"
             time(f"turnaround of {name}", each.turnaround)
             _add_distribution(rows, each.distribution)
-            rate(f"lost replies of {name}", each.loss)
+            rate(f"lost replies of {name}", each.losses.loss)
+            rate(f"damaged replies of {name}", each.losses.damaged_replies)
         rate("lost replies, all", link.loss)
-        rate("bit error rate", link.ber)
     if ports is not None:
         for poll in ports.polls:
-            name = f"{poll.station}: {poll.function:02X} at {poll.address} × {poll.quantity}"
             every = "–" if poll.every is None else f"{milliseconds(poll.every):.3f} ms"
             span = "–"
             if poll.low is not None and poll.high is not None:
                 span = f"90 % in {milliseconds(poll.low):.3f} … {milliseconds(poll.high):.3f}"
-            rows.append((f"  every {name}", every, span, f"{poll.turns:,}"))
+            rows.append((f"  every {poll.name}", every, span, f"{poll.turns:,}"))
         for slave in ports.slaves:
             time(f"response of station {slave.station} after", slave.delay)
             _add_distribution(rows, slave.distribution)
-            rate(f"no response of station {slave.station}", slave.loss)
-        rate("bit error rate", ports.ber)
+            rate(f"no response of station {slave.station}", slave.losses.loss)
+            rate(f"damaged responses of station {slave.station}", slave.losses.damaged_replies)
         for name, ticks in (("pause before a request", ports.interval), ("timeout", ports.timeout)):
             if ticks is not None:
                 rows.append((f"  {name}", f"{milliseconds(ticks):.3f} ms", "", ""))
+    noise = fitted.noise
+    rate("bit error rate", noise.ber)
+    for sender, ber in noise.senders.items():
+        rate(f"  of {f'station {sender}' if sender else 'the master'}", ber)
+    rate("sound replies that the master lost", noise.master_receiver.loss)
+    rate("bit error rate at the master's receiver", noise.master_receiver.ber)
+    bursts, states = noise.bursts, noise.bursts.states
+    seen = {True: "seen", False: "not seen", None: "too few to tell"}[bursts.seen]
+    after = "" if bursts.p_fail_after_fail is None else f"{bursts.p_fail_after_fail:.3g} after a failed one"
+    rows.append(("  errors in bursts", seen, after, f"{bursts.failures:,} of {bursts.attempts:,}"))
+    if states is not None:
+        time("  good state", states.good)
+        time("  bad state", states.bad)
+        rate("  bit error rate in the good state", states.ber_good)
+        rate("  bit error rate in the bad state", states.ber_bad)
     return rows
 
 
@@ -242,24 +309,27 @@ def _add_distribution(
 
 def _outages(fitted: Fitted) -> list[str]:
     lines = []
-    for each in fitted.link.stations if fitted.link is not None else ():
-        name = fitted.names.get(each.station) or f"station {each.station}"
-        for outage in each.outages:
-            until = "the end" if outage.end is None else f"{seconds(outage.end):.3f} s"
-            lines.append(f"  {name} was silent from {seconds(outage.start):.3f} s to {until}")
+    link, ports = fitted.link, fitted.ports
+    found = [*(each.losses for each in (link.stations if link is not None else ()))]
+    found += [each.losses for each in (ports.slaves if ports is not None else ())]
+    for outage in (outage for losses in found for outage in losses.outages):
+        name = fitted.names.get(outage.station) or f"station {outage.station}"
+        until = "the end" if outage.end is None else f"{seconds(outage.end):.3f} s"
+        lines.append(f"  {name} was silent from {seconds(outage.start):.3f} s to {until}")
     return lines
 
 
 _ROWS, _WIDTH = 24, 30
 
 
-def _side_by_side(comparison: Comparison) -> list[str]:
-    measured, simulated = comparison.measured, comparison.simulated
+def _side_by_side(found: Compared) -> list[str]:
+    measured, simulated, comparison = found.measured, found.simulated, found.comparison
     low = min(*measured.bins, *simulated.bins)
     high = max(*measured.bins, *simulated.bins)
     step = max(1, -(-(high - low + 1) // _ROWS))
-    scans = counted(measured.count, "scan")
-    lines = [f"  link scan time (ms)   measured, {scans}{'':12}simulated, {simulated.count:,}"]
+    scans = counted(measured.count, found.what)
+    title = "link scan time (ms)" if found.what == "scan" else "exchange (ms)"
+    lines = [f"  {title:<19}   measured, {scans}{'':12}simulated, {simulated.count:,}"]
     for row in range(low, high + 1, step):
         shares = [
             sum(count for at, count in one.bins.items() if row <= at < row + step) / one.count
@@ -280,4 +350,8 @@ def _side_by_side(comparison: Comparison) -> list[str]:
         f"  Kolmogorov-Smirnov distance {comparison.fit.distance:.4f}, "
         f"p {comparison.fit.p:.3g} (probability of a distance like this if both are one law)"
     )
+    judged = (
+        "tail included" if comparison.tail else f"too short to judge the tail: fewer than 100 {found.what}s"
+    )
+    lines.append(f"  the simulation {comparison.verdict} with the recording; {judged}")
     return lines

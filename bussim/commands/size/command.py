@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import busy
+from bussim.commands.common.output import busy, show_carried
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
@@ -84,6 +85,7 @@ def command(
             ber=ber,
             overrides=overrides,
         )
+    show_carried(loaded, err=as_json)
     models = from_scenario(loaded, ignore_faults=True, bound_end=True)
     if not models:
         raise UsageError(f"{scenario} has no N:N link")
@@ -100,7 +102,10 @@ def command(
         if check:
             values["verify"] = [verdict.to_json() for verdict in verifications[bus]]
         links[bus] = values
-    text = json.dumps({"schema": 1, "links": links}, indent=2, ensure_ascii=False)
+    result: dict[str, object] = {"schema": 1, "links": links}
+    if loaded.carried:
+        result["warnings"] = [asdict(each) for each in loaded.carried]
+    text = json.dumps(result, indent=2, ensure_ascii=False)
     if as_json:
         click.echo(text)
     else:

@@ -6,13 +6,16 @@ from array import array
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import log
 from statistics import median_low
 
 from bussim.engines.nn.codes import NO_REPLY
 from bussim.engines.nn.frames import DATA, MODES, POLL, Frame, LinkSettings
 from bussim.line.characters import NN_LINE
-from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, median, proportion
+from bussim.live.fit.clusters import Attempt
+from bussim.live.fit.comparison import Behaviour
+from bussim.live.fit.noise import MASTER, FrameLog, MasterReceiver, NoiseEstimate, received
+from bussim.live.fit.outages import DAMAGED, REPLIED, SILENT, Losses, Outcomes, losses
+from bussim.live.fit.statistics import Estimate, mean, median, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.heard import Heard, Verdict
@@ -22,23 +25,12 @@ from bussim.units import TICKS_PER_MS
 
 #: 10 ms, the unit of D8180, in ticks.
 TIMEOUT_UNIT = 10 * TICKS_PER_MS
-#: A silence is an outage if runs of its length would be found by chance in fewer recordings than this.
-_BY_CHANCE = 0.01
-#: So many attempts without a reply in a row are an outage before anything is known of the loss.
-_SURELY = 8
-_ROUNDS = 10
-
-#: Outcomes of an attempt whose poll was heard sound.
-REPLIED, SILENT, DAMAGED = 0, 1, 2
-
-
-@dataclass(frozen=True, slots=True)
-class Outage:
-    """A time in which a station gave no reply; ``end`` is None where it lasts to the end."""
-
-    station: int
-    start: int  # first edge of the first poll without a reply
-    end: int | None  # end of the last one
+#: The kind of a slave's frame, beside those of the master's.
+_REPLY = "reply"
+#: The timeout where none is known, in its units.
+_TIMEOUT = 5
+#: A master that takes no reply repeats at once if it does within so many characters more than its gap.
+_AT_ONCE = NN_LINE.characters(2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +41,7 @@ class StationEstimate:
     polls: int
     turnaround: Estimate | None  # ticks
     distribution: TurnaroundDistribution | None
-    loss: Estimate | None
-    outages: tuple[Outage, ...]
+    losses: Losses
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +53,9 @@ class LinkEstimate:
     master_gap: Estimate | None
     scan_overhead: Estimate | None
     loss: Estimate | None
-    ber: Estimate | None
+    noise: NoiseEstimate
     stations: tuple[StationEstimate, ...]
-    scans: tuple[int, ...]  # durations of link scans
+    behaviour: Behaviour  # its times are those of link scans
     damaged: int
     frames: int
     recording: str = ""  # where it was measured
@@ -75,9 +66,7 @@ class _Station:
     """What was seen of one slave."""
 
     turnarounds: array[int] = field(default_factory=lambda: array("q"))
-    outcomes: bytearray = field(default_factory=bytearray)
-    starts: array[int] = field(default_factory=lambda: array("q"))  # of each poll
-    ends: array[int] = field(default_factory=lambda: array("q"))
+    attempts: Outcomes = field(default_factory=Outcomes)
 
 
 class LinkObserver(LinkDecoder):
@@ -87,38 +76,97 @@ class LinkObserver(LinkDecoder):
         super().__init__(line, sink, names)
         self._seen: defaultdict[int, _Station] = defaultdict(_Station)
         self._gaps = array("q")  # behind frames of the master or good replies
-        self._waits = array("q")  # from the end of a poll without a reply to the master's next frame
+        self._waits = array("q")  # from the end of a poll without a reply to the repeat
         self._turns = array("q")  # from the last good reply of a scan to the next scan
-        self._sizes: dict[int, list[int]] = {}  # bits → sound, damaged
+        self._last_waits = array("q")  # from the last poll of a scan, without a reply, to the next scan
+        self._log = FrameLog(NN_LINE.format.bits)
         self._scans = array("q")
         self._blocks: Counter[int] = Counter()
+        self._waited: int | None = None  # since the latest poll, which failed without a reply
+        self._latest_damage = -1  # number of the latest damaged frame
+        self._in_reply = False  # whether it stood for a reply
+        self._last_station: int | None = None  # of the latest attempt
+        #: A damaged frame of the master whose kind what follows will show: its number, start and end.
+        self._unknown: tuple[int, int, int] | None = None
+        self._damaged_polls: list[Attempt] = []
+        self._reply_bits = 0  # of the latest reply
+        self._again: list[
+            tuple[int, int]
+        ] = []  # pauses between good replies and repeats; bits of the replies
 
     def heard(self, heard: Heard) -> None:
         """See the base class."""
         frame = heard.frame if isinstance(heard.frame, Frame) else None
-        if heard.verdict in (Verdict.SOUND, Verdict.DAMAGED):
-            sizes = self._sizes.setdefault(len(heard.chars) * NN_LINE.format.bits, [0, 0])
-            sizes[frame is None] += 1
-        before = self._before
-        if frame is not None and before is not None and self._poll is None and not _replies(frame):
+        if frame is None:
+            if heard.verdict is Verdict.DAMAGED:
+                self._hear_damage(heard)
+            super().heard(heard)
+            return
+        before, replies, recorder = self._before, _replies(frame), self.recorder_damage
+        if before is not None and self._poll is None and not replies:
             # Behind the last slave's reply comes the overhead, else the master's gap alone.
             turn = _replies(before[1]) and frame.kind != POLL
-            (self._turns if turn else self._gaps).append(heard.start - before[0])
+            if frame.kind == POLL and (frame.station, frame.counter) == self._taken:
+                self._again.append((heard.start - before[0], self._reply_bits))
+            else:
+                (self._turns if turn else self._gaps).append(heard.start - before[0])
+        self._resolve(heard.start, frame)
+        sender, kind = (frame.station, _REPLY) if replies else (MASTER, frame.kind)
+        size = len(heard.chars)
+        if replies:
+            self._reply_bits = size * NN_LINE.format.bits
+        self._log.add(heard.start, heard.end, size, sender, kind, damaged=False)
+        self._waited = None
         super().heard(heard)
+        if self._waited is not None:
+            (self._waits if frame.kind == POLL else self._last_waits).append(self._waited)
+        if self.recorder_damage > recorder:
+            self._withdraw()
+
+    def _hear_damage(self, heard: Heard) -> None:
+        """A damaged frame is the reply to the open poll, or else the master's."""
+        self._resolve(heard.start, None)
+        poll = self._poll
+        replies = poll is not None and not self._pieces and heard.start - poll.end < self._wait()
+        sender = poll.station if replies and poll is not None else MASTER
+        number = self._log.add(
+            heard.start, heard.end, len(heard.chars), sender, _REPLY if replies else DATA, damaged=True
+        )
+        self._latest_damage, self._in_reply = number, replies
+        self._unknown = None if replies else (number, heard.start, heard.end)
+
+    def _resolve(self, now: int, frame: Frame | None) -> None:
+        """What follows a damaged frame of the master tells which it was: only a poll is waited for."""
+        if self._unknown is None:
+            return
+        (number, start, end), self._unknown = self._unknown, None
+        if now - end >= self._wait():
+            self._log.is_of(number, POLL)
+            station = frame.station if frame is not None and frame.kind == POLL else None
+            self._damaged_polls.append(Attempt(start, station, failed=True))
+
+    def _wait(self) -> int:
+        """Surely less than the timeout, and more than any pause but it."""
+        timeout = (self.settings.timeout if self.settings else _TIMEOUT) * TIMEOUT_UNIT
+        return (self.shortest_wait or timeout) * 9 // 10
+
+    def _withdraw(self) -> None:
+        """The latest damaged frame was so at the recorder only."""
+        self._log.withdraw(self._latest_damage)
+        if self._in_reply and self._last_station is not None:
+            self._seen[self._last_station].attempts.outcomes[-1] = REPLIED
 
     def _attempted(self, poll: OpenPoll, code: int, now: int, turnaround: int | None) -> None:
         super()._attempted(poll, code, now, turnaround)
-        station, outcome = self._seen[poll.station], REPLIED
+        station, outcome = self._seen[poll.station], DAMAGED
+        self._last_station = poll.station
         if turnaround is not None:
+            outcome = REPLIED
             station.turnarounds.append(turnaround)
         elif code == NO_REPLY:
             outcome = SILENT
-            self._waits.append(now - poll.end)
-        else:
-            outcome = DAMAGED
-        station.outcomes.append(outcome)
-        station.starts.append(poll.start)
-        station.ends.append(poll.end)
+            self._waited = now - poll.end
+        station.attempts.add(outcome, poll.start, poll.end)
 
     def _scan_begins(self, start: int, counter: int) -> None:
         scans, begun = self.scans, self._scan
@@ -132,39 +180,49 @@ class LinkObserver(LinkDecoder):
 
     # -- estimating ----------------------------------------------------------------------------
 
-    def estimate(self) -> LinkEstimate | None:
-        """The estimates; None where there was no poll."""
+    def estimate(self, resolution: int = 0) -> LinkEstimate | None:
+        """The estimates from times that are exact to ``resolution`` ticks; None where there was no poll."""
         if not self._stations:
             return None
         # A station whose only poll is the last frame has no outcome yet.
-        self._seen |= {number: _Station() for number in self._stations - self._seen.keys()}
+        found = losses({number: self._seen[number].attempts for number in sorted(self._stations)})
         gap = median_low(self._gaps) if self._gaps else 0
-        outages, lost, trials = self._losses()
+        overhead = self._overhead(gap)
         stations = []
-        for number in sorted(self._stations):
-            seen = self._seen[number]
-            distribution = distribution_of(seen.turnarounds) if seen.turnarounds else None
+        for number, lost in found.items():
+            turnarounds = self._seen[number].turnarounds
             stations.append(
                 StationEstimate(
                     number,
-                    len(seen.outcomes),
-                    mean(seen.turnarounds) if seen.turnarounds else None,
-                    distribution,
-                    proportion(lost[number], trials[number]) if trials[number] else None,
-                    tuple(outages[number]),
+                    len(self._seen[number].attempts.outcomes),
+                    mean(turnarounds).widened(resolution) if turnarounds else None,
+                    distribution_of(turnarounds) if turnarounds else None,
+                    lost,
                 )
             )
-        total = sum(trials.values())
-        overhead = median([turn - gap for turn in self._turns]) if self._turns else None
+        trials = sum(lost.trials for lost in found.values())
+        attempts = [
+            Attempt(start, number, outcome != REPLIED)
+            for number, lost in found.items()
+            for start, outcome in self._seen[number].attempts.apart_from(lost)
+        ]
+        noise = self._log.estimate([*attempts, *self._damaged_polls], self._master_receiver(gap + resolution))
         return LinkEstimate(
             settings=self.settings or self._seen_settings(gap),
             settings_received=self.settings is not None,
-            master_gap=median(self._gaps) if self._gaps else None,
-            scan_overhead=overhead,
-            loss=proportion(sum(lost.values()), total) if total else None,
-            ber=bit_error_rate({bits: (sound, bad) for bits, (sound, bad) in self._sizes.items()}),
+            master_gap=median(self._gaps).widened(resolution) if self._gaps else None,
+            scan_overhead=overhead and overhead.widened(resolution),
+            loss=proportion(sum(lost.lost for lost in found.values()), trials) if trials else None,
+            noise=noise,
             stations=tuple(stations),
-            scans=tuple(self._scans),
+            behaviour=Behaviour(
+                times=self._scans,
+                distances=self._scans,
+                failed=noise.bursts.failures,
+                attempts=noise.bursts.attempts,
+                again=noise.bursts.p_fail_after_fail,
+                station_errors=self.station_errors.total(),
+            ),
             damaged=self.damaged,
             frames=self.frames,
         )
@@ -173,67 +231,27 @@ class LinkObserver(LinkDecoder):
         """Settings that explain what was seen, where there was no parameter frame."""
         block = self._blocks.most_common(1)[0][0] if self._blocks else 0
         mode = next((number for number, one in enumerate(MODES) if one.size == block), 0)
-        timeout = round((median_low(self._waits) - gap) / TIMEOUT_UNIT) if self._waits else 5
-        return LinkSettings(
-            max(self._stations), mode, min(10, self.most_attempts - 1), min(255, max(5, timeout))
-        )
+        timeout = _TIMEOUT
+        if self.shortest_wait is not None:
+            timeout = min(255, max(_TIMEOUT, round((self.shortest_wait - gap) / TIMEOUT_UNIT)))
+        return LinkSettings(max(self._stations), mode, min(10, self.most_attempts - 1), timeout)
 
-    def _losses(self) -> tuple[dict[int, list[Outage]], dict[int, int], dict[int, int]]:
-        """Outages by station, and of all other attempts those without a reply and their number."""
-        longest = _SURELY
-        for _ in range(_ROUNDS):
-            lost, trials = self._without_outages(longest)
-            hits, total = sum(lost.values()), sum(trials.values())
-            rate = hits / total if total else 0.0
-            limit = _SURELY
-            if 0 < rate < 1:
-                limit = max(2, int(log(_BY_CHANCE / total) / log(rate)) + 1)
-            elif rate == 0:
-                limit = 2
-            if limit == longest:
-                break
-            longest = limit
-        lost, trials = self._without_outages(longest)
-        outages = {
-            number: [
-                Outage(number, seen.starts[first], seen.ends[last - 1] if last < len(seen.outcomes) else None)
-                for first, last in _runs(seen.outcomes, longest)
-            ]
-            for number, seen in self._seen.items()
-        }
-        return outages, lost, trials
+    def _overhead(self, gap: int) -> Estimate | None:
+        """From the last reply of a scan, or the end of the wait for it, to the next scan, less the gap."""
+        if self._turns:
+            return median([turn - gap for turn in self._turns])
+        if not self._last_waits:
+            return None
+        wait = median_low(self._waits) if self._waits else None
+        if wait is None and self.settings is not None:
+            wait = self.settings.timeout * TIMEOUT_UNIT + gap
+        return None if wait is None else median([last - wait for last in self._last_waits])
 
-    def _without_outages(self, longest: int) -> tuple[dict[int, int], dict[int, int]]:
-        lost: dict[int, int] = {}
-        trials: dict[int, int] = {}
-        for number, seen in self._seen.items():
-            outcomes = seen.outcomes
-            silent = outcomes.count(SILENT)
-            count = len(outcomes)  # a damaged reply is no lost one
-            for first, last in _runs(outcomes, longest):
-                silent -= outcomes[first:last].count(SILENT)
-                count -= last - first
-            lost[number], trials[number] = silent, count
-        return lost, trials
+    def _master_receiver(self, gap: int) -> MasterReceiver:
+        damaged: Counter[int] = Counter(bits for wait, bits in self._again if wait <= gap + _AT_ONCE)
+        return received(self._log.replies(), damaged, len(self._again) - damaged.total())
 
 
 def _replies(frame: Frame) -> bool:
     """Whether a frame is a slave's."""
     return frame.kind == DATA and frame.station > 0
-
-
-def _runs(outcomes: bytearray, longest: int) -> list[tuple[int, int]]:
-    """Runs of at least ``longest`` attempts without a reply: the first, and the next one with a reply.
-
-    Before its first reply the station may not have been there at all: that is a run, however short.
-    """
-    found = []
-    at = 0
-    while (at := outcomes.find(SILENT, at)) >= 0:
-        end = outcomes.find(REPLIED, at)
-        end = len(outcomes) if end < 0 else end
-        never = REPLIED not in outcomes[:at]
-        if outcomes[at:end].count(SILENT) >= (1 if never else longest):
-            found.append((at, end))
-        at = end
-    return found

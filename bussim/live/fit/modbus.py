@@ -4,43 +4,36 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from statistics import median_low
+from typing import assert_never
 
-from bussim.engines.modbus.adu import BROADCAST
-from bussim.line.characters import CharFormat
-from bussim.live.fit.statistics import Estimate, bit_error_rate, mean, proportion
+from bussim.engines.modbus.adu import Adu
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.fit.clusters import Attempt
+from bussim.live.fit.comparison import Behaviour
+from bussim.live.fit.noise import MASTER, UNKNOWN, FrameLog, MasterReceiver, NoiseEstimate, received
+from bussim.live.fit.outages import DAMAGED, REPLIED, SILENT, Losses, Outcomes, losses
+from bussim.live.fit.polls import PollEstimate, Turn, polls_of, repeats_of
+from bussim.live.fit.statistics import Estimate, mean
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.decoder import Line
+from bussim.live.sniff.functions import Asked, usual_size
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
-from bussim.live.sniff.modbus import ModbusDecoder
+from bussim.live.sniff.modbus import ModbusDecoder, Open
 from bussim.trace.records import Sink, TransactionRecord
 
-#: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
-_LATE, _MOST = 0.25, 0.9
-#: From fewer distances no period is concluded.
-_LEAST = 5
-
-
-@dataclass(frozen=True, slots=True)
-class PollEstimate:
-    """A request that recurs. ``every`` is the median distance of its turns in ticks, None for a single one.
-
-    ``low`` and ``high`` hold nine tenths of the distances; ``periodic``: its turns keep to a grid.
-    """
-
-    station: int
-    function: int
-    address: int
-    quantity: int
-    turns: int
-    first: int
-    every: int | None
-    low: int | None
-    high: int | None
-    periodic: bool
-    retries: int
+#: What an attempt was to its station. A wrong answer is one: its device is at fault, not the line.
+_OUTCOMES = {
+    "ok": REPLIED,
+    "exception": REPLIED,
+    "wrong_answer": REPLIED,
+    "no_answer": SILENT,
+    "damaged": DAMAGED,
+}
+#: The kind of a frame whose length nothing tells.
+_ANY = "any"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +44,18 @@ class SlaveEstimate:
     requests: int
     delay: Estimate | None
     distribution: TurnaroundDistribution | None
-    loss: Estimate | None
+    losses: Losses
+    wrong: int  # wrong answers
     exceptions: dict[int, int]
 
 
 @dataclass(frozen=True, slots=True)
 class BusEstimate:
-    """A bus with one Modbus master. Times in ticks."""
+    """A bus with one Modbus master. Times in ticks.
+
+    ``behaviour``: its times are those of attempts, from a request's first edge to the end of its response or
+    of the wait for it, its distances those of requests.
+    """
 
     protocol: LineProtocol
     baud: int
@@ -65,8 +63,10 @@ class BusEstimate:
     polls: tuple[PollEstimate, ...]
     slaves: tuple[SlaveEstimate, ...]
     interval: int | None  # shortest pause from a response to the next request
-    timeout: int | None  # shortest wait after a request without a response
-    ber: Estimate | None
+    timeout: int | None  # shortest wait after a request without a response…
+    timeout_between: tuple[int, int] | None  # …or the middle of these, where no wait shows it
+    noise: NoiseEstimate
+    behaviour: Behaviour
     frames: int
     damaged: int
     begin: int
@@ -74,16 +74,10 @@ class BusEstimate:
 
 
 @dataclass(slots=True)
-class _Poll:
-    starts: array[int] = field(default_factory=lambda: array("q"))
-    attempts: int = 1
-
-
-@dataclass(slots=True)
 class _Slave:
     delays: array[int] = field(default_factory=lambda: array("q"))
-    requests: int = 0
-    lost: int = 0
+    attempts: Outcomes = field(default_factory=Outcomes)
+    wrong: int = 0
     exceptions: Counter[int] = field(default_factory=Counter)
 
 
@@ -93,102 +87,218 @@ class BusObserver(ModbusDecoder):
     def __init__(self, line: Line, sink: Sink) -> None:
         super().__init__(line, sink)
         self._protocol = LineProtocol.RTU
-        self._bits = CharFormat.parse(line.format).bits
-        self._polls: dict[tuple[int, int, int, int], _Poll] = {}
         self._slaves: dict[int, _Slave] = {}
-        self._sizes: dict[int, list[int]] = {}
-        self._response_end: int | None = None
-        self._interval: int | None = None
-        self._timeout: int | None = None
+        self._bits = CharFormat.parse(line.format).bits
+        self._log = FrameLog(self._bits)
+        self._turns: list[Turn] = []
+        self._exchanges = array("q")
         self._begin: int | None = None
+        self._damaged_requests: dict[int, Attempt] = {}  # by the number of the frame
+        self._latest_damage = -1  # number of the latest damaged frame
+        self._replied: Asked | None = None  # the request that is being replied to…
+        self._reply_bits = 0  # …and the bits of the reply
+        self._two_characters = LineTiming(line.baud, CharFormat.parse(line.format)).characters(2)
+        self._latest: tuple[_Slave, int] | None = None  # of the latest attempt: its slave, its number
+        #: Damaged responses that were not asked for again: attempt, frame, slave, number of the attempt.
+        self._unrepeated: list[tuple[int, int, _Slave, int]] = []
 
     def heard(self, heard: Heard) -> None:
         """Take in a frame."""
         self._protocol = heard.protocol
         if self._begin is None:
             self._begin = heard.start
-        if heard.verdict in (Verdict.SOUND, Verdict.DAMAGED):
-            self._sizes.setdefault(len(heard.chars) * self._bits, [0, 0])[heard.frame is None] += 1
         super().heard(heard)
+
+    def _count(self, heard: Heard, kind: str, sender: str) -> None:
+        """Keep frames, in the order in which it is known what they are."""
+        super()._count(heard, kind, sender)
+        match heard.verdict:
+            case Verdict.DAMAGED:
+                self._hear_damage(heard)
+            case Verdict.SOUND:
+                self._hear_sound(heard, kind)
+            case Verdict.STRAY | Verdict.TORN:
+                pass
+            case _:
+                assert_never(heard.verdict)
+
+    def _hear_damage(self, heard: Heard) -> None:
+        """A damaged frame is the reply to the open request, the first one behind it, or else a request."""
+        open_, size = self._open, len(heard.chars)
+        replies = open_ is not None and not open_.damaged
+        who, what = MASTER, _ANY
+        if replies and open_ is not None:
+            usual = usual_size(open_.asked)
+            who, what = open_.asked.station, open_.asked.name
+            size = self._chars(usual) if usual else size
+        number = self._log.add(heard.start, heard.end, size, who, (who > 0, what), damaged=True)
+        self._latest_damage = number
+        if not replies:
+            self._damaged_requests[number] = Attempt(heard.start, None, failed=True)
+
+    def _hear_sound(self, heard: Heard, kind: str) -> None:
+        who, what = UNKNOWN, _ANY
+        if kind == "request":
+            who = MASTER
+        elif kind in ("response", "exception") and self._replied is not None:
+            who = self._replied.station
+            what = self._replied.name if kind == "response" else _ANY
+        self._log.add(heard.start, heard.end, len(heard.chars), who, (who > 0, what), damaged=False)
+
+    def _chars(self, pdu: int) -> int:
+        """The characters of a frame with a PDU of so many."""
+        return 2 * pdu + 7 if self._protocol is LineProtocol.ASCII else pdu + 3
+
+    def _request(self, heard: Heard, asked: Asked) -> None:
+        dropped, attempt = self._dropped.total(), 1
+        if self._open is not None:
+            attempt = self._open.attempt
+        elif self._failed is not None:
+            attempt = self._failed[1]
+        super()._request(heard, asked)
+        if self._dropped.total() > dropped and self._latest is not None:
+            self._unrepeated.append((attempt, self._latest_damage, *self._latest))
+
+    def _respond(self, heard: Heard, open_: Open, exception: int | None = None) -> None:
+        self._replied, self._reply_bits = open_.asked, len(heard.chars) * self._bits
+        super()._respond(heard, open_, exception)
+
+    def _frame(self, heard: Heard, frame: Adu) -> None:
+        recorder = self.recorder_damage
+        super()._frame(heard, frame)
+        if self.recorder_damage > recorder:  # the request before it was damaged, and its station heard it
+            self._log.withdraw(self._latest_damage)
+            self._damaged_requests.pop(self._latest_damage, None)
 
     def _take(self, record: TransactionRecord) -> None:
         super()._take(record)
         if record.sent is None or record.asked is None or record.outcome == "undecided":
             return
-        key = (record.station, record.function, record.address, record.quantity)
-        poll = self._polls.setdefault(key, _Poll())
-        poll.attempts = max(poll.attempts, record.attempt)
-        if record.attempt == 1:
-            poll.starts.append(record.sent)
-        if self._response_end is not None:
-            pause = record.sent - self._response_end
-            self._interval = pause if self._interval is None else min(pause, self._interval)
-        self._response_end = record.answer_end
-        if record.station == BROADCAST or record.outcome == "unclear":
+        request = (record.station, record.function, record.address, record.quantity)
+        of_reply = record.answer_end, self._reply_bits, record.outcome
+        self._turns.append(Turn(request, record.attempt, record.sent, record.asked, *of_reply))
+        outcome = _OUTCOMES.get(record.outcome)
+        if outcome is None:
             return
         slave = self._slaves.setdefault(record.station, _Slave())
-        slave.requests += 1
+        self._latest = slave, len(slave.attempts.outcomes)
+        slave.attempts.add(outcome, record.sent, record.asked)
+        slave.wrong += record.outcome == "wrong_answer"
+        self._exchanges.append(record.end - record.sent)
         if record.answer_start is not None:
             slave.delays.append(max(0, record.answer_start - record.asked))
             if record.exception:
                 slave.exceptions[record.exception] += 1
-        elif record.outcome == "no_answer":
-            slave.lost += 1
-            wait = record.end - record.asked
-            self._timeout = wait if self._timeout is None else min(wait, self._timeout)
 
-    def estimate(self) -> BusEstimate | None:
-        """The estimates; None where no request was heard."""
-        if not self._polls:
+    # -- estimating ----------------------------------------------------------------------------
+
+    def estimate(self, resolution: int = 0, span: int = 0, *, timed: bool = True) -> BusEstimate | None:
+        """The estimates from times that are exact to ``resolution`` ticks, in a recording of ``span`` ticks.
+
+        None where no request was heard. Without ``timed`` there are no times, and nothing is said of any.
+        """
+        turns = self._turns
+        if not turns:
             return None
-        interval = max(0, self._interval) if self._interval is not None else None
+        self._leave_out_recorder()
+        found = {
+            number: losses({number: slave.attempts})[number] for number, slave in sorted(self._slaves.items())
+        }
+        attempts = [
+            Attempt(start, number, outcome != REPLIED)
+            for number, lost in found.items()
+            for start, outcome in self._slaves[number].attempts.apart_from(lost)
+        ]
+        repeats = repeats_of(turns) if timed else None
+        unasked = frozenset(repeats or ())
+        pauses = [
+            turn.sent - before.replied
+            for number, (before, turn) in enumerate(pairwise(turns), 1)
+            if before.replied is not None and number not in unasked
+        ]
+        timeout, between = self._timeout(unasked) if timed else (None, None)
+        noise = self._log.estimate(
+            [*attempts, *self._damaged_requests.values()], self._master_receiver(repeats), timed=timed
+        )
         return BusEstimate(
             protocol=self._protocol,
             baud=self._line.baud,
             format=self._line.format,
-            polls=tuple(_poll(key, poll) for key, poll in self._polls.items()),
-            slaves=tuple(_slave(number, slave) for number, slave in sorted(self._slaves.items())),
-            interval=interval,
-            timeout=None if self._timeout is None else max(self._timeout, self._line.silence),
-            ber=bit_error_rate({bits: (sound, bad) for bits, (sound, bad) in self._sizes.items()}),
+            polls=polls_of(turns, unasked, span, timed=timed),
+            slaves=tuple(
+                _slave(number, self._slaves[number], lost, resolution, timed=timed)
+                for number, lost in found.items()
+            ),
+            interval=max(0, min(pauses)) if pauses and timed else None,
+            timeout=timeout,
+            timeout_between=between,
+            noise=noise,
+            behaviour=Behaviour(
+                times=self._exchanges,
+                distances=[turn.sent - before.sent for before, turn in pairwise(turns)],
+                failed=noise.bursts.failures,
+                attempts=noise.bursts.attempts,
+                again=noise.bursts.p_fail_after_fail,
+                load=self.busy / span if span else 0.0,
+            ),
             frames=self.frames,
             damaged=self.damaged,
             begin=self._begin or 0,
         )
 
+    def _timeout(self, repeats: frozenset[int]) -> tuple[int | None, tuple[int, int] | None]:
+        """The master's timeout, and between what it is where no wait shows it.
 
-def _poll(key: tuple[int, int, int, int], poll: _Poll) -> PollEstimate:
-    starts = poll.starts
-    apart = sorted(after - before for before, after in pairwise(starts))
-    every = low = high = None
-    periodic = False
-    if apart:
-        every = median_low(apart)
-        low, high = apart[len(apart) // 20], apart[-1 - len(apart) // 20]
-        turns = round((starts[-1] - starts[0]) / every) if every else 0
-        if len(apart) >= _LEAST and turns:
-            grid = (starts[-1] - starts[0]) / turns
-            periodic = _on_grid(starts, grid)
-            every = round(grid) if periodic else every
-    return PollEstimate(
-        *key, len(starts), starts[0] if starts else 0, every, low, high, periodic, poll.attempts - 1
-    )
+        A wait shows it if the next request then came at another time than behind a good response.
+        """
+        usual, waits, hidden, delays = [], [], [], []
+        for number, (before, turn) in enumerate(pairwise(self._turns), 1):
+            distance, wait = turn.sent - before.sent, turn.sent - before.asked
+            if number in repeats:
+                waits.append(wait)
+            elif before.replied is not None:
+                usual.append(distance)
+                delays.append(before.replied - before.asked)
+            elif before.outcome == "no_answer":
+                hidden.append((distance, turn.attempt, wait))
+        slack = self._line.silence + self._line.slack
+        low, high = (min(usual) - slack, max(usual) + slack) if usual else (0, 0)
+        waits += [wait for distance, attempt, wait in hidden if attempt > 1 or not low <= distance <= high]
+        if waits:
+            return max(min(waits), self._line.silence), None
+        if not hidden:
+            return None, None
+        between = max(delays, default=0), min(wait for _, _, wait in hidden)
+        return max(sum(between) // 2, self._line.silence), between
+
+    def _leave_out_recorder(self) -> None:
+        """What was damaged at the recorder only enters no rate."""
+        for attempt, frame, slave, number in self._unrepeated if self.repeats_after_damage else ():
+            if attempt < self._most_attempts:
+                self._log.withdraw(frame)
+                slave.attempts.outcomes[number] = REPLIED
+        self._unrepeated.clear()
+
+    def _master_receiver(self, repeats: Sequence[int] | None) -> MasterReceiver:
+        if repeats is None:
+            return MasterReceiver()
+        damaged: Counter[int] = Counter()
+        at_once = self._line.silence + self._line.slack + self._two_characters
+        for number in repeats:
+            before = self._turns[number - 1]
+            if before.replied is not None and self._turns[number].sent - before.replied <= at_once:
+                damaged[before.reply_bits] += 1
+        return received(self._log.replies(), damaged, len(repeats) - damaged.total())
 
 
-def _on_grid(starts: array[int], grid: float) -> bool:
-    """Whether turns keep to a grid: others may hold them up, but lateness does not add up."""
-    late = sorted((start - starts[0] + grid / 2) % grid for start in starts)
-    middle = late[len(late) // 2]
-    near = sum(abs(each - middle) <= _LATE * grid for each in late)
-    return near >= _MOST * len(late)
-
-
-def _slave(number: int, slave: _Slave) -> SlaveEstimate:
+def _slave(number: int, slave: _Slave, lost: Losses, resolution: int, *, timed: bool) -> SlaveEstimate:
+    delays = slave.delays if timed else None
     return SlaveEstimate(
         number,
-        slave.requests,
-        mean(slave.delays) if slave.delays else None,
-        distribution_of(slave.delays) if slave.delays else None,
-        proportion(slave.lost, slave.requests) if slave.requests else None,
+        len(slave.attempts.outcomes),
+        mean(delays).widened(resolution) if delays else None,
+        distribution_of(delays) if delays else None,
+        lost,
+        slave.wrong,
         dict(sorted(slave.exceptions.items())),
     )

@@ -1,4 +1,4 @@
-"""Estimates with their confidence intervals, and the distance of two samples.
+"""Estimates with their confidence intervals, and the distance of a sample from a distribution.
 
 Clopper and Pearson's interval (Biometrika 26, 1934), a likelihood interval for one parameter, and the
 Kolmogorov-Smirnov distance with its asymptotic distribution (Numerical Recipes, 14.3).
@@ -6,9 +6,8 @@ Kolmogorov-Smirnov distance with its asymptotic distribution (Numerical Recipes,
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import exp, expm1, fsum, log, log1p, sqrt
 from statistics import NormalDist
 
@@ -16,8 +15,7 @@ from statistics import NormalDist
 CONFIDENCE = 0.95
 _NORMAL = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
 #: Half of chi-square's 95 % point with one degree of freedom: the fall of the log likelihood.
-_FALL = _NORMAL**2 / 2
-_STEPS = 200
+FALL = _NORMAL**2 / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +26,11 @@ class Estimate:
     low: float | None
     high: float | None
     count: int
+
+    def widened(self, by: float) -> Estimate:
+        """The same with an interval that is longer at both ends, as times of a coarse clock need it."""
+        low = None if self.low is None else self.low - by
+        return replace(self, low=low, high=None if self.high is None else self.high + by)
 
 
 def mean(values: Sequence[float]) -> Estimate:
@@ -68,17 +71,6 @@ def proportion(hits: int, trials: int) -> Estimate:
     return Estimate(hits / trials, low, high, trials)
 
 
-def _root(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Where a rising function crosses zero."""
-    for _ in range(_STEPS):
-        middle = (low + high) / 2
-        if rising(middle) < 0:
-            low = middle
-        else:
-            high = middle
-    return (low + high) / 2
-
-
 def bit_error_rate(frames: Mapping[int, tuple[int, int]]) -> Estimate | None:
     """The bit error rate from frames by their size in bits: how many were sound and how many damaged.
 
@@ -97,33 +89,22 @@ def bit_error_rate(frames: Mapping[int, tuple[int, int]]) -> Estimate | None:
         return total + fsum(number * log(-expm1(bits * whole)) for bits, number in damaged.items())
 
     if not damaged:
-        high = _FALL / sum(bits * number for bits, number in sound.items())
+        high = FALL / sum(bits * number for bits, number in sound.items())
         return Estimate(0.0, 0.0, high, count)
     if not any(sound.values()):
         return Estimate(0.5, None, 0.5, count)
-    best = _highest(likelihood, 1e-15, 0.5)
-    least = likelihood(best) - _FALL
-    low = _crossing(lambda rate: likelihood(rate) - least, 1e-15, best)
-    high = _crossing(lambda rate: least - likelihood(rate), best, 0.5)
-    return Estimate(best, low, high, count)
+    from scipy.optimize import brentq, minimize_scalar
 
+    # On a logarithmic scale, between a rate at which no damage is likely and one at which nothing is sound.
+    ends = log(1e-15), log(0.5)
+    best = float(minimize_scalar(lambda x: -likelihood(exp(x)), bounds=ends, method="bounded").x)
+    least = likelihood(exp(best)) - FALL
 
-def _highest(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function with one hill is highest, by golden section on a logarithmic scale."""
-    golden = (sqrt(5) - 1) / 2
-    a, b = log(low), log(high)
-    for _ in range(_STEPS):
-        c, d = b - golden * (b - a), a + golden * (b - a)
-        if function(exp(c)) >= function(exp(d)):
-            b = d
-        else:
-            a = c
-    return exp((a + b) / 2)
+    def above(x: float) -> float:
+        return likelihood(exp(x)) - least
 
-
-def _crossing(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Where a rising function crosses zero, searched on a logarithmic scale."""
-    return exp(_root(lambda x: rising(exp(x)), log(low), log(high)))
+    low, high = (exp(brentq(above, best, end) if above(end) < 0 else end) for end in ends)
+    return Estimate(exp(best), low, high, count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,22 +115,6 @@ class Fit:
     p: float
 
 
-def compare(first: Sequence[float], second: Sequence[float]) -> Fit:
-    """The Kolmogorov-Smirnov distance of two samples. Raises ValueError if one is empty.
-
-    ``p`` is the probability of at least this distance if both came from one distribution (for independent
-    samples; with many equal values it is too large, never too small).
-    """
-    if not first or not second:
-        raise ValueError("an empty sample")
-    one, two = sorted(first), sorted(second)
-    distance = max(
-        abs(bisect_right(one, value) / len(one) - bisect_right(two, value) / len(two))
-        for value in {*one, *two}
-    )
-    return Fit(distance, _kolmogorov(distance, len(one) * len(two) / (len(one) + len(two))))
-
-
 def against_uniform(values: Sequence[float], low: float, high: float) -> Fit:
     """The distance of a sample from the uniform distribution over ``low`` … ``high``."""
     ordered, count = sorted(values), len(values)
@@ -158,10 +123,15 @@ def against_uniform(values: Sequence[float], low: float, high: float) -> Fit:
     for rank, value in enumerate(ordered):
         distribution = min(1.0, max(0.0, (value - low) / span)) if span > 0 else 1.0
         distance = max(distance, abs(distribution - rank / count), abs((rank + 1) / count - distribution))
-    return Fit(distance, _kolmogorov(distance, count))
+    return Fit(distance, kolmogorov_p(distance, count))
 
 
-def _kolmogorov(distance: float, size: float) -> float:
+def kolmogorov_p(distance: float, size: float) -> float:
+    """The probability of at least this distance of a sample from its distribution.
+
+    For independent values; with many equal ones it is too large, never too small. Of two samples ``size`` is
+    the product of their sizes over the sum.
+    """
     from scipy.special import kolmogorov
 
     root = sqrt(size)

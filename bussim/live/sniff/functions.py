@@ -119,17 +119,14 @@ def response_size(data: Pdu, at: int, asked: Asked | None) -> int:
             return EXCEPTION_SIZE
         if function != asked.function:
             return 0
-        if function in REPEATED:
-            return len(asked.pdu)
-        if function in _RESPONSES:
-            return _RESPONSES[function]
+        if function in REPEATED or function in _RESPONSES:
+            return usual_size(asked)
     if function in _COUNTED:
         if have < 2:
             return -2
         count = data[at + 1]
         if asked is not None and asked.quantity:
-            expected = (asked.quantity + 7) // 8 if function in _BITS else 2 * asked.quantity
-            return 2 + count if count == expected else 0
+            return 2 + count if 2 + count == usual_size(asked) else 0
         whole = 0 < count <= MAX_PDU - 2 and not (function in _WORDS and count % 2)
         return 2 + count if whole else 0
     if function == _QUEUE:
@@ -138,6 +135,18 @@ def response_size(data: Pdu, at: int, asked: Asked | None) -> int:
         count = _word(data, at + 1)
         return 3 + count if 2 <= count <= 64 else 0  # their number and at most 31 registers
     return _identification_size(data, at) if function == _INTERFACE else 0
+
+
+def usual_size(asked: Asked) -> int:
+    """The size of the normal response to a request; 0 where its length is the station's."""
+    function = asked.function
+    if function in REPEATED:
+        return len(asked.pdu)
+    if function in _RESPONSES:
+        return _RESPONSES[function]
+    if function not in _COUNTED or not asked.quantity:
+        return 0
+    return 2 + ((asked.quantity + 7) // 8 if function in _BITS else 2 * asked.quantity)
 
 
 def _identification_size(data: Pdu, at: int) -> int:

@@ -45,7 +45,7 @@ _ECHOED = 9
 
 
 @dataclass(slots=True)
-class _Open:
+class Open:
     """A request without a response so far."""
 
     asked: Asked
@@ -62,7 +62,7 @@ class ModbusDecoder(Decoder):
 
     def __init__(self, line: Line, sink: Sink) -> None:
         super().__init__(line, sink)
-        self._open: _Open | None = None
+        self._open: Open | None = None
         self._alike: list[Heard] = []  # frames whose direction their neighbours will show
         self._alike_asked: Asked | None = None
         #: The latest failed attempt: its request, number and outcome.
@@ -95,6 +95,11 @@ class ModbusDecoder(Decoder):
         if self._line.echo is not None:
             return self._line.echo
         return self._doubled > 0 and 10 * self._doubled >= _ECHOED * self._distinct
+
+    @property
+    def repeats_after_damage(self) -> bool:
+        """Whether the master repeats after failures, so that it has taken what it does not repeat."""
+        return self._repeated > self._dropped.total()
 
     # -- what is heard -------------------------------------------------------------------------
 
@@ -132,8 +137,7 @@ class ModbusDecoder(Decoder):
         open_, self._open = self._open, None
         if open_ is not None:
             self._transaction(open_, None, "undecided", open_.heard.end)
-        if self._repeated > sum(self._dropped.values()):
-            # A master that repeats after failures has taken what it does not repeat.
+        if self.repeats_after_damage:
             self.recorder_damage += sum(n for k, n in self._dropped.items() if k < self._most_attempts)
 
     def _frame(self, heard: Heard, frame: Adu) -> None:
@@ -162,11 +166,11 @@ class ModbusDecoder(Decoder):
                 self.recorder_damage += self._damaged_request
             self._damaged_request = False
 
-    def _is_double(self, heard: Heard, open_: _Open) -> bool:
+    def _is_double(self, heard: Heard, open_: Open) -> bool:
         """Whether a frame repeats the open request closer than any master repeats one."""
         return self._close(open_.heard, heard) and _same(heard, open_.heard) and not open_.echoed
 
-    def _twice(self, heard: Heard, open_: _Open) -> None:
+    def _twice(self, heard: Heard, open_: Open) -> None:
         open_.echoed = True
         self._doubled += 1
         self._drop(heard)
@@ -195,13 +199,13 @@ class ModbusDecoder(Decoder):
         if asked.station > LAST_STATION:
             self.reserved.add(asked.station)
         self._distinct += asked.function not in REPEATED
-        open_ = _Open(asked, heard, attempt)
+        open_ = Open(asked, heard, attempt)
         if asked.without_response:
             self._transaction(open_, None, "broadcast", heard.end)
         else:
             self._open = open_
 
-    def _respond(self, heard: Heard, open_: _Open, exception: int | None = None) -> None:
+    def _respond(self, heard: Heard, open_: Open, exception: int | None = None) -> None:
         asked = open_.asked
         self._open = None
         self.stations.add(asked.station)
@@ -255,7 +259,7 @@ class ModbusDecoder(Decoder):
             self._fail(frames[0].start)
             for heard in frames:
                 self._count(heard, "unknown", "unknown")
-                self._transaction(_Open(asked, heard, 1), None, "unclear", heard.end)
+                self._transaction(Open(asked, heard, 1), None, "unclear", heard.end)
             return
         for heard in frames:
             open_ = self._open
@@ -297,7 +301,7 @@ class ModbusDecoder(Decoder):
     # -- records -------------------------------------------------------------------------------
 
     def _transaction(
-        self, open_: _Open, response: Heard | None, outcome: str, end: int, exception: int = 0
+        self, open_: Open, response: Heard | None, outcome: str, end: int, exception: int = 0
     ) -> None:
         asked, heard = open_.asked, open_.heard
         self.outcomes[outcome] += 1

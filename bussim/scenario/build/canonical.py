@@ -39,10 +39,11 @@ def canonical(resolved: Resolved, document: DocumentIn) -> dict[str, object]:
         "faults": [_fault(fault) for fault in values_of(draft.faults)],
         "observe": [str(point) for point in document.observe],
         "latency": [_latency(entry) for entry in values_of(draft.latency)],
+        "warnings": [dict(warning) for warning in document.warnings],
     }
     if document.allow_unsimulated:
         written["allow_unsimulated"] = True
-    for key in ("buses", "devices", "observe", "latency"):
+    for key in ("buses", "devices", "observe", "latency", "warnings"):
         if not written[key]:
             del written[key]
     return written

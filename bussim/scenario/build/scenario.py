@@ -14,6 +14,7 @@ from bussim.scenario.build.disturbances import faults_of, noise_of
 from bussim.scenario.build.names import unique_names
 from bussim.scenario.model import (
     Bus,
+    CarriedWarning,
     Edge,
     Latency,
     LinkAttachment,
@@ -53,6 +54,7 @@ def build(resolved: Resolved) -> Scenario:
         noise=noise_of(values_of(draft.noise), nodes),
         faults=faults_of([fault for fault in values_of(draft.faults) if fault.power_on is None], nodes),
         latency=_latency(latency),
+        carried=tuple(CarriedWarning(each.code, each.text) for each in document.warnings),
         source=canonical(resolved, document),
     )
 

@@ -21,6 +21,7 @@ from bussim.forms.fields import (
     Name,
     PlcDevice,
     Positive,
+    Sentence,
     Time,
     Title,
     choice,
@@ -40,10 +41,21 @@ from bussim.units import TICKS_PER_SECOND
 
 #: How many of each a scenario may have.
 MAX_BUSES, MAX_PLCS, MAX_DEVICES, MAX_NOISE, MAX_FAULTS = 16, 64, 256, 1000, 1000
+#: How many warnings a scenario may carry.
+MAX_WARNINGS = 100
 #: How many polls a PLC or an HMI may have.
 MAX_POLLS = 200
 #: The most that one of CPAVL's words holds.
 _WORD_MAX = 0xFFFF
+
+
+class WarningIn(Model):
+    """What a command that wrote the scenario wants repeated wherever it is used."""
+
+    example = "{code: bursts, text: errors come in bursts}"
+
+    code: Name
+    text: Sentence
 
 
 class DocumentIn(Model):
@@ -62,6 +74,7 @@ class DocumentIn(Model):
     faults: list[Any] = Field(default_factory=list)
     observe: list[PlcDevice] = Field(default_factory=list, max_length=MAX_OBSERVED)
     latency: list[Any] = Field(default_factory=list)
+    warnings: list[WarningIn] = Field(default_factory=list, max_length=MAX_WARNINGS)
     allow_unsimulated: Flag = False  # programs' instructions that are not simulated are skipped
 
 

@@ -115,7 +115,7 @@ def test_a_station_whose_poll_ends_the_recording_has_nothing_estimated() -> None
     observer.heard(Heard(LineProtocol.NN, 0, 1000, poll.chars, poll))
     found = observer.estimate()
     assert found is not None
-    assert [(each.station, each.polls, each.turnaround, each.loss) for each in found.stations] == [
+    assert [(each.station, each.polls, each.turnaround, each.losses.loss) for each in found.stations] == [
         (1, 0, None, None)
     ]
 
@@ -142,7 +142,7 @@ def test_settings_and_the_outage_are_found(seed: int) -> None:
     known, found = parameters(seed), fitted(seed)
     assert found.settings_received
     assert found.settings == (2, known["mode"], known["retries"], 6)
-    (outage,) = (o for o in found.stations[0].outages if o.start > TICKS_PER_SECOND)
+    (outage,) = (o for o in found.stations[0].losses.outages if o.start > TICKS_PER_SECOND)
     scan = TICKS_PER_SECOND  # none takes longer here
     assert 10 * TICKS_PER_SECOND - scan <= outage.start <= 10 * TICKS_PER_SECOND + scan
     assert outage.end is not None
@@ -154,16 +154,17 @@ def test_loss_lies_within_its_interval() -> None:
     misses = 0
     for seed in SEEDS:
         for loss, station in zip(parameters(seed)["loss"], fitted(seed).stations, strict=True):
-            assert station.loss is not None
-            misses += not covers(station.loss, loss)
-            assert station.loss.value == pytest.approx(loss, abs=0.02)
+            found = station.losses.loss
+            assert found is not None
+            misses += not covers(found, loss)
+            assert found.value == pytest.approx(loss, abs=0.02)
     assert misses <= MOST_MISSES
 
 
 def test_the_bit_error_rate_lies_within_its_interval() -> None:
     misses = 0
     for seed in SEEDS:
-        ber = fitted(seed).ber
+        ber = fitted(seed).noise.ber
         assert ber is not None
         misses += not covers(ber, parameters(seed)["ber"])
     assert misses <= MOST_MISSES - 1

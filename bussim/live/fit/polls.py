@@ -1,0 +1,154 @@
+"""What a Modbus master asks for, and how often: its polls, and requests that it repeats unasked."""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from statistics import median_low
+from typing import NamedTuple
+
+#: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
+_LATE, _MOST = 0.25, 0.9
+#: From fewer distances no grid is concluded.
+_LEAST = 5
+#: A request that comes twice in a row in fewer of its turns comes so by exception.
+_SELDOM = 0.25
+
+#: Station, function, address and quantity.
+Request = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class PollEstimate:
+    """A request that recurs. ``every`` is the median distance of its turns in ticks.
+
+    None where times are not known; a request seen once has the length of the recording. ``low`` and ``high``
+    hold nine tenths of the distances; ``periodic``: its turns keep to a grid.
+    """
+
+    station: int
+    function: int
+    address: int
+    quantity: int
+    turns: int
+    first: int
+    every: int | None
+    low: int | None
+    high: int | None
+    periodic: bool
+    retries: int
+
+    @property
+    def name(self) -> str:
+        """What a reader calls it."""
+        return f"{self.station}: {self.function:02X} at {self.address} × {self.quantity}"
+
+    @property
+    def irregular(self) -> bool:
+        """Whether the distances of its turns say little of when the next one comes."""
+        if self.periodic or self.every is None or self.low is None or self.high is None:
+            return False
+        return max(self.every - self.low, self.high - self.every) > _LATE * self.every
+
+
+class Turn(NamedTuple):
+    """A request of a master in order: when it began and ended, when its sound reply ended (None: none)."""
+
+    request: Request
+    attempt: int
+    sent: int
+    asked: int
+    replied: int | None
+    reply_bits: int
+    outcome: str
+
+
+@dataclass(slots=True)
+class _Poll:
+    starts: array[int] = field(default_factory=lambda: array("q"))
+    attempts: int = 1
+
+
+def repeats_of(turns: list[Turn]) -> list[int] | None:
+    """Numbers of the turns that repeat a request behind its sound reply, before the next turn was due.
+
+    That is so if the request came before half of its usual distance had passed; of one that keeps to no grid
+    and hardly ever comes twice in a row, before three quarters. None: a master that asks for one thing, at no
+    regular times, shows nothing of it.
+    """
+    polls = _polls(turns, frozenset())
+    on_grid = {request for request, poll in polls.items() if _grid(poll)}
+    if len(polls) < 2 and not on_grid:
+        return None
+    again = Counter(after.request for before, after in pairwise(turns) if after.request == before.request)
+    limits = {}
+    for request, poll in polls.items():
+        seldom = request not in on_grid and again[request] <= _SELDOM * len(poll.starts)
+        limits[request] = (_every(poll) or 0) * (0.75 if seldom else 0.5)
+    found = []
+    for number, (before, turn) in enumerate(pairwise(turns), 1):
+        same = turn.attempt == 1 and before.request == turn.request and before.replied is not None
+        if same and turn.sent - before.sent < limits[turn.request]:
+            found.append(number)
+    return found
+
+
+def polls_of(
+    turns: list[Turn], repeats: frozenset[int], span: int, *, timed: bool = True
+) -> tuple[PollEstimate, ...]:
+    """The polls in a recording of ``span`` ticks; ``repeats`` are numbers of turns that are none.
+
+    Without ``timed`` the recording has no times, and nothing is said of how often they come.
+    """
+    found = [_estimate(request, poll, span) for request, poll in _polls(turns, repeats).items()]
+    return tuple(
+        each if timed else replace(each, every=None, low=None, high=None, periodic=False) for each in found
+    )
+
+
+def _polls(turns: list[Turn], repeats: frozenset[int]) -> Mapping[Request, _Poll]:
+    polls: dict[Request, _Poll] = {}
+    for number, turn in enumerate(turns):
+        poll = polls.setdefault(turn.request, _Poll())
+        poll.attempts = max(poll.attempts, turn.attempt)
+        if turn.attempt == 1 and number not in repeats:
+            poll.starts.append(turn.sent)
+    return polls
+
+
+def _every(poll: _Poll) -> int | None:
+    apart = [after - before for before, after in pairwise(poll.starts)]
+    return median_low(apart) if apart else None
+
+
+def _grid(poll: _Poll) -> int | None:
+    """The period of the grid that the turns keep to: they may be late, but lateness does not add up."""
+    every, starts = _every(poll), poll.starts
+    turns = round((starts[-1] - starts[0]) / every) if every else 0
+    if len(starts) <= _LEAST or not turns:
+        return None
+    grid = (starts[-1] - starts[0]) / turns
+    late = sorted((start - starts[0] + grid / 2) % grid for start in starts)
+    middle = late[len(late) // 2]
+    near = sum(abs(each - middle) <= _LATE * grid for each in late)
+    return round(grid) if near >= _MOST * len(late) else None
+
+
+def _estimate(request: Request, poll: _Poll, span: int) -> PollEstimate:
+    starts, grid = poll.starts, _grid(poll)
+    apart = sorted(after - before for before, after in pairwise(starts))
+    low, high = (apart[len(apart) // 20], apart[-1 - len(apart) // 20]) if apart else (None, None)
+    every = max(1, grid or _every(poll) or span)
+    return PollEstimate(
+        *request,
+        len(starts),
+        starts[0] if starts else 0,
+        every,
+        low,
+        high,
+        grid is not None,
+        poll.attempts - 1,
+    )
