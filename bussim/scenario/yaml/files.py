@@ -39,6 +39,8 @@ _CODECS = {
 _HALF_WIDTH = re.compile(rb"[\x00-\x7f\xa6-\xdf]*")
 _COMMON_CHINESE = re.compile(rb"(?:[\x00-\x7f]|[\xb0-\xd7][\xa1-\xfe])*")
 
+#: How files begin that hold other files: projects of GX Works and GX Developer, spreadsheets.
+_PROJECTS = (b"\xd0\xcf\x11\xe0", b"PK\x03\x04")
 #: What code pages make of bytes that mean nothing in them.
 _UNASSIGNED = re.compile("[\x80-\x9f\ue000-\uf8ff]")
 
@@ -89,6 +91,9 @@ class Files:
                 raw = file.read(most + 1)
         except OSError as error:
             raise ValueError(f"is {shorten(name)}, which cannot be read: {error.strerror or error}") from None
+        if coded and raw.startswith(_PROJECTS):
+            what = "which is a tool's project, no text; export the program (or its comments) as CSV or text"
+            raise ValueError(f"is {shorten(name)}, {what}")
         if len(raw) > most:
             raise ValueError(f"is {shorten(name)}, which has more than {most >> 10} KiB")
         coding = _coding(raw) if coded else "UTF-8"

@@ -113,6 +113,10 @@ def gx_developer(rows: list[Row]) -> bytes:
     return _table(rows, ",", 9).encode("gbk" if rows is not START_STOP else "cp932")
 
 
+def saved_by_a_spreadsheet(rows: list[Row]) -> bytes:
+    return _table(rows, ";", 7, heads=HEADS).encode("utf-8-sig")
+
+
 def gx_developer_bare(rows: list[Row]) -> bytes:
     """Tabs, nothing in quotes, no headings."""
     return _table(rows, "\t", 9).replace('"', "").encode("utf-8-sig")
@@ -153,6 +157,7 @@ TOOLS = [
     gx_works2_japanese,
     gx_developer,
     gx_developer_bare,
+    saved_by_a_spreadsheet,
     fxgp,
     printed,
     handheld,
@@ -226,6 +231,30 @@ def test_a_mistake_in_a_table_has_its_line_and_column(tmp_path: Path) -> None:
     found = examine(scenario(tmp_path, gx_works2(rows))).errors
     assert [(each.line, each.column) for each in found] == [(5, 15)]
     assert found[0].message == "OUT X001: X is an input; a program can only read it"
+
+
+def test_columns_of_a_heading_need_no_quotes(tmp_path: Path) -> None:
+    text = _table(START_STOP, ";", 7, heads=HEADS).replace('"', "")
+    found = examine(scenario(tmp_path, text.encode())).scenario
+    assert found is not None
+    assert found.plcs[0].program is not None
+    assert found.plcs[0].program.kind.endswith("(columns separated by semicolons), UTF-8")
+    # In a list a semicolon begins a comment.
+    listed = listing("LD X0 ; start\nOUT Y0 ; motor\nEND")
+    assert (listed.kind, listed.text) == ("an instruction list", "LD X0 ; start\nOUT Y0 ; motor\nEND")
+
+
+@pytest.mark.parametrize("magic", [b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", b"PK\x03\x04\x14\x00"])
+def test_a_project_is_no_text(tmp_path: Path, magic: bytes) -> None:
+    (found,) = examine(scenario(tmp_path, magic + bytes(3_000_000))).errors
+    assert "main.csv, which is a tool's project, no text; export the program" in found.message
+
+
+def test_devices_of_other_series_are_operands_on_lines_of_their_own(tmp_path: Path) -> None:
+    rows = [(0, "LD", "SM400", ""), (2, "MOV", "K1 W1F", ""), (5, "END", "", "")]
+    found = [each.message for each in examine(scenario(tmp_path, gx_works2(rows))).errors]
+    assert len(found) == 2
+    assert all("it is one of an FX5 or Q series" in message for message in found)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,10 @@
 """What programming tools write: tables of a program or of device comments, as against instruction lists.
 
 GX Works2 and GX Developer export a program as rows of a step, statements, an instruction, one device and
-notes, seven or nine columns separated by tabs or commas; further operands stand in rows of their own.
-Device comments are rows of a device, perhaps a label, and a comment. Headings are those of the English,
-Japanese and Chinese tools; where a table has none, what stands in its columns decides.
+notes, seven or nine columns separated by tabs, commas or (as spreadsheets save them) semicolons; further
+operands stand in rows of their own. Device comments are rows of a device, perhaps a label, and a comment.
+Headings are those of the English, Japanese and Chinese tools; where a table has none, what stands in its
+columns decides.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ _HEADS = {
     "comment": ("comment", "コメント", "注释", "註解", "注解", "软元件注释"),
     "name": ("device", "devicename", "デバイス", "デバイス名", "软元件", "软元件名", "軟元件名"),
 }
+_DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 _QUOTED = re.compile(r'"((?:[^"]|"")*)"?')
 _OPERAND = re.compile(r"(?:[XYMSTCDR]|TN|TS|CN|CS)[0-9]+", re.ASCII)
 #: Headings and rules of printed lists.
@@ -54,8 +56,8 @@ class Listing(NamedTuple):
 def listing(text: str) -> Listing:
     """What a file's text is: an export of a program, of device comments, or an instruction list."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    delimiter = "\t" if any("\t" in line for line in lines) else ","
-    words = "columns separated by " + ("tabs" if delimiter == "\t" else "commas")
+    delimiter = _delimiter(lines)
+    words = f"columns separated by {_DELIMITERS[delimiter]}"
     rows = [_cells(line, delimiter) for line in lines]
     filled = [row for row in rows if any(cell.text for cell in row)]
     head, where = _heading(rows)
@@ -70,6 +72,14 @@ def listing(text: str) -> Listing:
     device = where.get("device", at + 1)
     done = (_plain(row, at, device, body=number >= head) for number, row in enumerate(rows))
     return Listing(f"a program exported by a programming tool ({words})", "\n".join(done))
+
+
+def _delimiter(lines: list[str]) -> str:
+    """What separates columns; semicolons begin comments in a list, but not behind quotes or in a heading."""
+    if any("\t" in line for line in lines):
+        return "\t"
+    quoted = any(line.startswith('"') and '";' in line for line in lines)
+    return ";" if quoted or _heading([_cells(line, ";") for line in lines])[1] else ","
 
 
 def _cells(line: str, delimiter: str) -> list[_Cell]:

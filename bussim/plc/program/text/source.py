@@ -46,7 +46,7 @@ _STEP = re.compile(r"[0-9]+:?", re.ASCII)
 _COMPARISON = re.compile(r"((?:LD|AND|OR)D?(?:<>|<=|>=|=|<|>))([^=<>]+)", re.ASCII | re.IGNORECASE)
 #: What is an operand, right or not, also of instructions that are not simulated: E, texts, buffer memory.
 _OPERAND = re.compile(
-    r"(?:(?:K[0-9]+)?[XYMSTCDRPN][0-9]+|K[+-]?[0-9]+|H|E[+-]?[0-9]+|V|Z)[0-9.A-F]*(?:[VZ][0-9]*)?|\".*\"|U[0-9]\\G[0-9]+",
+    r"(?:(?:K[0-9]+)?(?:[XYMSTCDRPNLBWF]|S[MDBW]|ZR)[0-9]+|K[+-]?[0-9]+|H|E[+-]?[0-9]+|V|Z)[0-9.A-F]*(?:[VZ][0-9]*)?|\".*\"|U[0-9]\\G[0-9]+",
     re.ASCII | re.IGNORECASE,
 )
 #: The first word of a text in Chinese, Japanese or Korean, in brackets or not: no device has such letters.
