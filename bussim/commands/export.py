@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import print_json
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import time_of
 from bussim.errors import UsageError
 from bussim.export.formats import FORMATS
 
@@ -62,7 +62,7 @@ def command(
     Needs a run with --trace. Prints the file, and how the tool that opens it is set up.
     """
     from bussim.commands.common.output import busy, checked_target, traced_again
-    from bussim.export.write import export_trace
+    from bussim.export.formats import export_trace
     from bussim.results.store.load import load_run
     from bussim.trace.file import TRACE, read_trace
 

@@ -11,8 +11,7 @@ import click
 
 from bussim.commands.common.output import print_json
 from bussim.commands.common.port_options import options_of, port_options
-from bussim.commands.common.scenario_options import code_option, set_option, values_of
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import code_option, set_option, time_of, values_of
 from bussim.wording import counted
 
 if TYPE_CHECKING:

@@ -139,7 +139,7 @@ def _show_table(console: Console, result: SweepResult, name: str, kind: str) -> 
 
     from bussim.commands.common.console import plain_table
     from bussim.sweep.figures import LATENCY, SHOWN
-    from bussim.sweep.text import footnotes, with_interval
+    from bussim.sweep.intervals import footnotes, with_interval
 
     plan, shown = result.plan, SHOWN[kind]
     heads = [*_short([axis.key for axis in plan.axes]), *(fill(title, _HEAD) for title in shown.values())]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import print_json
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:

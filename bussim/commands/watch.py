@@ -12,8 +12,13 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import print_json
-from bussim.commands.common.scenario_options import code_option, set_option, unsimulated_option, values_of
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import (
+    code_option,
+    set_option,
+    time_of,
+    unsimulated_option,
+    values_of,
+)
 from bussim.errors import UsageError
 from bussim.wording import counted
 

@@ -1,6 +1,6 @@
 """The trace of a run in the formats of the field's tools.
 
-``bussim export RUN_DIR --to FORMAT`` writes them; :func:`bussim.export.write.export_trace` is the same in
+``bussim export RUN_DIR --to FORMAT`` writes them; :func:`bussim.export.formats.export_trace` is the same in
 Python. A format needs the trace (``bussim run --trace``) and nothing else of the run.
 
 The formats stand in :data:`bussim.export.formats.FORMATS`, each with its writer and what reads it.

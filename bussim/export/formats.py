@@ -7,14 +7,18 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from bussim.errors import UsageError
 from bussim.export.lanes import write_lanes
 from bussim.export.packets import write_pcapng
 from bussim.export.perfetto import write_perfetto
-from bussim.export.selection import Job, Written
+from bussim.export.selection import Job, Selection, Written
 from bussim.export.sigrok import write_sigrok
 from bussim.export.tables import write_table
 from bussim.export.vcd import write_vcd
+from bussim.files import written_whole
 from bussim.results.store.tables import CsvTable, ParquetTable
+from bussim.trace.file import Trace
+from bussim.wording import suggest
 
 
 class Format(NamedTuple):
@@ -38,3 +42,29 @@ FORMATS: Final[dict[str, Format]] = {
     "csv": Format(".csv", "one row a frame", partial(write_table, table_type=CsvTable), "frames"),
     "parquet": Format(".parquet", "one row a frame", partial(write_table, table_type=ParquetTable), "frames"),
 }
+
+
+def export_trace(
+    trace: Trace,
+    path: Path,
+    to: str,
+    *,
+    bus: str | None = None,
+    start: int | None = None,
+    stop: int | None = None,
+    encapsulation: str = "serial",
+) -> Written:
+    """Write a trace, or one bus and the window ``start <= tick < stop`` of it, in a format.
+
+    ``to`` is one of :data:`bussim.export.formats.FORMATS`, ``encapsulation`` ("serial" or "udp") how pcapng
+    wraps Modbus RTU. The file appears whole or not at all; an existing one is replaced. Raises UsageError
+    where the request cannot be carried out: an unknown bus, nothing in the window, a file that cannot be
+    written, a damaged trace.
+    """
+    if to not in FORMATS:
+        raise UsageError(f"no format {to!r}; {suggest(to, list(FORMATS))}")
+    header = trace.header
+    seed = f", seed {header.seed}" if header.seed is not None else ""
+    job = Job(Selection(trace, bus, start, stop), f"{header.scenario}{seed}", encapsulation)
+    with written_whole(path) as part:
+        return FORMATS[to].write(part, job)

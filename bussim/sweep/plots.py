@@ -25,9 +25,9 @@ from bussim.results.plots.style import (
 )
 from bussim.results.store.safe_names import file_names
 from bussim.sweep.figures import SHOWN, kinds_in
+from bussim.sweep.intervals import TOO_FEW, footnotes, with_interval
 from bussim.sweep.plan import Plan
 from bussim.sweep.tables import HIGH, LOW, Table, at_point, mean_at
-from bussim.sweep.text import TOO_FEW, footnotes, with_interval
 from bussim.sweep.vary import Axis
 from bussim.units import seconds
 from bussim.version import __version__

@@ -46,7 +46,7 @@ def run_sweep(
     ``scenario`` is a file or the name of a built-in one; ``sets`` are values set at every point
     (``key.path=value``), ``vary`` what changes from point to point: ``key.path=a:b:step``,
     ``key.path=a:b:logN`` or ``key.path=value,value``. Several make a grid. With
-    ``common_random_numbers`` every point has the same seeds, see :func:`bussim.sweep.seeds.run_seed`.
+    ``common_random_numbers`` every point has the same seeds, see :func:`bussim.sweep.plan.run_seed`.
 
     Runs are simulated by ``workers`` processes (None: one for each core), or by the workers of the
     Dask scheduler at the address ``scheduler``. The results depend on neither.

@@ -15,8 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from bussim.export.formats import FORMATS
-from bussim.export.write import export_trace
+from bussim.export.formats import FORMATS, export_trace
 from bussim.trace.file import TRACE, TraceWriter, read_trace
 from tests.export.samples import LINK, OVEN, exchanges, link_frames, trace
 

@@ -20,7 +20,7 @@ from bussim.engines.modbus.pdu import (
     write_registers,
 )
 from bussim.engines.nn.frames import MODES, LinkSettings, encode_data, encode_parameters, encode_poll
-from bussim.export.write import export_trace
+from bussim.export.formats import export_trace
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.trace.file import Trace, trace_of

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from bussim.export.formats import export_trace
 from bussim.export.packets import how_to_open, script
 from bussim.export.selection import Selection, survey
-from bussim.export.write import export_trace
 from bussim.units import nanoseconds
 from tests.export.samples import FEEDER, GATE, LINK, OVEN, exchanges, exported, frame, link_frames, trace
 

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 import bussim
 from bussim.errors import UsageError
 from bussim.export import perfetto
-from bussim.export.write import export_trace
+from bussim.export.formats import export_trace
 from bussim.trace.file import Trace, interval, read_trace
 from bussim.trace.records import (
     AttemptRecord,

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.errors import UsageError
+from bussim.export.formats import export_trace
 from bussim.export.lanes import Lanes, microseconds
 from bussim.export.selection import Selection, survey
-from bussim.export.write import export_trace
 from bussim.line.protocols import BusProtocol
 from bussim.trace.records import FrameRecord, TraceBus
 from bussim.units import TICKS_PER_SECOND

@@ -4,7 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from bussim.sweep.seeds import run_seed
+from bussim.sweep.plan import run_seed
 from bussim.sweep.vary import grid, parse_axes
 
 AXES = parse_axes(["a.b=0:9:1", "c=1e-6:1e-3:log10"])

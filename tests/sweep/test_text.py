@@ -7,8 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from bussim.sweep.intervals import Mean, mean_of
-from bussim.sweep.text import NEVER, TOO_FEW, footnotes, with_interval
+from bussim.sweep.intervals import NEVER, TOO_FEW, Mean, footnotes, mean_of, with_interval
 
 
 def printed(*values: float | None, events: bool = False) -> str:

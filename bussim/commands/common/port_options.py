@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.errors import UsageError
+from bussim.units import parse_time
+
 if TYPE_CHECKING:
     from bussim.scenario.yaml.overrides import Override
 
@@ -38,3 +41,14 @@ def values_of(
     if allow_unsimulated:
         given.append(Override("allow_unsimulated", "true", "--allow-unsimulated"))
     return [*sets, *given]
+
+
+def time_of(option: str, text: str, *, positive: bool = False) -> int:
+    """The ticks of an option's time, not below 0, or above it. Raises UsageError."""
+    try:
+        ticks = parse_time(text)
+    except ValueError as error:
+        raise UsageError(f"{option} {error}") from None
+    if ticks < 0 or (positive and ticks == 0):
+        raise UsageError(f"{option} is {text!r}, it must {'be above' if positive else 'not be below'} 0")
+    return ticks

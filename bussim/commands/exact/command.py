@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import print_json, show_carried
-from bussim.commands.common.scenario_options import code_option, set_option
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import code_option, set_option, time_of
 from bussim.errors import UsageError
 from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell
 from bussim.units import TICKS_PER_SECOND

@@ -11,8 +11,7 @@ import click
 
 from bussim.commands.common.output import busy, checked_target, print_json, write_text
 from bussim.commands.common.recording import is_recording, line_options
-from bussim.commands.common.scenario_options import code_option
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import code_option, time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bussim.commands.common.recording import open_line, read
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import time_of
 from bussim.commands.sniff.tally import described
 from bussim.commands.sniff.warnings import warnings_of
 from bussim.errors import RunError

@@ -10,8 +10,7 @@ import click
 from click.core import ParameterSource
 
 from bussim.commands.common.port_options import format_of, options_of, port_options
-from bussim.commands.common.scenario_options import code_option
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import code_option, time_of
 from bussim.commands.poll.plan import Plan, Planned
 from bussim.engines.modbus.adu import LAST_RESERVED, LAST_STATION
 from bussim.errors import UsageError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import time_of
 from bussim.errors import UsageError
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_time
 

@@ -14,7 +14,7 @@ import click
 from bussim.commands.common.output import busy, print_json
 from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.recording import is_recording, line_options, open_line, read
-from bussim.commands.common.times import time_of
+from bussim.commands.common.scenario_options import time_of
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bussim.engines.modbus.adu import Adu, Mode, adu_chars, encode_adu
-from bussim.engines.modbus.ascii import AsciiReader
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule, silences
-from bussim.engines.modbus.reader import AduReader
-from bussim.engines.modbus.rtu import RtuReader
+from bussim.engines.modbus.readers import AduReader, AsciiReader, RtuReader
 from bussim.line.characters import LineTiming
 from bussim.units import TICKS_PER_SECOND, round_half_up
 

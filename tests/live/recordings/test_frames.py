@@ -10,7 +10,7 @@ import pandas
 import pytest
 
 import bussim
-from bussim.export.write import export_trace
+from bussim.export.formats import export_trace
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.arrival import placed
 from bussim.live.sniff.heard import LineProtocol
