@@ -12,6 +12,7 @@ know them passes over them.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import NamedTuple, Protocol, TypeVar
 
 #: A transmission is due: :attr:`Engine.due` says from when. A driver takes it from there (and sets
@@ -51,19 +52,27 @@ class Transmit(NamedTuple):
 
 
 FrameT = TypeVar("FrameT")
-EventT = TypeVar("EventT", covariant=True)
+EventT = TypeVar("EventT")
 
 
 class Engine(Protocol[FrameT, EventT]):
     """One side of a protocol on a half-duplex line. All times are ticks."""
 
-    due: int  # earliest tick of the transmission that the hint TRANSMIT announces, else -1
-    due_counter: int  # its counter, for begin_transmit
-    heard: FrameT | None  # the latest valid frame that receive or line_idle completed
+    due: int = -1  # earliest tick of the transmission that the hint TRANSMIT announces, else -1
+    due_counter: int = 0  # its counter, for begin_transmit
+    heard: FrameT | None = None  # the latest valid frame that receive or line_idle completed
+    heard_start: int = 0  # its first edge
+    replies: bool = False  # whether the driver adds the device's turnaround to ``due``
+    _events: deque[EventT]
 
-    @property
-    def heard_start(self) -> int:
-        """The first edge of :attr:`heard`, in ticks."""
+    def __init__(self) -> None:
+        self._events = deque()
+
+    def start(self, now: int) -> int:
+        """RUN or power-on; returns hints."""
+
+    def stop(self, now: int) -> int:
+        """STOP or power-off: nothing pending survives but events; returns hints."""
 
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """The receiver read a character whose first edge was at ``start``; returns hints."""
@@ -94,4 +103,10 @@ class Engine(Protocol[FrameT, EventT]):
         """The last stop bit has left; returns hints."""
 
     def poll(self) -> Transmit | EventT | None:
-        """What to do next, in order; None when there is nothing more."""
+        """What to do next: an event, in order, then the transmission that is due; None for nothing more."""
+        if self._events:
+            return self._events.popleft()
+        if self.due < 0:
+            return None
+        at, self.due = self.due, -1
+        return Transmit(at, self.replies, self.due_counter)

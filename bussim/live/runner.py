@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from bussim.engines.contract import OPEN, Engine, Transmit
 from bussim.engines.modbus.adu import RTU_MAX, Adu, Mode, decode_rtu
@@ -15,16 +15,6 @@ from bussim.units import TICKS_PER_MS
 
 #: How long a step waits at most, so that a request to stop is noticed.
 PATIENCE = 50 * TICKS_PER_MS
-
-
-class LiveEngine(Engine[Any, Any], Protocol):
-    """An engine that can be switched on and off."""
-
-    def start(self, now: int) -> int:
-        """It begins to work; returns hints."""
-
-    def stop(self, now: int) -> int:
-        """It stops; returns hints."""
 
 
 class Handling:
@@ -57,7 +47,7 @@ class EngineRunner:
 
     def __init__(
         self,
-        engine: LiveEngine,
+        engine: Engine[Any, Any],
         wire: Wire,
         *,
         quiet: int,

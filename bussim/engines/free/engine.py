@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from bussim.engines.contract import DEADLINE, EVENTS, SERVE, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, SERVE, TRANSMIT, Engine, RxChar
 from bussim.engines.free.events import CharacterDamaged, Ended, FreeEvent, Received, Sent
 from bussim.engines.free.states import FREE, FreeInput, FreeState
 from bussim.engines.modbus.codes import PortError
@@ -42,22 +41,17 @@ class FreeConfig:
     keeps_frame: bool = False
 
 
-class FreePort:
+class FreePort(Engine[FreeFrame, FreeEvent]):
     """One port under RS2 free protocol. See :mod:`bussim.engines.contract` for the methods.
 
-    The hint SERVE: a reception has begun, which a PLC shows from its next END on.
+    The hint SERVE: a reception has begun, which a PLC shows from its next END on. No frames are recognised:
+    ``heard`` is always None.
     """
 
     def __init__(self, config: FreeConfig) -> None:
+        super().__init__()
         self.config = config
         self.state = FreeState.STOPPED
-        #: When what waits to be sent may leave; meaningful after the hint TRANSMIT.
-        self.due = -1
-        self.due_counter = 0
-        #: No frames are recognised here: always None.
-        self.heard: FreeFrame | None = None
-        self.heard_start = self.heard_end = 0
-        self._events: deque[FreeEvent] = deque()
         self._expected = 0
         self._clear()
 
@@ -266,12 +260,3 @@ class FreePort:
         if self.state is FreeState.READY and self.config.awaits_first and self._expected:
             self._deadline = now + self.config.timeout
         return EVENTS | DEADLINE
-
-    def poll(self) -> Transmit | FreeEvent | None:
-        """The next event, then what is to be sent."""
-        if self._events:
-            return self._events.popleft()
-        if self.due >= 0 and self.waiting:
-            at, self.due = self.due, -1
-            return Transmit(at)
-        return None

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Engine, RxChar
 from bussim.engines.modbus.adu import BROADCAST, LAST_STATION, Adu, Damage
 from bussim.engines.modbus.codes import REJECTION_ERRORS, PortError, Rejection, exception_error
 from bussim.engines.modbus.events import (
@@ -75,31 +74,24 @@ def refusal(
     return None
 
 
-class Master:
+class Master(Engine[Adu, MasterEvent | PollEvent]):
     """One port as Modbus master. See :mod:`bussim.engines.contract` for the methods.
 
     It receives only while it waits for a response, and does not sense the carrier. A sound frame of
     another station, and damage that does not look like the awaited response (station and function in
     front), do not end the wait; the timeout then names what was received, or else that nothing was.
+    ``due_counter`` is the number of the transaction that is due or runs (the latest one's, when idle).
     """
 
     def __init__(self, config: MasterConfig) -> None:
+        super().__init__()
         self.config = config
         self.state = MasterState.STOPPED
-        #: When the request may leave; meaningful after the hint TRANSMIT.
-        self.due = -1
-        #: The number of the transaction that is due or runs (the latest one's, when idle).
-        self.due_counter = 0
         #: Ticks of silence after which the driver calls :meth:`line_idle`.
         self.quiet = config.framing.quiet
         #: The earliest tick at which the next request may leave.
         self.ready_at = 0
-        #: The latest sound frame that was completely received, of any station, and its two ends.
-        self.heard: Adu | None = None
-        self.heard_start = self.heard_end = 0
         self._reader = config.framing.reader()
-        self._events: deque[MasterEvent | PollEvent] = deque()
-        self._number = 0
         self._station = BROADCAST
         self._request = Request(0, 0)
         self._adu = Adu(BROADCAST, b"", b"")
@@ -146,8 +138,7 @@ class Master:
         """
         if not self.idle:
             raise RuntimeError(f"the master is {self.state.value}, a transaction needs it idle")
-        self._number += 1
-        self.due_counter = self._number
+        self.due_counter += 1
         self._station, self._request = station, request
         self._reset()
         error = refusal(station, request, self.config.limits, self.config.last_station)
@@ -210,7 +201,7 @@ class Master:
         return self._damaged(completed, now)
 
     def _accepted(self, adu: Adu, start: int, end: int, now: int) -> int:
-        self.heard, self.heard_start, self.heard_end = adu, start, end
+        self.heard, self.heard_start = adu, start
         if adu.station != self._station:
             self._events.append(ForeignFrame(now, start, adu.station))
             return EVENTS | (self._timed_out(now) if self._overdue else 0)
@@ -285,7 +276,7 @@ class Master:
         cause: MasterInput | None = MasterInput.DECIDED,
     ) -> int:
         """Report the transaction's outcome; ``cause`` moves on to the next one (None: none was begun)."""
-        number, station, request = self._number, self._station, self._request
+        number, station, request = self.due_counter, self._station, self._request
         times = (self._sent, self._asked, start, end, now)
         self._events.append(TransactionEnded(number, station, request, *times, error, exception, response))
         self._on_ended(now, error)
@@ -316,15 +307,6 @@ class Master:
         self._move(MasterInput.BROADCAST if broadcast else MasterInput.REQUESTED)
         self._deadline = now + (self.config.turnaround if broadcast else self.config.timeout)
         return DEADLINE
-
-    def poll(self) -> Transmit | MasterEvent | PollEvent | None:
-        """The next event (of polls: where there is a list of them), then the request that is due."""
-        if self._events:
-            return self._events.popleft()
-        if self.due >= 0 and self.state is MasterState.DUE:
-            at, self.due = self.due, -1
-            return Transmit(at, counter=self._number)
-        return None
 
 
 def _checked(decoded: Response | ExceptionResponse | Malformed, request: Request) -> Response | PortError:

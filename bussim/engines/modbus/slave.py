@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from bussim.engines.contract import EVENTS, OPEN, SERVE, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import EVENTS, OPEN, SERVE, TRANSMIT, Engine, RxChar
 from bussim.engines.modbus.adu import BROADCAST, FIRST_STATION, LAST_STATION, Adu, Damage
 from bussim.engines.modbus.codes import PortError, Rejection
 from bussim.engines.modbus.events import FrameRejected, RequestServed, SlaveEvent, StationRefused
@@ -52,27 +52,24 @@ class _Asked(NamedTuple):
     end: int
 
 
-class Slave:
+class Slave(Engine[Adu, SlaveEvent]):
     """One port as Modbus slave. See :mod:`bussim.engines.contract` for the methods.
 
     ``maps`` are the devices by station number (1–247). Damaged frames and those of other stations
     are ignored in silence; a broadcast is carried out by every device, without a response.
+    ``due_counter`` is the number of the request that is replied to.
     """
 
+    replies = True
+
     def __init__(self, config: SlaveConfig, maps: Mapping[int, RegisterMap]) -> None:
+        super().__init__()
         self.config = config
         self.maps = dict(maps)
         self.state = SlaveState.STOPPED
-        #: Earliest tick of the reply that the hint TRANSMIT announces, and its request's number.
-        self.due = -1
-        self.due_counter = 0
         #: Ticks of silence after which the driver calls :meth:`line_idle`.
         self.quiet = config.framing.quiet
-        #: The latest sound frame that was completely received, of any station, and its two ends.
-        self.heard: Adu | None = None
-        self.heard_start = self.heard_end = 0
         self._reader = config.framing.reader()
-        self._events: deque[SlaveEvent] = deque()
         self._number = 0
         self._waiting: deque[_Asked] = deque()  # behind the one that is being served
         self._next: _Asked | None = None  # the one that is being served
@@ -155,7 +152,7 @@ class Slave:
         return EVENTS
 
     def _accepted(self, adu: Adu, start: int, end: int, now: int) -> int:
-        self.heard, self.heard_start, self.heard_end = adu, start, end
+        self.heard, self.heard_start = adu, start
         broadcast = adu.station == BROADCAST
         if not broadcast and adu.station not in self.maps:
             return 0
@@ -263,15 +260,6 @@ class Slave:
             return 0
         self._move(SlaveInput.LOST)
         return self._finished(now)
-
-    def poll(self) -> Transmit | SlaveEvent | None:
-        """The next event, then the reply that is due."""
-        if self._events:
-            return self._events.popleft()
-        if self.due >= 0 and self.state is SlaveState.RESPONDING:
-            at, self.due = self.due, -1
-            return Transmit(at, reply=True, counter=self.due_counter)
-        return None
 
 
 _NOT_RECEIVING = frozenset((SlaveState.STOPPED, SlaveState.REFUSING, SlaveState.SENDING))

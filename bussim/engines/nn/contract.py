@@ -6,20 +6,40 @@ the image when a frame needs one, and stores what other stations sent.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from bussim.engines.contract import OWN_HINTS, Engine
-from bussim.engines.nn.events import NnEvent
-from bussim.engines.nn.frames import Frame
+from bussim.engines.nn.frames import Frame, encode_data
 
 #: Hint: the frame's block was accepted as its station's newest image.
 STORED = OWN_HINTS
 
 
-class NnEngine(Engine[Frame, NnEvent], Protocol):
+EventT = TypeVar("EventT")
+
+
+class NnEngine(Engine[Frame, EventT], Protocol[EventT]):
     """A master or slave of the link."""
 
     #: Whether the frame that begin_transmit will return carries the station's own block.
-    wants_image: bool
+    wants_image: bool = False
     #: That block at the latest END, to be set by the driver before begin_transmit where it is wanted.
-    image: bytes
+    image: bytes = b""
+    _encoded: dict[int, Frame]
+    _encoded_image: bytes | None = None
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._encoded = {}
+
+    def _data_frame(self, station: int, counter: int) -> Frame:
+        """The data frame with :attr:`image`, encoded once for each counter while that stays the same."""
+        image = self.image
+        if image is not self._encoded_image:
+            if image != self._encoded_image:
+                self._encoded.clear()
+            self._encoded_image = image
+        frame = self._encoded.get(counter)
+        if frame is None:
+            frame = self._encoded[counter] = encode_data(station, counter, image)
+        return frame

@@ -7,12 +7,11 @@ damaged reply fails its attempt, and the parameter frame, are assumed.
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar
 from bussim.engines.nn import codes
-from bussim.engines.nn.contract import STORED
+from bussim.engines.nn.contract import STORED, NnEngine
 from bussim.engines.nn.events import (
     AllHealthy,
     AttemptEnded,
@@ -29,14 +28,12 @@ from bussim.engines.nn.frames import (
     Frame,
     FrameReader,
     LinkSettings,
-    encode_data,
     encode_parameters,
     encode_poll,
 )
 from bussim.engines.nn.states import MASTER, MasterInput, MasterState
 from bussim.engines.nn.status import STATIONS, LinkStatus
 
-_SENDING = frozenset((MasterState.PARAMETERS, MasterState.DATA, MasterState.POLL))
 # Looked up once: the engine passes these two edges for every poll.
 _AFTER_POLL = MASTER[MasterState.POLL, MasterInput.SENT]
 _AFTER_ATTEMPT = MASTER[MasterState.REPLY, MasterInput.MORE]
@@ -59,7 +56,7 @@ class MasterConfig:
     count_on_edge: bool = False
 
 
-class Master:
+class Master(NnEngine[MasterEvent]):
     """The station 0 of a link. See :mod:`bussim.engines.contract` for the methods.
 
     The reply to a poll is a valid data frame of the polled station with the scan's counter whose last
@@ -68,20 +65,12 @@ class Master:
     """
 
     def __init__(self, config: MasterConfig, *, traced: bool = False) -> None:
+        super().__init__()
         self.config = config
         #: Whether successful attempts are reported too.
         self.traced = traced
         self.state = MasterState.STOPPED
         self.status = LinkStatus()
-        #: When the next frame may leave; meaningful after the hint TRANSMIT.
-        self.due = -1
-        self.due_counter = 0
-        #: The latest valid frame that :meth:`receive` completed, and its first edge.
-        self.heard: Frame | None = None
-        self.heard_start = 0
-        #: See :class:`bussim.engines.nn.contract.NnEngine`.
-        self.wants_image = False
-        self.image = b""
         #: First attempts so far.
         self.polls = 0
         #: Failed attempts by station and code, station errors by station; never cleared by STOP.
@@ -90,10 +79,7 @@ class Master:
         self._block_size = MODES[config.settings.mode].size
         self._reader = FrameReader()
         self._reader.data_size = self._block_size
-        self._events: deque[MasterEvent] = deque()
         self._polls = [[encode_poll(k, c) for c in range(16)] for k in range(1, STATIONS)]
-        self._encoded: dict[int, Frame] = {}
-        self._encoded_image: bytes | None = None
         self._reset()
 
     def _reset(self) -> None:
@@ -289,15 +275,7 @@ class Master:
         if self.state is not MasterState.DATA:
             raise RuntimeError(f"no frame is due while {self.state}")
         self._scan_begins(now)
-        image = self.image
-        if image is not self._encoded_image:
-            if image != self._encoded_image:
-                self._encoded.clear()
-            self._encoded_image = image
-        frame = self._encoded.get(self._counter)
-        if frame is None:
-            frame = self._encoded[self._counter] = encode_data(0, self._counter, image)
-        return frame
+        return self._data_frame(0, self._counter)
 
     def _scan_begins(self, now: int) -> None:
         status = self.status
@@ -346,12 +324,3 @@ class Master:
             raise RuntimeError(f"no frame is sent while {state}")
         self.due = now + self.config.gap
         return (TRANSMIT | EVENTS) if self._events else TRANSMIT
-
-    def poll(self) -> Transmit | MasterEvent | None:
-        """The next event, then the transmission that is due."""
-        if self._events:
-            return self._events.popleft()
-        if self.due >= 0 and self.state in _SENDING:
-            at, self.due = self.due, -1
-            return Transmit(at)
-        return None

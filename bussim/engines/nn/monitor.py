@@ -8,13 +8,12 @@ those of the PW10 board manual, section 7.5, and the FX communication manual JY9
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from bussim.engines.contract import DEADLINE, EVENTS
 from bussim.engines.nn import codes
-from bussim.engines.nn.contract import STORED
+from bussim.engines.nn.contract import STORED, NnEngine
 from bussim.engines.nn.events import MasterWatchdog, SlaveEvent, StationBack, StationLost
 from bussim.engines.nn.frames import ENQ, SOH, STX, Damage, Frame, LinkSettings, data_chars
 from bussim.engines.nn.status import LinkStatus
@@ -94,13 +93,13 @@ class Reception:
         ) = state
 
 
-class LinkMonitor(Reception):
+class LinkMonitor(Reception, NnEngine[SlaveEvent]):
     """The notes of one slave. Methods return hints, see :mod:`bussim.engines.contract`."""
 
     def __init__(self, config: SlaveConfig) -> None:
+        super().__init__()
         self.config = config
         self.status = LinkStatus()
-        self._events: deque[SlaveEvent] = deque()
 
     def _reset_notes(self) -> None:
         self._watching = False

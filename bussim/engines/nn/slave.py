@@ -6,11 +6,11 @@ and 12.2. That a slave without the master's mode reports 7348/7448 and stays sil
 
 from __future__ import annotations
 
-from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar, Transmit
+from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar
 from bussim.engines.nn import codes
 from bussim.engines.nn.contract import STORED
-from bussim.engines.nn.events import ParametersRefused, ParametersTaken, PolledWithoutParameters, SlaveEvent
-from bussim.engines.nn.frames import DATA, MODES, POLL, Damage, Frame, FrameReader, LinkSettings, encode_data
+from bussim.engines.nn.events import ParametersRefused, ParametersTaken, PolledWithoutParameters
+from bussim.engines.nn.frames import DATA, MODES, POLL, Damage, Frame, FrameReader, LinkSettings
 from bussim.engines.nn.monitor import NONE_PENDING, LinkMonitor, SlaveConfig
 from bussim.engines.nn.states import SLAVE, SlaveInput, SlaveState
 from bussim.engines.nn.status import LinkStatus
@@ -20,25 +20,17 @@ class Slave(LinkMonitor):
     """A station 1–7 of a link. See :mod:`bussim.engines.contract` for the methods.
 
     Until the master's parameter frame arrives it ignores everything, except that a poll makes it
-    store code 31 about itself.
+    store code 31 about itself. ``due`` is when a reply's turnaround began, the end of its poll.
     """
+
+    replies = True
+    wants_image = True
 
     def __init__(self, config: SlaveConfig) -> None:
         super().__init__(config)
         self.state = SlaveState.STOPPED
         #: The master's settings, None before they arrived.
         self.settings: LinkSettings | None = None
-        #: When a reply's turnaround began (the end of its poll) and the counter it must carry.
-        self.due = -1
-        self.due_counter = 0
-        #: The latest valid frame that :meth:`receive` completed, and its first edge.
-        self.heard: Frame | None = None
-        self.heard_start = 0
-        #: See :class:`bussim.engines.nn.contract.NnEngine`.
-        self.wants_image = True
-        self.image = b""
-        self._encoded: dict[int, Frame] = {}
-        self._encoded_image: bytes | None = None
         self._reader = FrameReader()
         self._reset()
 
@@ -164,15 +156,7 @@ class Slave(LinkMonitor):
         self._sent_counter = counter
         if self._reader.length:
             self._reader.reset()
-        image = self.image
-        if image is not self._encoded_image:
-            if image != self._encoded_image:
-                self._encoded.clear()
-            self._encoded_image = image
-        frame = self._encoded.get(counter)
-        if frame is None:
-            frame = self._encoded[counter] = encode_data(self.config.station, counter, image)
-        return frame
+        return self._data_frame(self.config.station, counter)
 
     def transmit_done(self, now: int) -> int:
         """The reply has left: its poll has its reply, as far as this station knows."""
@@ -181,12 +165,3 @@ class Slave(LinkMonitor):
                 self.pending = ~self.pending
             self.status.running = True
         return 0
-
-    def poll(self) -> Transmit | SlaveEvent | None:
-        """The next event, then the reply that is due (its turnaround is the driver's)."""
-        if self._events:
-            return self._events.popleft()
-        if self.due >= 0:
-            at, self.due = self.due, -1
-            return Transmit(at, reply=True, counter=self.due_counter)
-        return None

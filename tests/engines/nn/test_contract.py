@@ -65,7 +65,7 @@ def test_it_has_what_the_contract_names(make: Make) -> None:
     for name in (*Engine.__annotations__, *NnEngine.__annotations__):
         assert hasattr(engine, name)
     methods = [name for name, member in vars(Engine).items() if isfunction(member) and name[0] != "_"]
-    assert len(methods) == 8
+    assert len(methods) == 10
     for name in methods:
         wanted, found = (list(signature(getattr(kind, name)).parameters) for kind in (Engine, type(engine)))
         assert found == wanted
