@@ -245,6 +245,7 @@ class FreePort(Engine[FreeFrame, FreeEvent]):
         """The bytes that wait. An open reception goes on: the program's data are no frames."""
         if self._out is None:
             raise RuntimeError("nothing waits to be sent")
+        self.due = -1
         self._sending = True
         self._begun = now
         return FreeFrame(self._out)

@@ -294,6 +294,7 @@ class Master(Engine[Adu, MasterEvent | PollEvent]):
     def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The request that is due."""
         self._move(MasterInput.BEGUN)
+        self.due = -1
         self._reader.reset()
         self._sent = now
         return self._adu

@@ -244,6 +244,7 @@ class Slave(Engine[Adu, SlaveEvent]):
         if self._reply is None or self.state is not SlaveState.RESPONDING:
             raise RuntimeError(f"the slave is {self.state.value}: no reply is due")
         self._move(SlaveInput.BEGUN)
+        self.due = -1
         self._reader.reset()
         return self._reply
 
