@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 
@@ -41,11 +41,6 @@ class Model(BaseModel):
         return {key: value for key, value in self if value is not None and key not in without}
 
 
-def given_of(model: Model, keys: tuple[str, ...]) -> str:
-    """The first of ``keys`` that is given, "" for none."""
-    return next((key for key in keys if getattr(model, key) is not None), "")
-
-
 def kinds_of(model: type[Model], common: type[Model]) -> tuple[str, ...]:
     """The keys of which an entry has exactly one: all but those of ``common``, which it extends."""
     return tuple(key for key in model.model_fields if key not in common.model_fields)
@@ -61,6 +56,22 @@ def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
         raise fail(f"excludes {given[0]} in the same entry", given[1])
     if not given and not info.context:
         raise fail(f"says nothing; expected one of {', '.join(keys)}")
+
+
+class OneKind(Model):
+    """A mapping that has exactly one of its ``kinds``, beside other keys or without."""
+
+    kinds: ClassVar[tuple[str, ...]]
+
+    @model_validator(mode="after")
+    def _one_kind(self, info: ValidationInfo) -> Self:
+        only_one(self, self.kinds, info)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The one that is given, "" where that was wrong."""
+        return next((key for key in self.kinds if getattr(self, key) is not None), "")
 
 
 def as_written(model: Model, **defaults: object) -> dict[str, Any]:

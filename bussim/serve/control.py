@@ -125,7 +125,7 @@ class ControlServer:
                 return
             with peer, contextlib.suppress(OSError):
                 peer.settimeout(_LONGEST_WAIT)
-                peer.sendall(_line(self._reply(_read(peer))))
+                peer.sendall(_line(self._reply(peer.makefile("rb").readline(_LONGEST))))
 
     def _reply(self, text: bytes) -> dict[str, Any]:
         try:
@@ -152,17 +152,6 @@ def _line(data: dict[str, Any]) -> bytes:
     )  # pure ASCII: a request may stand in it, even with half characters
 
 
-def _read(peer: socket.socket) -> bytes:
-    """A line, or as much of it as came."""
-    data = b""
-    while not data.endswith(b"\n") and len(data) < _LONGEST:
-        more = peer.recv(4096)
-        if not more:
-            break
-        data += more
-    return data
-
-
 # -- the other side ----------------------------------------------------------------------------
 
 
@@ -179,7 +168,7 @@ class Running:
         """Its reply. Raises UsageError where it refuses, OSError where it is not there any more."""
         with self._connected() as peer:
             peer.sendall(_line({"token": self._token, **request}))
-            text = _read(peer)
+            text = peer.makefile("rb").readline(_LONGEST)
         try:
             reply: dict[str, Any] = json.loads(text)
         except ValueError as error:

@@ -19,7 +19,7 @@ from bussim.plc.program.text.catalog import SPECS
 from bussim.plc.program.text.specials import SPECIAL_BITS
 from bussim.results.store.rows import FORMS
 from bussim.scenario.loader import load, loads
-from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS
+from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
 from bussim.scenario.schema.document import NNIn
 from bussim.scenario.schema.profiles import ProfileIn
 from bussim.scenario.schema.programs import InputIn, LatencyIn
@@ -165,8 +165,8 @@ def test_the_keys_of_a_latency_are_documented() -> None:
 @pytest.mark.parametrize(
     ("heading", "known"),
     [
-        ("noise |", set(NOISE_KINDS)),
-        ("fault |", set(FAULT_KINDS)),
+        ("noise |", set(NoiseIn.kinds)),
+        ("fault |", set(FaultIn.kinds)),
         ("device | what it is", set(MODELS)),
         ("key of `nn`", set(NNIn.model_fields)),
         ("field |", set(ProfileIn.model_fields) - {"base"}),

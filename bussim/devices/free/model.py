@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from bussim.devices.contract import Behaviour, BusDevice, FreeProtocolSettings
 from bussim.devices.forms import Delay, DeviceIn, Find
 from bussim.devices.free.scripted import Message, ScriptedDevice
 from bussim.devices.serial_settings import DevicePort
 from bussim.forms.fields import Hex, Positive, Text, Time, Times, fail
-from bussim.forms.form import Model, only_one
+from bussim.forms.form import OneKind
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.spec import PollSpec
 
@@ -34,16 +34,13 @@ class FreeSettings(FreeProtocolSettings):
         return Behaviour(lambda _: (ScriptedDevice(self.messages, device.timing, draws), device.timing))
 
 
-class BytesIn(Model):
+class BytesIn(OneKind):
     """Bytes as text or in hexadecimal."""
+
+    kinds = ("text", "bytes")
 
     text: Text | None = None
     bytes: Hex | None = None
-
-    @model_validator(mode="after")
-    def _one_form(self, info: ValidationInfo) -> BytesIn:
-        only_one(self, ("text", "bytes"), info)
-        return self
 
 
 def _data(given: BytesIn) -> bytes:

@@ -13,7 +13,6 @@ decided it. What that costs depends on the master:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 from bussim.exact.polls.whole_scans import mean_whole_scans
 
@@ -43,41 +42,21 @@ def exactly(ticks: int) -> Span:
     return Span(ticks, ticks)
 
 
-class MasterTiming(Protocol):
-    """What a master's own time adds. ``interval`` is the one that it keeps after a decision."""
-
-    interval: int
-    #: From a poll's turn to its request, where nothing holds it up.
-    entry: Span
-    #: The longest time that a turn which has come due waits for a master without anything to do.
-    idle: int
-    #: The longest time from a decision to its taking over.
-    late: int
-    #: Whether a turn begins after the interval, which is then no part of any turn.
-    begins_late: bool
-
-    def taken(self, need: Span) -> Span:
-        """From sending to taking over."""
-
-    def gap(self, need: Span | None = None) -> Span:
-        """From taking over to sending the next request, if there is one; without a need: whatever it was."""
-
-    def turn(self, need: Span) -> Span:
-        """From sending to sending the next request: their sum, which may be known better than they are."""
-
-    def mean(self, need: Span) -> tuple[float, float] | None:
-        """Means of :meth:`taken` and :meth:`gap`, the need being uniform over its span; None: unknown."""
-
-    def mean_entry(self) -> float:
-        """Mean of ``entry``."""
-
-
 class Direct:
-    """A master without scans."""
+    """A master without scans. ``interval`` is the time that it keeps after a decision.
 
+    ``taken`` is from sending to taking over, ``gap`` from there to sending the next request, if there is one
+    (without a need: whatever it was), ``turn`` their sum, which may be known better than they are; ``mean``
+    are the means of the first two, the need being uniform over its span.
+    """
+
+    #: Whether a turn begins after the interval, which is then no part of any turn.
     begins_late = True
+    #: From a poll's turn to its request, where nothing holds it up.
     entry = exactly(0)
+    #: The longest time that a turn which has come due waits for a master without anything to do.
     idle = 0
+    #: The longest time from a decision to its taking over.
     late = 0
 
     def __init__(self, interval: int) -> None:
@@ -105,7 +84,7 @@ class Direct:
 
 
 class Scans:
-    """A PLC: a scan is uniform over ``scan``, an active one ``execution`` longer.
+    """A PLC: a scan is uniform over ``scan``, an active one ``execution`` longer; else as :class:`Direct`.
 
     ``others`` is by how much other ports' transactions may lengthen any of them; then there is no mean.
     """
@@ -170,3 +149,7 @@ class Scans:
     def mean_entry(self) -> float:
         """A scan."""
         return (self._scan.least + self._scan.most) / 2
+
+
+#: What a master's own time adds.
+MasterTiming = Direct | Scans

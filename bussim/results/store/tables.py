@@ -10,7 +10,7 @@ import csv
 import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, Protocol, TextIO, TypeVar
+from typing import Any, Generic, NamedTuple, TextIO, TypeVar
 
 from bussim.errors import UsageError
 from bussim.results.store.safe_names import cell
@@ -84,16 +84,6 @@ def _in_nanoseconds(value: Callable[[R], Value]) -> Callable[[R], Value]:
         return nanoseconds(ticks) if isinstance(ticks, int) else ticks
 
     return converted
-
-
-class Table(Protocol):
-    """A table that is being written."""
-
-    def append(self, row: Row) -> None:
-        """Write a row, a value for every column."""
-
-    def close(self) -> None:
-        """Finish the file."""
 
 
 class CsvTable:
@@ -179,6 +169,10 @@ def import_pyarrow() -> tuple[Any, Any]:
             "parquet (pip install 'bussim[parquet]') or use the format csv"
         ) from error
     return pyarrow, parquet
+
+
+#: A table that is being written.
+Table = CsvTable | ParquetTable
 
 
 def open_table(path: Path, kinds: Mapping[str, Kind]) -> Table:

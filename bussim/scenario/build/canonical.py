@@ -12,7 +12,7 @@ from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.members import NN_KEYS, Member, device_name
 from bussim.scenario.resolve.port_configuration import written_keys
 from bussim.scenario.resolve.scenario import Resolved
-from bussim.scenario.schema.disturbances import FAULT_KINDS, FaultIn, NoiseIn
+from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
 from bussim.scenario.schema.document import DocumentIn, PlcIn
 from bussim.scenario.schema.draft import readable, values_of
 from bussim.scenario.schema.programs import LatencyIn
@@ -138,7 +138,7 @@ def _fault(fault: FaultIn) -> dict[str, object]:
     written = as_written(fault)
     if fault.power_on is None:
         written = {"at": format_time(0), **written}
-    for kind in FAULT_KINDS:
+    for kind in FaultIn.kinds:
         inside = written.get(kind)
         if inside is not None and set(inside) == {"station"}:
             written[kind] = inside["station"]

@@ -22,17 +22,16 @@ def trace_header(scenario: Scenario) -> TraceHeader:
 
 
 def _bus(bus: Bus, scenario: Scenario) -> TraceBus:
-    nodes: list[str] = []
-    stations: dict[str, int] = {}
-    for plc in scenario.plcs:
-        if plc.link is not None and plc.link.bus == bus.name:
-            nodes.append(plc.name)
-            stations[plc.name] = plc.registers.get(f"D{D_STATION}", 0)
-        nodes += [plc.port_node(port.name) for port in plc.ports if port.bus == bus.name]
-    for device in scenario.devices:
-        if device.bus == bus.name:
-            nodes.append(device.name)
-            if device.station is not None:
-                stations[device.name] = device.station
+    stations = {
+        plc.name: plc.registers.get(f"D{D_STATION}", 0)
+        for plc in scenario.plcs
+        if plc.link is not None and plc.link.bus == bus.name
+    }
+    stations |= {
+        device.name: device.station
+        for device in scenario.devices
+        if device.bus == bus.name and device.station is not None
+    }
+    nodes = scenario.nodes_on(bus.name)
     timing, own = bus.timing, bus.contention
-    return TraceBus(bus.name, bus.protocol, timing.baud, str(timing.format), tuple(nodes), stations, own)
+    return TraceBus(bus.name, bus.protocol, timing.baud, str(timing.format), nodes, stations, own)

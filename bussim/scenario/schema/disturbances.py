@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from bussim.engines.modbus.adu import ASCII_MAX
 from bussim.engines.nn.frames import MODES, data_chars
@@ -24,7 +24,7 @@ from bussim.forms.fields import (
     one_of,
     whole,
 )
-from bussim.forms.form import Model, given_of, kinds_of, only_one
+from bussim.forms.form import Model, OneKind, kinds_of
 from bussim.line.characters import NN_LINE, CharFormat
 from bussim.scenario.model import BitErrors, Burst, Impulse, NoiseKind, ReplyLoss
 
@@ -77,7 +77,7 @@ class ImpulseIn(Model):
         return self
 
 
-class _NoiseWhere(Model):
+class _NoiseWhere(OneKind):
     """Where and when noise acts, and the recording that says how much of it there is."""
 
     name: Name | None = None
@@ -100,8 +100,7 @@ class NoiseIn(_NoiseWhere):
     reply_loss: Probability | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self, info: ValidationInfo) -> NoiseIn:
-        only_one(self, NOISE_KINDS, info)
+    def _sided(self) -> NoiseIn:
         if self.direction is not None and self.station is None:
             raise fail("needs a station", "direction")
         if self.direction is not None and self.reply_loss is not None:
@@ -109,17 +108,12 @@ class NoiseIn(_NoiseWhere):
         return self
 
     @property
-    def kind(self) -> str:
-        """The key that says what it does."""
-        return given_of(self, NOISE_KINDS)
-
-    @property
     def value(self) -> NoiseKind:
         """What it does, as a value of the scenario."""
         return _NOISE[self.kind](getattr(self, self.kind))
 
 
-NOISE_KINDS = kinds_of(NoiseIn, _NoiseWhere)
+NoiseIn.kinds = kinds_of(NoiseIn, _NoiseWhere)
 #: What becomes of each kind: the fields of a mapping are those of the value.
 _NOISE: dict[str, Callable[[Any], NoiseKind]] = {
     "ber": BitErrors,
@@ -241,7 +235,7 @@ class BoardErrorIn(Model):
     code: Annotated[int, one_of(BOARD_CODES)]
 
 
-class _FaultWhen(Model):
+class _FaultWhen(OneKind):
     """When a fault acts."""
 
     name: Name | None = None
@@ -272,8 +266,7 @@ class FaultIn(_FaultWhen):
     power_on: dict[str, Time] | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self, info: ValidationInfo) -> FaultIn:
-        only_one(self, FAULT_KINDS, info)
+    def _counted_or_timed(self) -> FaultIn:
         kind = self.kind
         if kind == "power_on":
             for key, field in _FaultWhen.model_fields.items():
@@ -285,10 +278,5 @@ class FaultIn(_FaultWhen):
             raise fail("excludes for; give one of them", "count")
         return self
 
-    @property
-    def kind(self) -> str:
-        """The key that says what happens."""
-        return given_of(self, FAULT_KINDS)
 
-
-FAULT_KINDS = kinds_of(FaultIn, _FaultWhen)
+FaultIn.kinds = kinds_of(FaultIn, _FaultWhen)

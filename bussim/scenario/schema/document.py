@@ -29,7 +29,7 @@ from bussim.forms.fields import (
     time,
     whole,
 )
-from bussim.forms.form import Model, ScanIn, given_of, only_one
+from bussim.forms.form import Model, OneKind, ScanIn
 from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.plc.ports.cpavl import INTERVAL_UNIT, PROTOCOL_CODES, TIMEOUT_UNIT
@@ -146,7 +146,7 @@ class RampIn(Model):
     over: Positive
 
 
-class SourceIn(Model):
+class SourceIn(OneKind):
     """What drives one device: exactly one of its keys."""
 
     example = "{toggle: 1 s}, {counter: 100 ms}, {constant: 5} or {ramp: {from: 0, to: 1000, over: 10 s}}"
@@ -156,19 +156,13 @@ class SourceIn(Model):
     constant: Annotated[int, whole(-32768, 65535)] | None = None
     ramp: RampIn | None = None
 
-    @model_validator(mode="after")
-    def _one_kind(self, info: ValidationInfo) -> SourceIn:
-        only_one(self, SOURCE_KINDS, info)
-        return self
-
     @property
     def value(self) -> Source:
         """What drives the device, as a value of the scenario."""
-        kind = given_of(self, SOURCE_KINDS)
-        return _SOURCES[kind](getattr(self, kind))
+        return _SOURCES[self.kind](getattr(self, self.kind))
 
 
-SOURCE_KINDS = tuple(SourceIn.model_fields)
+SourceIn.kinds = tuple(SourceIn.model_fields)
 #: What becomes of each kind.
 _SOURCES: dict[str, Callable[[Any], Source]] = {
     "toggle": Toggle,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from bussim.forms.fields import (
     FileName,
@@ -19,7 +19,7 @@ from bussim.forms.fields import (
     time,
     whole,
 )
-from bussim.forms.form import Model, given_of, only_one
+from bussim.forms.form import Model, OneKind
 from bussim.scenario.yaml.input_table import MAX_TIMES
 from bussim.wording import show
 
@@ -32,12 +32,14 @@ SHORTEST_LEVEL = 720
 Level = Annotated[int, time(SHORTEST_LEVEL)]
 
 
-class ProgramIn(Model):
+class ProgramIn(OneKind):
     """A program: a file, or its text."""
 
     example = (
         "the name of a file such as press1.il or main.csv, or the program's lines as a block (program: |)"
     )
+
+    kinds = ("file", "text")
 
     file: FileName | None = None
     text: Annotated[str, Field()] | None = None
@@ -52,11 +54,6 @@ class ProgramIn(Model):
         if value.casefold().endswith(PROGRAM_ENDINGS):
             return {"file": value}
         raise fail(f"is {show(value)}, expected {cls.example}; another file name needs {{file: …}}")
-
-    @model_validator(mode="after")
-    def _one_kind(self, info: ValidationInfo) -> ProgramIn:
-        only_one(self, ("file", "text"), info)
-        return self
 
 
 class PulseIn(Model):
@@ -101,7 +98,7 @@ class RandomIn(Model):
     seed: Annotated[int, whole(0, 2**63 - 1)] | None = None
 
 
-class InputIn(Model):
+class InputIn(OneKind):
     """What drives one input: exactly one of its keys."""
 
     example = (
@@ -116,21 +113,15 @@ class InputIn(Model):
     csv: FileName | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self, info: ValidationInfo) -> InputIn:
-        only_one(self, INPUT_KINDS, info)
+    def _rising(self) -> InputIn:
         times = self.times or []
         for earlier, later in pairwise(times):
             if later <= earlier:
                 raise fail("must rise: each change is later than the one before", "times")
         return self
 
-    @property
-    def kind(self) -> str:
-        """The key that says what drives it, "" where that was wrong."""
-        return given_of(self, INPUT_KINDS)
 
-
-INPUT_KINDS = tuple(InputIn.model_fields)
+InputIn.kinds = tuple(InputIn.model_fields)
 
 
 class LatencyIn(Model):

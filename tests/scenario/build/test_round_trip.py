@@ -19,7 +19,7 @@ from bussim.errors import ScenarioError, UsageError
 from bussim.scenario import builtin
 from bussim.scenario.loader import from_data, load, loads
 from bussim.scenario.model import Scenario
-from bussim.scenario.schema.disturbances import FAULT_KINDS, NOISE_KINDS, FaultIn, NoiseIn
+from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
 from bussim.scenario.schema.document import BusIn, DocumentIn, NNIn, PlcIn, PortIn
 from bussim.scenario.schema.polls import PollIn
 from bussim.scenario.schema.profiles import ProfileIn
@@ -490,5 +490,5 @@ def test_every_kind_of_noise_and_fault_is_in_the_full_example() -> None:
     noise, faults = source["noise"], source["faults"]
     assert isinstance(noise, list)
     assert isinstance(faults, list)
-    assert {key for entry in noise for key in entry} >= set(NOISE_KINDS)
-    assert {key for entry in faults for key in entry} >= {*FAULT_KINDS, "power_on"}
+    assert {key for entry in noise for key in entry} >= set(NoiseIn.kinds)
+    assert {key for entry in faults for key in entry} >= {*FaultIn.kinds, "power_on"}
