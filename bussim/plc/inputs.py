@@ -7,10 +7,10 @@ order, with the new level.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 #: A change: when, and to what level.
 Change = tuple[int, int]
@@ -18,21 +18,31 @@ Change = tuple[int, int]
 NEVER = 1 << 62
 
 
-class Stimulus(Protocol):
-    """A level over time."""
+class Stimulus(ABC):
+    """A level over time, off before its first change."""
 
+    __slots__ = ()
+
+    @abstractmethod
     def level(self, tick: int) -> int:
         """0 or 1 at a tick; a change at the tick has happened."""
 
-    def changes(self, since: int, until: int) -> list[Change]:
-        """The changes after ``since`` up to ``until``. Never called for a time before an earlier call's."""
-
+    @abstractmethod
     def next_change(self, tick: int) -> int:
         """When it changes first after a tick, :data:`NEVER` if not; not before an earlier ``until``."""
 
+    def changes(self, since: int, until: int) -> list[Change]:
+        """The changes after ``since`` up to ``until``. Never called for a time before an earlier call's."""
+        found: list[Change] = []
+        tick = self.next_change(since)
+        while tick <= until:
+            found.append((tick, self.level(tick)))
+            tick = self.next_change(tick)
+        return found
+
 
 @dataclass(frozen=True, slots=True)
-class Pulse:
+class Pulse(Stimulus):
     """On for ``width`` ticks at ``at``, and again every ``every`` ticks (None: once), ``times`` times."""
 
     width: int
@@ -50,22 +60,12 @@ class Pulse:
         return number if self.times is None else min(number, self.times - 1)
 
     def level(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         number = self._number(tick)
         return int(number >= 0 and tick < self.at + number * (self.every or 0) + self.width)
 
-    def changes(self, since: int, until: int) -> list[Change]:
-        """See the protocol."""
-        found: list[Change] = []
-        for number in range(max(0, self._number(since)), self._number(until) + 1):
-            on = self.at + number * (self.every or 0)
-            found += [
-                (tick, level) for tick, level in ((on, 1), (on + self.width, 0)) if since < tick <= until
-            ]
-        return found
-
     def next_change(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         number = self._number(tick)
         off = self.at + number * (self.every or 0) + self.width
         if number >= 0 and tick < off:
@@ -78,30 +78,18 @@ class Pulse:
 
 
 @dataclass(frozen=True, slots=True)
-class Square:
+class Square(Stimulus):
     """Off, then on, each for half of ``period`` ticks, from ``at`` on (off before): on at ``at`` first."""
 
     period: int
     at: int = 0
 
     def level(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         return int(tick >= self.at and 2 * ((tick - self.at) % self.period) < self.period)
 
-    def changes(self, since: int, until: int) -> list[Change]:
-        """See the protocol."""
-        half = (self.period + 1) // 2
-        found: list[Change] = []
-        number = max(0, (since - self.at) // self.period)
-        while self.at + number * self.period <= until:
-            on = self.at + number * self.period
-            pair = ((on, 1), (on + half, 0))
-            found += [(tick, level) for tick, level in pair if since < tick <= until]
-            number += 1
-        return found
-
     def next_change(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         if tick < self.at:
             return self.at
         begun = tick - (tick - self.at) % self.period
@@ -110,27 +98,22 @@ class Square:
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class Times(Stimulus):
     """Changes its level at each of these ticks, which rise; off before the first."""
 
     ticks: tuple[int, ...]
 
     def level(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         return bisect_right(self.ticks, tick) & 1
 
-    def changes(self, since: int, until: int) -> list[Change]:
-        """See the protocol."""
-        first, last = bisect_right(self.ticks, since), bisect_right(self.ticks, until)
-        return [(self.ticks[number], (number & 1) ^ 1) for number in range(first, last)]
-
     def next_change(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         index = bisect_right(self.ticks, tick)
         return self.ticks[index] if index < len(self.ticks) else NEVER
 
 
-class Random:
+class Random(Stimulus):
     """On and off for exponential times of mean ``on`` and ``off`` ticks, each at least one tick.
 
     ``draws`` are uniform numbers of its own stream. What lies before the latest call is dropped.
@@ -154,7 +137,7 @@ class Random:
         self._ahead.append((self._next, level ^ 1))
 
     def level(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         while self._ahead[-1][0] <= tick:
             self._draw()
         level = self._level
@@ -165,18 +148,14 @@ class Random:
         return level
 
     def changes(self, since: int, until: int) -> list[Change]:
-        """See the protocol."""
-        while self._ahead[-1][0] <= until:
-            self._draw()
-        found = [change for change in self._ahead if since < change[0] <= until]
-        gone = [change for change in self._ahead if change[0] <= since]
-        if gone:
-            self._level = gone[-1][1]
-            del self._ahead[: len(gone)]
+        """See the base class."""
+        found = super().changes(since, until)
+        while self._ahead[0][0] <= since:
+            self._level = self._ahead.pop(0)[1]
         return found
 
     def next_change(self, tick: int) -> int:
-        """See the protocol."""
+        """See the base class."""
         while self._ahead[-1][0] <= tick:
             self._draw()
         return next(change for change, _ in self._ahead if change > tick)
