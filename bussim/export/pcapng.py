@@ -18,8 +18,8 @@ _COMMENT = 1
 _SECTION_APPLICATION = 4
 _IF_NAME, _IF_DESCRIPTION, _IF_SPEED, _IF_RESOLUTION = 2, 3, 8, 9
 _PACKET_FLAGS = 2
-#: Bits of a packet's flags: some symbol (here: a character) was received wrongly; CRC error.
-SYMBOL_ERROR, CRC_ERROR = 1 << 31, 1 << 24
+#: Bit of a packet's flags: some symbol (here: a character) was received wrongly.
+SYMBOL_ERROR = 1 << 31
 _NANOSECONDS = 9  # decimals of a second
 _NAME_IPV4, _NAME_END = 1, 0
 _LONGEST_OPTION = 65_535

@@ -150,13 +150,13 @@ class TurnaroundSums:
             raise ValueError(f"{len(self._kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
         self._units = {kind: 1 << (DIGIT * digit) for digit, kind in self._kinds.items()}
         self._grids: dict[bool, _Grid] = {}
-        #: Of the end of a torn reply: code, earliest and mean in ticks, variance in ticks².
-        self.torn, self.earliest, self.torn_mean, self.torn_variance = 0, 0, 0.0, 0.0
+        #: Of the end of a torn reply: code, earliest and mean in ticks.
+        self.torn, self.earliest, self.torn_mean = 0, 0, 0.0
         self._every = self._kinds
         if ends is not None:
             kind = _kind_of(ends)
             self.torn, self.earliest = 1 << (DIGIT * MAX_KINDS), spread_of(ends)[0]
-            self.torn_mean, self.torn_variance = self.earliest + kind.mean, kind.variance
+            self.torn_mean = self.earliest + kind.mean
             self._every = {**self._kinds, MAX_KINDS: kind}
         #: Whether no sum of at least one spread has atoms.
         self.smooth = not any(kind.atoms for kind in kinds)
