@@ -97,15 +97,7 @@ class LinkPort(Node):
             if self.replies_at_end:
                 self._waits.append((at, counter))
                 at = self.plc.cycle.next_end(at, self._kernel.now)
-        if self.pending:
-            super().schedule(at, counter)
-            return
-        # Nearly always nothing else waits: eight calls a link scan are saved.
-        now = self._kernel.now
-        if at < now:
-            at = now
-        self.pending.append((at, 0, counter))
-        self._start_timer.chain(at)
+        super().schedule(at, counter)
 
     def _on_start(self, now: int) -> None:
         engine = self.engine
@@ -127,12 +119,7 @@ class LinkPort(Node):
             return
         if engine.wants_image:
             engine.image = self.plc.image_at(now)
-        frame = engine.begin_transmit(now, counter)
-        if self.tail or self.receiver.is_open:
-            self._begin(frame, now)
-        else:  # as _begin does it, without the call
-            self.sending = tx = bus.begin(self, frame, now)
-            self._end_timer.chain(tx.end)
+        self._begin(engine.begin_transmit(now, counter), now)
 
     def _ends_moved(self, end: int) -> None:
         """The PLC's scans after ``end`` take another time: reschedule the replies that wait for END."""
