@@ -94,7 +94,7 @@ def port_totals(port: PlcPort) -> PortTotals:
         exceptions=dict(counts.exceptions),
         rejected=dict(counts.rejected),
         timeout=settings.timeout if settings is not None and _is_master(settings.protocol) else None,
-        late=port.bus.late.get(port.name, 0),
+        late=port.replies.late.get(port.name, 0),
     )
 
 
@@ -118,5 +118,5 @@ def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
         rejected=dict(counts.rejected),
         state=node.state(now),
         timeout=spec.settings.timeout if isinstance(spec.settings, MasterSettings) else None,
-        late=node.bus.late.get(node.name, 0),
+        late=node.replies.late.get(node.name, 0),
     )

@@ -1,44 +1,35 @@
 """A station of the link as the parts of its bus see it.
 
-The bus, its reporter, the shared listener and the fast path are written against this protocol; the port
-that fulfils it (:class:`bussim.sim.nn.link_port.LinkPort`) can therefore import the bus.
+The bus, its reporter, the shared listener and the fast path are written for this class; the port that
+completes it (:class:`bussim.sim.nn.link_port.LinkPort`) can therefore import the bus.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import abstractmethod
 
 from bussim.plc.link_registers import LinkEngine
 from bussim.plc.plc import Plc
-from bussim.sim.wire.contract import LineNode
+from bussim.sim.wire.node import Node
 
 
-class LinkStation(LineNode, Protocol):
+class LinkStation(Node):
     """A PLC's port on an N:N link."""
 
-    engine: LinkEngine | None
+    plc: Plc
+    #: None unless the PLC is in RUN with good parameters.
+    engine: LinkEngine | None = None
 
     @property
-    def plc(self) -> Plc:
-        """The PLC."""
-
-    @property
-    def pending(self) -> list[tuple[int, int, int]]:
-        """(start, order, counter) of the frames that are to be sent."""
-
-    @property
+    @abstractmethod
     def undelayed(self) -> bool:
         """Whether its frames leave when its engine asks for it, and its driver goes off at their end."""
 
     @property
+    @abstractmethod
     def longest_turnaround(self) -> int:
         """The longest turnaround that can be drawn now, in ticks."""
 
+    @abstractmethod
     def turnaround(self) -> int:
         """Draw the next reply's turnaround, in ticks."""
-
-    def schedule(self, at: int, counter: int) -> None:
-        """Schedule a frame to be sent from ``at`` on."""
-
-    def arm_deadline(self) -> None:
-        """Arm the engine's deadline."""

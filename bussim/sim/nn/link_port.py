@@ -12,19 +12,17 @@ from bussim.plc.plc import Plc, PlcState
 from bussim.plc.turnaround import Turnarounds
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
+from bussim.sim.nn.contract import LinkStation
 from bussim.sim.wire.contract import LineNode
-from bussim.sim.wire.node import Node
 
 
-class LinkPort(Node):
+class LinkPort(LinkStation):
     """The port that M8179 selects. Its node has the PLC's name."""
 
     def __init__(self, plc: Plc, bus: LinkBus, position: int, kernel: Kernel, streams: Streams) -> None:
         self.plc = plc
         self.bus = bus
         super().__init__(plc.name, bus, position, kernel)
-        #: The link's engine; None unless the PLC is in RUN with good parameters.
-        self.engine: LinkEngine | None = None
         self.is_master = False
         self.reporter = bus.reporter
         self.replies_at_end = plc.profile.reply.at_end
@@ -77,17 +75,17 @@ class LinkPort(Node):
     # -- sending -----------------------------------------------------------------------------------
 
     def turnaround(self) -> int:
-        """Draw the next reply's turnaround, in ticks."""
+        """See the base class."""
         return self._turnarounds.draw() + self.extra_turnaround
 
     @property
     def undelayed(self) -> bool:
-        """Whether its frames leave when its engine asks for it, and its driver goes off at their end."""
+        """See the base class."""
         return not (self.jabbering or self.late_release or self.replies_at_end or self.tail)
 
     @property
     def longest_turnaround(self) -> int:
-        """The longest turnaround that can be drawn now, in ticks."""
+        """See the base class."""
         return self._longest_turnaround + self.extra_turnaround
 
     def schedule(self, at: int, counter: int) -> None:

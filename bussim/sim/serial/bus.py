@@ -8,17 +8,13 @@ from collections.abc import Hashable, Sequence
 from bussim.engines.modbus.adu import Adu
 from bussim.line.characters import LineTiming
 from bussim.sim.notes import Notes
-from bussim.sim.serial.contract import Reply, SerialStation
+from bussim.sim.serial.contract import Replies, SerialStation
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
 from bussim.trace.records import Sink
 
-#: Replies that are remembered: more than can lie between a reply and the END that takes it over.
-_REPLIES = 512
 #: Frames that are remembered: a message may come in as many as it has characters.
 _PIECES = 256
-#: Requests that were given up and may still get a reply.
-_GIVEN_UP = 64
 
 
 class SerialBus(Line):
@@ -31,10 +27,7 @@ class SerialBus(Line):
         self.waiting: set[SerialStation] = set()
         # The latest that ended: at most so many characters make a frame, each perhaps sent by itself.
         self._delivered: deque[Transmission] = deque(maxlen=_PIECES)
-        self._replies: deque[Reply] = deque(maxlen=_REPLIES)
-        self._given_up: dict[int, str] = {}  # by the request's first edge: its master
-        #: Responses that ended after their request had been given up, by master.
-        self.late: dict[str, int] = {}
+        self.replies = Replies()
 
     def connect(self, nodes: Sequence[SerialStation]) -> None:
         """Put the nodes on the cable, in cable order."""
@@ -104,37 +97,6 @@ class SerialBus(Line):
             if (reading.start, chars) in sent or chars in together:
                 return
         super().accepted(reading)
-
-    # -- which request a reply belongs to ----------------------------------------------------------
-
-    def replied(self, reply: Reply) -> None:
-        """Record a slave's reply that begins now."""
-        self._replies.append(reply)
-        master = self._given_up.pop(reply.asked, None)
-        if master is not None:
-            self.late[master] = self.late.get(master, 0) + 1
-
-    def gave_up(self, master: str, asked: int, end: int) -> None:
-        """A master's timeout was over at ``end``, before a response to its request of ``asked``."""
-        begun = next((reply for reply in self._replies if reply.asked == asked), None)
-        if begun is None:
-            self._given_up[asked] = master
-            if len(self._given_up) > _GIVEN_UP:
-                del self._given_up[next(iter(self._given_up))]
-        elif begun.end > end:
-            self.late[master] = self.late.get(master, 0) + 1
-
-    def reply_at(self, tick: int) -> Reply | None:
-        """The reply that was on the wire at a tick; None if none was, or several."""
-        found: Reply | None = None
-        for reply in reversed(self._replies):
-            if reply.end <= tick:
-                break  # so are all before it, but for one that began before another and outlasted it
-            if reply.start <= tick:
-                if found is not None:
-                    return None
-                found = reply
-        return found
 
 
 def _position(node: LineNode) -> int:

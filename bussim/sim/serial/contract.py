@@ -1,16 +1,23 @@
 """A node of a serial bus as its bus and reporter see it, and the replies that the bus remembers.
 
-The bus and the reporter are written against these protocols; the node
+The bus and the reporter are written for these classes; the node that completes one
 (:class:`bussim.sim.serial.node.SerialNode`) can therefore import both.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from abc import abstractmethod
+from collections import deque
+from typing import NamedTuple
 
 from bussim.engines.free.events import FreeEvent
 from bussim.engines.modbus.events import MasterEvent, PollEvent, SlaveEvent
-from bussim.sim.wire.contract import LineNode
+from bussim.sim.wire.node import Node
+
+#: Replies that are remembered: more than can lie between a reply and the END that takes it over.
+_REPLIES = 512
+#: Requests that were given up and may still get a reply.
+_GIVEN_UP = 64
 
 #: What the engine of a node may report.
 SerialEvent = MasterEvent | SlaveEvent | PollEvent | FreeEvent
@@ -26,30 +33,59 @@ class Reply(NamedTuple):
     chars: int
 
 
-class ReplyRecords(Protocol):
-    """A bus as its reporter sees it."""
+class Replies:
+    """The latest replies on one bus, and the requests that were given up before theirs."""
 
-    @property
-    def name(self) -> str:
-        """Its name."""
+    def __init__(self) -> None:
+        self._replies: deque[Reply] = deque(maxlen=_REPLIES)
+        self._given_up: dict[int, str] = {}  # by the request's first edge: its master
+        #: Responses that ended after their request had been given up, by master.
+        self.late: dict[str, int] = {}
 
-    def reply_at(self, tick: int) -> Reply | None:
-        """The reply that was on the wire at a tick."""
+    def replied(self, reply: Reply) -> None:
+        """Record a slave's reply that begins now."""
+        self._replies.append(reply)
+        master = self._given_up.pop(reply.asked, None)
+        if master is not None:
+            self.late[master] = self.late.get(master, 0) + 1
 
     def gave_up(self, master: str, asked: int, end: int) -> None:
-        """A master's timeout was over before a response to its request."""
+        """A master's timeout was over at ``end``, before a response to its request of ``asked``."""
+        begun = next((reply for reply in self._replies if reply.asked == asked), None)
+        if begun is None:
+            self._given_up[asked] = master
+            if len(self._given_up) > _GIVEN_UP:
+                del self._given_up[next(iter(self._given_up))]
+        elif begun.end > end:
+            self.late[master] = self.late.get(master, 0) + 1
+
+    def reply_at(self, tick: int) -> Reply | None:
+        """The reply that was on the wire at a tick; None if none was, or several."""
+        found: Reply | None = None
+        for reply in reversed(self._replies):
+            if reply.end <= tick:
+                break  # so are all before it, but for one that began before another and outlasted it
+            if reply.start <= tick:
+                if found is not None:
+                    return None
+                found = reply
+        return found
 
 
-class SerialStation(LineNode, Protocol):
-    """A PLC's port or a device on a serial bus."""
+class SerialStation(Node):
+    """A PLC's port or a device on a serial bus.
 
-    kind: str
-    protocol_name: str
-    request_chars: int
+    ``kind`` names its frames ("request", "response" or "data"), ``protocol_name`` its protocol
+    ("modbus-rtu", "modbus-ascii", "free"): both follow from its engine.
+    """
 
-    @property
-    def bus(self) -> ReplyRecords:
-        """Its bus."""
+    kind = "data"
+    protocol_name = "free"
+    #: Characters of the latest request that it sent.
+    request_chars = 0
+    #: Those of its bus.
+    replies: Replies
 
+    @abstractmethod
     def resume_reception(self) -> None:
-        """The receiver goes on from where the latest whole frame ended."""
+        """Characters come before the silence is over: the receiver goes on from where the frame ended."""

@@ -14,21 +14,18 @@ from bussim.engines.modbus.slave import Slave
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import HEARING, Kernel
 from bussim.sim.serial.bus import SerialBus
-from bussim.sim.serial.contract import Reply, SerialEvent
+from bussim.sim.serial.contract import Reply, SerialEvent, SerialStation
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.wire.contract import LineNode
-from bussim.sim.wire.node import Node
 
 #: Requests that are remembered until their replies begin.
 _MOST_SERVED = 64
 
 
-class SerialNode(Node):
+class SerialNode(SerialStation):
     """One position of a serial bus.
 
-    ``kind`` names its frames ("request", "response" or "data"), ``protocol_name`` its protocol
-    ("modbus-rtu", "modbus-ascii", "free"): both follow from its engine. ``delays``, where given, draw what is
-    added to a reply's delay, uniform below ``jitter`` ticks.
+    ``delays``, where given, draw what is added to a reply's delay, uniform below ``jitter`` ticks.
     """
 
     def __init__(
@@ -45,10 +42,7 @@ class SerialNode(Node):
         super().__init__(name, bus, position, kernel)
         self.bus = bus
         self.reporter = reporter
-        self.kind = "data"
-        self.protocol_name = "free"
-        #: Characters of the latest request that it sent.
-        self.request_chars = 0
+        self.replies = bus.replies
         self._delays = delays if jitter else None
         self._jitter = jitter
         self._silence_timer = kernel.timer(self._on_silence, HEARING)
@@ -105,7 +99,7 @@ class SerialNode(Node):
         self.bus.receive_so_far(self, now)
 
     def resume_reception(self) -> None:
-        """Characters come before the silence is over: the receiver goes on from where the frame ended."""
+        """See the base class."""
         self.bus.waiting.discard(self)
         self._silence_timer.cancel()
         self.receiver.hold(self._received_until)
@@ -159,7 +153,7 @@ class SerialNode(Node):
         if replies:
             asked = self._served.pop(counter, None)
             if asked is not None and tx is not None:
-                bus.replied(Reply(now, tx.end, *asked, len(frame.chars)))
+                bus.replies.replied(Reply(now, tx.end, *asked, len(frame.chars)))
             self.reporter.replied(self)
         else:
             self.request_chars = len(frame.chars)

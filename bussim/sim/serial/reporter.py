@@ -82,7 +82,7 @@ class SerialReporter(Notes):
     ) -> None:
         """The outcome of a master's transaction was taken over at ``taken``."""
         request = event.request
-        reply = None if event.answer_start is None else node.bus.reply_at(event.answer_start)
+        reply = None if event.answer_start is None else node.replies.reply_at(event.answer_start)
         mismatched = reply is not None and reply.asked != event.sent
         if event.error is None:
             outcome = "ok"
@@ -93,7 +93,7 @@ class SerialReporter(Notes):
         true = reply is not None and not mismatched and event.error is None
         self._sink.take(
             TransactionRecord(
-                bus=node.bus.name,
+                bus=node.line.name,
                 master=node.name,
                 poll=poll,
                 attempt=attempt,
@@ -116,7 +116,7 @@ class SerialReporter(Notes):
             )
         )
         if event.error is PortError.TIMEOUT and event.sent is not None:
-            node.bus.gave_up(node.name, event.sent, event.end)
+            node.replies.gave_up(node.name, event.sent, event.end)
         if mismatched and outcome in ("ok", "exception"):
             text = f"took the response to an earlier request for that of station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)
@@ -126,14 +126,14 @@ class SerialReporter(Notes):
         code = None if turn.error is None else int(turn.error)
         self._sink.take(
             PollRecord(
-                node.bus.name, node.name, turn.poll, turn.start, turn.end, turn.attempts, code, turn.late
+                node.line.name, node.name, turn.poll, turn.start, turn.end, turn.attempts, code, turn.late
             )
         )
 
     def cycle(self, node: SerialStation, cycle: CycleEnded) -> None:
         """Every poll of a list has had its turn."""
         begun = cycle.tick - cycle.duration
-        self._sink.take(CycleRecord(node.bus.name, node.name, cycle.number, begun, cycle.duration))
+        self._sink.take(CycleRecord(node.line.name, node.name, cycle.number, begun, cycle.duration))
 
     def port_error(self, node: SerialStation, event: PortErrorRaised) -> None:
         """A PLC's port has set M8063 and D8063 = 7xyy."""
@@ -153,12 +153,12 @@ class SerialReporter(Notes):
     def sent(self, node: SerialStation, sent: Sent, poll: str) -> None:
         """A node has sent bytes in the free protocol."""
         self._sink.take(
-            FreeRecord(node.bus.name, node.name, poll, "sent", sent.start, sent.end, sent.chars, "", 0)
+            FreeRecord(node.line.name, node.name, poll, "sent", sent.start, sent.end, sent.chars, "", 0)
         )
 
     def received(self, node: SerialStation, received: Received, poll: str, damaged: int) -> None:
         """A PLC's port has received bytes."""
         start, end, data, ended = received.start, received.tick, received.data, received.ended.value
         self._sink.take(
-            FreeRecord(node.bus.name, node.name, poll, "received", start, end, data, ended, damaged)
+            FreeRecord(node.line.name, node.name, poll, "received", start, end, data, ended, damaged)
         )

@@ -74,57 +74,56 @@ class NodeReceiver(Protocol):
         """The line is known to have been idle for long enough."""
 
 
-class LineNode(Protocol):
+class LineNode(ABC):
     """A node as its line, its receiver and transmissions see it; see :class:`bussim.sim.wire.node.Node`."""
 
     name: str
+    #: Its line, and its number along the cable.
+    line: Cable
     position: int
+    #: Rate, format and clock, as they are now with its faults.
     timing: LineTiming
-    nominal: bool
-    engine: Any
+    #: Whether it sends and receives with the line's own rate, format and clock.
+    nominal = True
+    receiver: NodeReceiver
+    #: None unless the node is switched on and its engine runs. Its frames are its own protocol's.
+    engine: Any = None
+    #: The frame that it is sending, if its driver is on for one.
+    sending: Transmission | None = None
+    #: The frame after whose end its driver is still on (late release).
+    tail: Transmission | None = None
+    #: Whether it sends random characters without end.
+    jabbering = False
 
     @property
-    def line(self) -> Cable:
-        """The line that it is on."""
-
-    @property
+    @abstractmethod
     def now(self) -> int:
         """The current tick."""
 
     @property
-    def receiver(self) -> NodeReceiver:
-        """Its receiver."""
-
-    @property
-    def sending(self) -> Transmission | None:
-        """The frame that it is sending."""
-
-    @property
     def driving(self) -> bool:
-        """Whether its driver is on."""
+        """Whether its driver is on: it receives nothing then."""
+        return self.sending is not None or self.tail is not None or self.jabbering
 
-    @property
-    def tail(self) -> Transmission | None:
-        """The frame after whose end its driver is still on."""
-
-    @property
-    def jabbering(self) -> bool:
-        """Whether it sends random characters without end."""
-
+    @abstractmethod
     def quiet(self, timing: LineTiming) -> int:
-        """The silence that ends an unfinished frame, in ticks."""
+        """The silence that ends an unfinished frame, in ticks, with a receiver of this timing."""
 
+    @abstractmethod
     def understands(self, sender: LineNode) -> bool:
-        """Whether its engine can take whole frames of another node."""
+        """Whether this node's engine can take a whole frame of another node."""
 
+    @abstractmethod
     def handle(self, hints: int, now: int) -> None:
-        """Do what an engine's hints ask for."""
+        """Do what the engine asks for with its hints."""
 
+    @abstractmethod
     def drain(self, now: int) -> None:
-        """Report its engine's events."""
+        """Report the engine's events; a transmission among them is scheduled."""
 
+    @abstractmethod
     def finish_early(self, now: int) -> None:
-        """What it is sending has left already."""
+        """What it is sending has left already, whatever its rate says: a reply to it has come since."""
 
 
 class Reading(NamedTuple):

@@ -6,7 +6,7 @@ here, too. What is peculiar to a protocol stands in the subclasses.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from bisect import insort
 from dataclasses import replace
 from fractions import Fraction
@@ -15,7 +15,7 @@ from typing import Any
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Transmit
 from bussim.line.characters import LineTiming
 from bussim.sim.kernel import DEADLINES, HEARING, SENDING, Kernel
-from bussim.sim.wire.contract import LineNode, Transmission
+from bussim.sim.wire.contract import LineNode
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.receiver import Receiver
 
@@ -23,8 +23,10 @@ from bussim.sim.wire.receiver import Receiver
 _ASKED = TRANSMIT | DEADLINE | OPEN | EVENTS
 
 
-class Node(ABC):
+class Node(LineNode):
     """One position of a line, in cable order from 0; ``name`` is unique in the scenario."""
+
+    line: Line
 
     def __init__(self, name: str, line: Line, position: int, kernel: Kernel) -> None:
         self.name = name
@@ -36,16 +38,7 @@ class Node(ABC):
         self.timing = line.timing
         #: Another format or rate in force (None: not), and parts per million of clock error, each of a fault.
         self.timing_faults: list[tuple[LineTiming | None, Fraction]] = []
-        #: Whether it sends and receives with the line's own rate, format and clock.
-        self.nominal = True
-        #: None unless the node is switched on and its engine runs. Its frames are its own protocol's.
-        self.engine: Any = None
         self.receiver = Receiver(self, kernel, self.timing)
-        #: The frame that it is sending, if its driver is on for one.
-        self.sending: Transmission | None = None
-        #: The frame after whose end its driver is still on (late release).
-        self.tail: Transmission | None = None
-        self.jabbering = False
         self.extra_turnaround = 0
         self.late_release = 0
         self.pending: list[tuple[int, int, int]] = []  # (start, order, counter) of what is to be sent
@@ -58,14 +51,6 @@ class Node(ABC):
     # -- what differs by protocol ------------------------------------------------------------------
 
     @abstractmethod
-    def quiet(self, timing: LineTiming) -> int:
-        """The silence that ends an unfinished frame, in ticks, with a receiver of this timing."""
-
-    @abstractmethod
-    def understands(self, sender: LineNode) -> bool:
-        """Whether this node's engine can take a whole frame of another node."""
-
-    @abstractmethod
     def report(self, item: Any, now: int) -> None:
         """Take an event of its engine; a transmission is none."""
 
@@ -73,13 +58,8 @@ class Node(ABC):
 
     @property
     def now(self) -> int:
-        """The current tick."""
+        """See the base class."""
         return self._kernel.now
-
-    @property
-    def driving(self) -> bool:
-        """Whether its driver is on: it receives nothing then."""
-        return self.sending is not None or self.tail is not None or self.jabbering
 
     @property
     @abstractmethod
@@ -123,7 +103,7 @@ class Node(ABC):
     # -- what the engine asks for ------------------------------------------------------------------
 
     def handle(self, hints: int, now: int) -> None:
-        """Do what the engine asks for with its hints."""
+        """See the base class."""
         engine = self.engine
         if engine is None:
             return
@@ -142,7 +122,7 @@ class Node(ABC):
             self.arm_deadline()
 
     def drain(self, now: int) -> None:
-        """Report the engine's events; a transmission among them is scheduled."""
+        """See the base class."""
         engine = self.engine
         while engine is not None:
             item = engine.poll()
@@ -183,7 +163,7 @@ class Node(ABC):
         self.handle(engine.on_deadline(now), now)
         self.arm_deadline()
 
-    def catch_up(self, now: int) -> None:  # noqa: B027 - of most protocols none does
+    def catch_up(self, now: int) -> None:
         """Before a deadline: pass on the characters so far to an engine whose decision depends on them."""
 
     # -- sending -----------------------------------------------------------------------------------
@@ -233,7 +213,7 @@ class Node(ABC):
                 self._start_timer.set(max(self.pending[0][0], now))
 
     def finish_early(self, now: int) -> None:
-        """What it is sending has left already, whatever its rate says: a reply to it has come since."""
+        """See the base class."""
         tx = self.sending
         if tx is None or tx.cut or self.jabbering:
             return
