@@ -268,10 +268,12 @@ class BoardError(_OfNode):
     code: int
 
 
-#: Faults that damage single frames, and those of a PLC or device as a whole.
-_FrameFault = DropReply | LoseChar | InsertChar | FlipBits | Pause
-_OwnerFault = PowerOff | Stop | BoardError
-FaultKind = _FrameFault | _OwnerFault | Slow | Jabber | CableCut | WrongFormat | ClockPpm | LateRelease
+#: Those that damage single frames, those of a PLC or device as a whole, and the others.
+FaultKind = (
+    (DropReply | LoseChar | InsertChar | FlipBits | Pause)
+    | (PowerOff | Stop | BoardError)
+    | (Slow | Jabber | CableCut | WrongFormat | ClockPpm | LateRelease)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,15 +326,6 @@ class Plc:
         return self.comments.get(device) or self.comments.get(device.replace("N", "", 1), "")
 
     @property
-    def instruction_time(self) -> int | None:
-        """Ticks that a scan's instructions take at most; None where its text does not determine it."""
-        if self.program is None:
-            return 0
-        from bussim.plc.program.longest import longest_scan  # what only a scenario with programs pays
-
-        return longest_scan(self.program, self.profile.instruction_times)
-
-    @property
     def longest_scan(self) -> int:
         """The longest scan in ticks, under N:N if it takes part, with a transaction on every other port.
 
@@ -340,7 +333,11 @@ class Plc:
         """
         factor = self.profile.scan_factor if self.link is not None else Fraction(1)
         scan = sum(round_half_up(part * factor) for part in (Fraction(self.scan.mean), self.scan.jitter))
-        spent = self.instruction_time
+        spent: int | None = 0
+        if self.program is not None:
+            from bussim.plc.program.longest import longest_scan  # what only a scenario with programs pays
+
+            spent = longest_scan(self.program, self.profile.instruction_times)
         if spent is None:
             spent = self.registers.get("D8000", WATCHDOG) * TICKS_PER_MS
         return scan + spent + len(self.ports) * self.profile.transaction_time
