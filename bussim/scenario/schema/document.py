@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.forms.fields import (
