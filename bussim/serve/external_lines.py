@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, ENQ, KIND_NAMES, PARAMETERS, POLL, SOH, STX, Frame
@@ -61,10 +61,6 @@ class BridgedLine(PartlyExternalLine, ABC):
         """See the line; the cable to external nodes is never cut."""
         external = self.bridge.external_node
         return one is external or other is external or super().connected(one, other)
-
-    def stream_key(self, tx: Transmission) -> Hashable:
-        """See the line."""
-        return _EXTERNAL_STREAM if tx.sender is self.bridge.external_node else super().stream_key(tx)
 
     def stream_name(self, tx: Transmission) -> str:
         """See the line."""

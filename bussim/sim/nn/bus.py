@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, Frame
@@ -52,12 +52,6 @@ class LinkBus(Line):
         return tuple(port.name for port in self.ports)
 
     # -- frames ------------------------------------------------------------------------------------
-
-    def stream_key(self, tx: Transmission) -> Hashable:
-        """See the line."""
-        frame = tx.frame
-        assert isinstance(frame, Frame)  # noqa: S101 - narrows the type; jabber draws no noise
-        return (tx.sender.position, frame.kind, frame.station)
 
     def stream_name(self, tx: Transmission) -> str:
         """See the line."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 
 from bussim.engines.modbus.adu import Adu
 from bussim.line.characters import LineTiming
@@ -35,11 +35,6 @@ class SerialBus(Line):
         self.ports = nodes
 
     # -- frames ------------------------------------------------------------------------------------
-
-    def stream_key(self, tx: Transmission) -> Hashable:
-        """See the line."""
-        frame = tx.frame
-        return (tx.sender.position, frame.station) if isinstance(frame, Adu) else tx.sender.position
 
     def stream_name(self, tx: Transmission) -> str:
         """See the line."""

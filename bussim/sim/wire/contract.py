@@ -7,7 +7,7 @@ written against the types of this module, so that none has to import another one
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from bussim.engines.contract import RxChar
@@ -165,12 +165,8 @@ class Cable(ABC):
 
     # -- what a protocol's line knows of its frames --------------------------------------------------
 
-    def stream_key(self, tx: Transmission) -> Hashable:
-        """Frames with equal keys draw their noise from one stream; cheap."""
-        raise NotImplementedError
-
     def stream_name(self, tx: Transmission) -> str:
-        """The name of that stream: sender, kind and receiver."""
+        """The name of the stream that its noise is drawn from: sender, kind and receiver."""
         raise NotImplementedError
 
     def kind_name(self, tx: Transmission) -> str:

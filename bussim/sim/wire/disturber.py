@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bussim.line.noise import BitNoise
@@ -66,7 +66,6 @@ class Disturber:
         self._losses: list[Loss] = []
         self._drops: list[Drop] = []
         self._frame_faults: list[FrameFault] = []
-        self._names: dict[Hashable, str] = {}
         self.active = False
         #: Whether a reply may vanish before it is sent.
         self.replies_at_risk = False
@@ -129,10 +128,7 @@ class Disturber:
         if not self._noises:
             return
         sender = tx.sender
-        key = self._line.stream_key(tx)
-        name = self._names.get(key)
-        if name is None:
-            name = self._names[key] = self._line.stream_name(tx)
+        name = self._line.stream_name(tx)
         width, bit = tx.timing.format.bits, tx.timing.bit
         bits = len(tx.chars) * width
         indices = range(len(tx.chars) if tx.pauses else 0)
