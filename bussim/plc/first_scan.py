@@ -61,12 +61,29 @@ def first_scan(
     memories that differ in the link's settings, and what is the same afterwards, or was changed, the
     program has set.
     """
-    memory, calls = _tried(program, profile, registers, inputs, now, others=False)
-    other, _ = _tried(program, profile, registers, inputs, now, others=True)
-    before = _powered(profile, registers, inputs, now)
+    from bussim.plc.program.execution import ProgramRun  # what only a PLC with a program pays
+
+    def powered() -> Memory:
+        memory = memory_at_power_on(profile, registers)
+        for device, stimulus in inputs.items():
+            memory.set(device, stimulus.level(now))
+        return memory
+
+    def tried(memory: Memory) -> _Calls:
+        calls = _Calls()
+        run = ProgramRun(program, memory, times=profile.instruction_times, ports=calls, power_on=now)
+        run.run(now)
+        run.scan(now)
+        return calls
+
+    before, memory, other = powered(), powered(), powered()
+    settings = {name: parse_device(name) for name in TAKE_PART}
+    for device in settings.values():
+        other.set(device, other.get(device) ^ (0x5A5A if device.is_word else 1))
+    calls = tried(memory)
+    tried(other)
     found = FirstScan()
-    for name in TAKE_PART if program.sets_link(at_step_0=profile.link_at_step_0) else ():
-        device = parse_device(name)
+    for name, device in settings.items() if program.sets_link(at_step_0=profile.link_at_step_0) else ():
         value = memory.get(device)
         if value == other.get(device) or value != before.get(device):
             found.link[name] = value
@@ -83,36 +100,3 @@ def first_scan(
         station = memory.get(cpavl.COM2_STATION)
         found.ports["COM2"].registers[str(cpavl.COM2_STATION)] = station
     return found
-
-
-def _powered(
-    profile: Profile, registers: Mapping[Device, int], inputs: Mapping[Device, Stimulus], now: int
-) -> Memory:
-    memory = memory_at_power_on(profile, registers)
-    for device, stimulus in inputs.items():
-        memory.set(device, stimulus.level(now))
-    return memory
-
-
-def _tried(
-    program: Program,
-    profile: Profile,
-    registers: Mapping[Device, int],
-    inputs: Mapping[Device, Stimulus],
-    now: int,
-    *,
-    others: bool,
-) -> tuple[Memory, _Calls]:
-    """The memory after the first scan, from settings as they are or from ``others``."""
-    from bussim.plc.program.execution import ProgramRun  # what only a PLC with a program pays
-
-    memory = _powered(profile, registers, inputs, now)
-    if others:
-        for name in TAKE_PART:
-            device = parse_device(name)
-            memory.set(device, memory.get(device) ^ (0x5A5A if device.is_word else 1))
-    calls = _Calls()
-    run = ProgramRun(program, memory, times=profile.instruction_times, ports=calls, power_on=now)
-    run.run(now)
-    run.scan(now)
-    return memory, calls

@@ -123,9 +123,9 @@ class ExternalLinkBus(BridgedLine, LinkBus):
         self._external_names = list(external_nodes.values())
         bridge.attach(self, kernel)
 
-    def connect(self, ports: Sequence[LinkStation], horizon: int) -> None:
+    def connect(self, nodes: Sequence[LinkStation]) -> None:
         """See the bus."""
-        super().connect(ports, horizon)
+        super().connect(nodes)
         self._others = -1  # never all stations: what external ones received is unknown
 
     @property

@@ -160,8 +160,8 @@ class Simulation:
             LinkPort(self.plcs[plc.name], bus, position, self.kernel, self._streams)
             for position, plc in enumerate(linked)
         ]
-        horizon = max((port.plc.longest_scan() for port in ports), default=0)
-        bus.connect(ports, horizon)
+        bus.connect(ports)
+        bus.block_history.horizon = max((port.plc.longest_scan() for port in ports), default=0)
         if primary is not None:
             master = next(plc for plc in linked if plc.name == primary)
             mode = setting_values(master.profile, master.registers)[D_MODE]

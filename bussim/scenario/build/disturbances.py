@@ -38,7 +38,7 @@ def noise_of(entries: Sequence[NoiseIn], nodes: Directory) -> tuple[Noise, ...]:
     """The scenario's noise."""
     targets = [_target(entry, nodes) for entry in entries]
     labels = [f"{entry.kind} {at.station or at.bus}" for entry, at in zip(entries, targets, strict=True)]
-    names = unique_names(entries, labels)
+    names = unique_names((entry.name for entry in entries), labels)
     return tuple(
         Noise(name, target, entry.value, Window(entry.at, entry.for_), entry.measured or "")
         for name, target, entry in zip(names, targets, entries, strict=True)
@@ -49,7 +49,7 @@ def faults_of(entries: Sequence[FaultIn], nodes: Directory) -> tuple[Fault, ...]
     """The scenario's faults, but for supplies that are switched on late."""
     kinds = [_fault_kind(entry, nodes) for entry in entries]
     labels = [_fault_label(entry, kind) for entry, kind in zip(entries, kinds, strict=True)]
-    names = unique_names(entries, labels)
+    names = unique_names((entry.name for entry in entries), labels)
     return tuple(
         Fault(name, kind, Window(entry.at or 0, entry.for_))
         for name, kind, entry in zip(names, kinds, entries, strict=True)

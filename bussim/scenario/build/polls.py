@@ -29,7 +29,7 @@ def master_polls(polls: Sequence[TransactionIn]) -> tuple[PollSpec, ...]:
 
 def _named(polls: Sequence[TransactionIn]) -> Iterator[tuple[str, TransactionIn]]:
     """Polls with their names: those given, for the rest what they ask."""
-    return zip(unique_names(polls, map(_label, polls)), polls, strict=True)
+    return zip(unique_names((poll.name for poll in polls), map(_label, polls)), polls, strict=True)
 
 
 def _label(poll: TransactionIn) -> str:

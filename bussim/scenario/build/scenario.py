@@ -69,7 +69,7 @@ def _observed(observe: Sequence[PlcPoint], latency: Sequence[LatencyIn]) -> dict
 
 
 def _latency(given: Sequence[LatencyIn]) -> tuple[Latency, ...]:
-    names = unique_names(given, (f"{entry.from_} to {entry.to}" for entry in given))
+    names = unique_names((entry.name for entry in given), (f"{entry.from_} to {entry.to}" for entry in given))
     return tuple(
         Latency(
             name,

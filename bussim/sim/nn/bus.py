@@ -22,13 +22,13 @@ class LinkBus(Line):
     """One N:N line. ``ports`` are all its nodes: no other devices share such a line."""
 
     protocol = "nn"
+    ports: Sequence[LinkStation]
 
     def __init__(
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: LinkReporter
     ) -> None:
         super().__init__(name, timing, sink, reporter)
         self.reporter: LinkReporter = reporter
-        self.ports: Sequence[LinkStation] = []
         self.block_history = BlockHistory()
         self.shared_listener = SharedListener()
         #: Whether slaves may share a listener (a test compares runs with and without).
@@ -39,12 +39,10 @@ class LinkBus(Line):
         #: How long a data frame lasts, in ticks; 0 on a link without a working master.
         self.block_time = 0
 
-    def connect(self, ports: Sequence[LinkStation], horizon: int) -> None:
-        """Put the ports on the cable, in cable order; ``horizon`` is the longest PLC scan in ticks."""
-        self.set_nodes(ports)
-        self.ports = ports
-        self._others = len(ports) - 1
-        self.block_history.horizon = horizon
+    def connect(self, nodes: Sequence[LinkStation]) -> None:
+        """See the base class."""
+        super().connect(nodes)
+        self._others = len(nodes) - 1
 
     @property
     def plc_names(self) -> tuple[str, ...]:

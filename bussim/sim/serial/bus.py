@@ -20,19 +20,15 @@ _PIECES = 256
 class SerialBus(Line):
     """One bus with its PLC ports and devices in cable order."""
 
+    ports: Sequence[SerialStation]
+
     def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: Notes) -> None:
         super().__init__(name, timing, sink, reporter)
-        self.ports: Sequence[SerialStation] = []
         #: Nodes that have received a whole frame and wait for the silence that ends it.
         self.waiting: set[SerialStation] = set()
         # The latest that ended: at most so many characters make a frame, each perhaps sent by itself.
         self._delivered: deque[Transmission] = deque(maxlen=_PIECES)
         self.replies = Replies()
-
-    def connect(self, nodes: Sequence[SerialStation]) -> None:
-        """Put the nodes on the cable, in cable order."""
-        self.set_nodes(nodes)
-        self.ports = nodes
 
     # -- frames ------------------------------------------------------------------------------------
 

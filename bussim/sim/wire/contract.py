@@ -179,7 +179,7 @@ class Cable(ABC):
 
     # -- which nodes receive what --------------------------------------------------------------------
 
-    def set_nodes(self, nodes: Sequence[LineNode]) -> None:
+    def connect(self, nodes: Sequence[Any]) -> None:
         """Put the nodes on the cable, in cable order."""
         self.ports = nodes
         self._segments = [0] * len(nodes)
