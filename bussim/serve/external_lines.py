@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from typing import Self
 
 from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, ENQ, KIND_NAMES, PARAMETERS, POLL, SOH, STX, Frame
-from bussim.line.characters import LineTiming
 from bussim.serve.bridge import Bridge
 from bussim.serve.external_node import PartlyExternalLine
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.contract import LinkStation
-from bussim.sim.nn.reporter import LinkReporter
-from bussim.sim.notes import Notes
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
-from bussim.trace.records import Sink
 
 _LINK_KINDS = {ENQ: KIND_NAMES[POLL], STX: KIND_NAMES[DATA], SOH: KIND_NAMES[PARAMETERS]}
 _EXTERNAL_STREAM = "outside"
@@ -30,6 +27,12 @@ class BridgedLine(PartlyExternalLine, ABC):
     """
 
     bridge: Bridge
+
+    def attach(self, bridge: Bridge, kernel: Kernel) -> Self:
+        """Let a bridge lead out of the simulation; its nodes are not on the cable yet."""
+        self.bridge = bridge
+        bridge.attach(self, kernel)
+        return self
 
     # -- what its nodes send ------------------------------------------------------------------------
 
@@ -84,44 +87,20 @@ class BridgedLine(PartlyExternalLine, ABC):
 class ExternalSerialBus(BridgedLine, SerialBus):
     """A serial bus with a bridge."""
 
-    def __init__(
-        self,
-        name: str,
-        timing: LineTiming,
-        kernel: Kernel,
-        sink: Sink,
-        reporter: Notes,
-        bridge: Bridge,
-    ) -> None:
-        super().__init__(name, timing, sink, reporter)
-        self.bridge = bridge
-        bridge.attach(self, kernel)
-
     def kind_of_external(self, chars: bytes) -> str:
         """Requests where a node of this bus is a slave, else responses."""
         return "request" if any(node.kind == "response" for node in self.ports) else "response"
 
 
 class ExternalLinkBus(BridgedLine, LinkBus):
-    """An N:N line with a bridge; ``external_nodes`` are the PLCs by station that are not simulated."""
+    """An N:N line with a bridge. It needs to know the PLCs by station that are not simulated."""
 
-    def __init__(
-        self,
-        name: str,
-        timing: LineTiming,
-        kernel: Kernel,
-        sink: Sink,
-        reporter: LinkReporter,
-        bridge: Bridge,
-        external_nodes: Mapping[int, str],
-    ) -> None:
-        super().__init__(name, timing, kernel, sink, reporter)
-        # A shared listener and fast exchanges would leave the bridge out.
-        self.shared = False
-        self.bridge = bridge
+    shared = False  # a shared listener and fast exchanges would leave the bridge out
+
+    def leave_out(self, external_nodes: Mapping[int, str]) -> None:
+        """These are not simulated."""
         self._external_nodes = dict(external_nodes)
         self._external_names = list(external_nodes.values())
-        bridge.attach(self, kernel)
 
     def connect(self, nodes: Sequence[LinkStation]) -> None:
         """See the bus."""

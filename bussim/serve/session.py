@@ -64,7 +64,7 @@ class _Bridges(Lines):
         if name not in self._wires:
             return super().serial_bus(name, timing, kernel, sink, reporter)
         bridge = self._bridge(name, kernel)
-        return ExternalSerialBus(name, bridge.wire.timing, kernel, sink, reporter, bridge)
+        return ExternalSerialBus(name, bridge.wire.timing, sink, reporter).attach(bridge, kernel)
 
     def link_bus(
         self,
@@ -78,8 +78,9 @@ class _Bridges(Lines):
         """See the base class."""
         if name not in self._wires:
             return super().link_bus(name, timing, kernel, sink, reporter, external_nodes)
-        bridge = self._bridge(name, kernel)
-        return ExternalLinkBus(name, timing, kernel, sink, reporter, bridge, external_nodes)
+        bus = ExternalLinkBus(name, timing, kernel, sink, reporter)
+        bus.leave_out(external_nodes)
+        return bus.attach(self._bridge(name, kernel), kernel)
 
 
 class _SimulatedOnly(Collector):

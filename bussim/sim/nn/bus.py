@@ -23,6 +23,8 @@ class LinkBus(Line):
 
     protocol = "nn"
     ports: Sequence[LinkStation]
+    #: Whether slaves may share a listener (a test compares runs with and without).
+    shared = True
 
     def __init__(
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: LinkReporter
@@ -31,8 +33,6 @@ class LinkBus(Line):
         self.reporter: LinkReporter = reporter
         self.block_history = BlockHistory()
         self.shared_listener = SharedListener()
-        #: Whether slaves may share a listener (a test compares runs with and without).
-        self.shared = True
         self.fast_path = FastPath(self, kernel, self.shared_listener, self.block_history)
         self._shared_timer = kernel.timer(self._watch_shared, DEADLINES)
         self._others = 0
