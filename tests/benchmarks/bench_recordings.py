@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 import pandas
 
 from bussim.cli import main
-from bussim.export.write import export_trace
+from bussim.export.formats import export_trace
 from bussim.trace.file import TRACE, TraceWriter, read_trace
 from bussim.trace.records import FrameRecord, TraceBus
 from tests.export.samples import LINK, OVEN, exchanges, link_frames, trace
