@@ -159,18 +159,8 @@ def _latency(scenario: Scenario) -> tuple[list[LatencySpec], dict[str, LatencyBo
         )
         for path in signal_paths(scenario)
     ]
-    plcs = {plc.name: plc for plc in scenario.plcs}
-    comments = {
-        spec.name: {
-            f"{plc}.{device}": comment
-            for plc, device in ((spec.source_plc, spec.source), (spec.target_plc, spec.target))
-            if (comment := plcs[plc].comment(device))
-        }
-        for spec in specs
-    }
+    comments = {f"{plc.name}.{key}": text for plc in scenario.plcs for key, text in plc.comments.items()}
     return specs, {
-        name: LatencyBounds(
-            bound.cases(), (bound.reason,) if bound.reason else (), bound.caveats, comments[name]
-        )
+        name: LatencyBounds(bound.cases(), (bound.reason,) if bound.reason else (), bound.caveats, comments)
         for name, bound in bounds_of(scenario).items()
     }

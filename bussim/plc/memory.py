@@ -22,11 +22,16 @@ BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "T": ((0, 255),),
     "C": ((0, 255),),
 }
-#: Word devices. T and C are the current values; C200–C255 have 32 bits.
+#: V0–V7 and Z0–Z7.
+INDEX_REGISTERS = 8
+FIRST_LONG_COUNTER = 200
+#: Word devices that a program names. T and C are the current values; C200–C255 have 32 bits and stand alone.
 WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "D": ((0, 8255),),
     "T": ((0, 255),),
-    "C": ((0, 255),),
+    "C": ((0, FIRST_LONG_COUNTER - 1), (FIRST_LONG_COUNTER, 255)),
+    "V": ((0, INDEX_REGISTERS - 1),),
+    "Z": ((0, INDEX_REGISTERS - 1),),
 }
 #: What an FX3U has more, labels among it (FX3 programming manual, JY997D16601, chapter 4).
 FX3_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
@@ -38,17 +43,14 @@ FX3_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "R": ((0, 32767),),
     "P": ((0, 4095),),
 }
-FIRST_LONG_COUNTER = 200
 #: M8000 and D8000 on are special devices.
 FIRST_SPECIAL = 8000
-#: V0–V7 and Z0–Z7.
-INDEX_REGISTERS = 8
 #: Words that can be observed and that nothing but a program sets: current values, index registers.
 OBSERVED_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "TN": ((0, 255),),
     "CN": ((0, 255),),
-    "V": ((0, INDEX_REGISTERS - 1),),
-    "Z": ((0, INDEX_REGISTERS - 1),),
+    "V": WORD_RANGES["V"],
+    "Z": WORD_RANGES["Z"],
 }
 
 _NAME = re.compile(r"([XYMSTCDR]|TN|CN|V|Z)([0-9]{1,5})")

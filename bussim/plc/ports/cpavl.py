@@ -139,11 +139,17 @@ def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | Ba
 
     A slave's station outside 1–247: 0. An unknown protocol or one that the port lacks, an impossible
     format word, 7 data bits under RTU: 6, a value that the PLC cannot take (assumed; the manual's
-    table has nothing nearer, and says of 7 data bits only that communication fails).
+    table has nothing nearer, and says of 7 data bits only that communication fails). So does RS
+    without a format (assumed).
     """
-    if words == RS_WORDS:
-        return _read_rs(port, memory)
     values = [memory.word(words.letter, words.address + number) for number in range(TIMEOUT + 1)]
+    word, with_rs = values[FORMAT], words == RS_WORDS
+    if with_rs and not word:
+        return BadSettings(PortError.DATA, f"{port}: D8120, the format of RS, is 0")
+    if with_rs:
+        values[PROTOCOL] = PROTOCOL_CODES["free"]
+        values[START] *= bool(word & _RS_START)
+        values[END] *= bool(word & _RS_END)
     code = values[PROTOCOL]
     protocol = _PROTOCOLS.get(code) if code else ("hmi" if port == "COM2" else None)
     if (code and protocol is None) or (protocol is not None and protocol not in PORT_PROTOCOLS[port]):
@@ -153,40 +159,18 @@ def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | Ba
         text = f"{port} has the station number {station}, allowed {FIRST_STATION}..{LAST_STATION}"
         return BadSettings(PortError.STATION, text)
     try:
-        timing, eight_bit = decode_format(values[FORMAT])
+        timing, eight_bit = decode_format(word)
     except ValueError as bad:
         return BadSettings(PortError.DATA, f"{port}: {bad}")
     if protocol is not None and protocol.startswith("modbus-rtu") and timing.format.data_bits != 8:
         return BadSettings(PortError.DATA, f"{port} has 7 data bits, RTU needs 8")
     return PortSettings(
         timing=timing,
-        eight_bit=eight_bit,
+        eight_bit=bool(memory.get(_RS_EIGHT_BIT)) if with_rs else eight_bit,
         protocol=protocol,
         station=station,
         interval=values[INTERVAL] * INTERVAL_UNIT or DEFAULT_INTERVAL,
         start=values[START] & 0xFF,
         end=values[END] & 0xFF,
         timeout=(values[TIMEOUT] or DEFAULT_TIMEOUT) * TIMEOUT_UNIT,
-    )
-
-
-def _read_rs(port: str, memory: Memory) -> PortSettings | BadSettings:
-    """The settings of a port that RS drives; without a format it stays silent (assumed)."""
-    word = memory.get(RS_WORDS)
-    if not word:
-        return BadSettings(PortError.DATA, f"{port}: D8120, the format of RS, is 0")
-    try:
-        timing, _ = decode_format(word)
-    except ValueError as bad:
-        return BadSettings(PortError.DATA, f"{port}: {bad}")
-    start, end, timeout = (memory.word("D", RS_WORDS.address + offset) for offset in (START, END, TIMEOUT))
-    return PortSettings(
-        timing=timing,
-        eight_bit=bool(memory.get(_RS_EIGHT_BIT)),
-        protocol="free",
-        station=0,
-        interval=DEFAULT_INTERVAL,
-        start=start & 0xFF if word & _RS_START else 0,
-        end=end & 0xFF if word & _RS_END else 0,
-        timeout=(timeout or DEFAULT_TIMEOUT) * TIMEOUT_UNIT,
     )

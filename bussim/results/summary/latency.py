@@ -16,7 +16,7 @@ class LatencyBounds(NamedTuple):
     cases: Mapping[str, int]
     reasons: Sequence[str] = ()
     notes: Sequence[str] = ()
-    comments: Mapping[str, str] = {}  # of the two devices, by their names in the entry
+    comments: Mapping[str, str] = {}  # of devices, as entries name them
 
 
 def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict[str, Any]:
@@ -50,8 +50,9 @@ def latency_summary(record: LatencyRecord, bounds: LatencyBounds | None) -> dict
     }
     if bounds is None:
         return summary
-    if bounds.comments:
-        summary["comments"] = dict(bounds.comments)
+    ends = (record.source, record.target)
+    if comments := {end: bounds.comments[end] for end in ends if end in bounds.comments}:
+        summary["comments"] = comments
     if bounds.cases:
         summary["bound_ms"] = {case: ms(ticks) for case, ticks in bounds.cases.items()}
     if bounds.reasons:

@@ -10,17 +10,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from bussim.plc.memory import BIT_RANGES, FIRST_LONG_COUNTER, FX3_RANGES, INDEX_REGISTERS, Device
+from bussim.plc.memory import BIT_RANGES, FX3_RANGES, INDEX_REGISTERS, WORD_RANGES, Device
 from bussim.wording import shorten
 
-#: Word devices that a program may name, and their ranges. C200–C255 have 32 bits and stand alone.
-WORD_SPANS: dict[str, tuple[tuple[int, int], ...]] = {
-    "D": ((0, 8255),),
-    "T": ((0, 255),),
-    "C": ((0, FIRST_LONG_COUNTER - 1), (FIRST_LONG_COUNTER, 255)),
-    "V": ((0, INDEX_REGISTERS - 1),),
-    "Z": ((0, INDEX_REGISTERS - 1),),
-}
 #: Labels P0–P127, of which P63 means END, and levels N0–N7 (FX programming manual).
 LAST_LABEL = 127
 END_LABEL = 63
@@ -72,7 +64,7 @@ class Operand:
 def range_of(letter: str, address: int, *, word: bool, fx3: bool = False) -> tuple[int, int] | None:
     """The range of bits or words that holds an address, both ends included; None if none does."""
     more = FX3_RANGES.get(letter) if fx3 else None
-    for first, last in more or (WORD_SPANS if word else BIT_RANGES).get(letter, ()):
+    for first, last in more or (WORD_RANGES if word else BIT_RANGES).get(letter, ()):
         if first <= address <= last:
             return first, last
     return None
@@ -86,7 +78,7 @@ def range_text(letter: str, *, fx3: bool = False) -> str:
         return f"P0–P{LAST_LABEL}"
     if letter == "N":
         return f"N0–N{LAST_LEVEL}"
-    ranges = (FX3_RANGES.get(letter) if fx3 else None) or BIT_RANGES.get(letter) or WORD_SPANS[letter]
+    ranges = (FX3_RANGES.get(letter) if fx3 else None) or BIT_RANGES.get(letter) or WORD_RANGES[letter]
     return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
 
 
