@@ -41,13 +41,14 @@ def round_half_up(value: Fraction) -> int:
     return (2 * value.numerator + value.denominator) // (2 * value.denominator)
 
 
-def parse_time(text: str) -> int:
+def parse_time(text: str, likely: str = "ms") -> int:
     """Ticks of a time written with its unit, such as ``8 ms``, ``50ms``, ``2 s`` or ``100 us``.
 
-    Raises ValueError, with a message for the user, for a bare number, an unknown unit or anything
-    that is not a time. Negative times are read; whether one is allowed is the caller's business.
+    Raises ValueError, with a message for the user, for a bare number (that it may be of the unit ``likely``),
+    an unknown unit or anything that is not a time. Negative times are read; whether one is allowed is the
+    caller's business.
     """
-    return round_half_up(_exact(text))
+    return round_half_up(_exact(text, likely))
 
 
 def parse_nanoseconds(text: str) -> int:
@@ -55,7 +56,7 @@ def parse_nanoseconds(text: str) -> int:
     return round_half_up(_exact(text) / UNIT_TICKS["ns"])
 
 
-def _exact(text: str) -> Fraction:
+def _exact(text: str, likely: str = "ms") -> Fraction:
     match = _TIME.fullmatch(text)
     if match is None:
         dotted = re.sub(r"(\d),(\d)", r"\1.\2", text.strip())
@@ -64,7 +65,7 @@ def _exact(text: str) -> Fraction:
     number, unit = match.group(1), match.group(2).replace("μ", "µ")
     if not unit:
         raise ValueError(
-            f"is {number}, a time without a unit; write one of {_SHOWN_UNITS}, such as {number} ms"
+            f"is {number}, a time without a unit; write one of {_SHOWN_UNITS}, such as {number} {likely}"
         )
     scale = UNIT_TICKS.get(unit)
     if scale is None:
@@ -80,11 +81,14 @@ def _meant(word: str) -> str:
 
 
 def format_time(ticks: int) -> str:
-    """The shortest exact text of a time that :func:`parse_time` reads back to the same ticks."""
-    for unit in ("s", "ms", "us"):
-        value = Fraction(ticks) / UNIT_TICKS[unit]
-        if value.denominator == 1 and (unit != "s" or ticks % TICKS_PER_SECOND == 0):
+    """A short exact text of a time: ``80 ms``, ``7.9999 s``; :func:`parse_time` reads the same ticks."""
+    values = {unit: Fraction(ticks) / UNIT_TICKS[unit] for unit in ("s", "ms", "us")}
+    for unit, value in values.items():
+        if value.denominator == 1 and abs(value) < 10_000:
             return f"{value.numerator} {unit}"
+    for unit, value in values.items():  # rather a few decimals than many digits
+        if (value * 10_000).denominator == 1 and abs(value) >= 1:
+            return f"{Decimal(value.numerator) / value.denominator:f} {unit}"
     # A tick is 13.888… ns: five decimals of a microsecond name each tick uniquely.
     micros = Decimal(ticks) / Decimal(TICKS_PER_US)
     return f"{micros.quantize(Decimal('0.00001')).normalize():f} us"

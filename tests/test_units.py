@@ -23,10 +23,10 @@ def test_a_written_time_is_read_back_to_the_tick(ticks: int) -> None:
 
 @settings(deadline=None)
 @given(st.integers(0, TEN_YEARS))
-def test_a_time_is_written_in_whole_units_or_in_microseconds(ticks: int) -> None:
+def test_a_time_is_written_in_whole_units_few_decimals_or_microseconds(ticks: int) -> None:
     number, unit = format_time(ticks).split(" ")
     assert unit in ("s", "ms", "us")
-    assert "." not in number or unit == "us"
+    assert len(number.partition(".")[2]) <= 4 or unit == "us"
 
 
 @settings(deadline=None)
@@ -99,3 +99,21 @@ def test_any_text_is_a_time_or_a_value_error(text: str) -> None:
 @given(st.fractions())
 def test_rounding(value: Fraction) -> None:
     assert -Fraction(1, 2) <= value - round_half_up(value) < Fraction(1, 2)
+
+
+@pytest.mark.parametrize(
+    ("ticks", "text"),
+    [
+        (7_999_900 * 72, "7.9999 s"),
+        (100_000 * 72_000, "100 s"),
+        (1500 * 72_000, "1500 ms"),
+        (12_500 * 72, "12.5 ms"),
+        (500 * 72, "500 us"),
+        (60_000 * TICKS_PER_SECOND, "60000 s"),
+        (0, "0 s"),
+        (-12_500 * 72, "-12.5 ms"),
+    ],
+)
+def test_a_time_is_shown_with_few_digits(ticks: int, text: str) -> None:
+    assert format_time(ticks) == text
+    assert parse_time(text) == ticks

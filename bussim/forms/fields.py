@@ -170,13 +170,13 @@ def number(low: float, high: float) -> Kind:
     )
 
 
-def time(low: int = 0, high: int = LONGEST) -> Kind:
-    """A time with its unit, from ``low`` to ``high`` ticks."""
+def time(low: int = 0, high: int = LONGEST, likely: str = "ms") -> Kind:
+    """A time with its unit, from ``low`` to ``high`` ticks; a bare number may be of the unit ``likely``."""
 
     def check(value: object) -> int:
         value = _time_text(value)
         try:
-            ticks = parse_time(value)
+            ticks = parse_time(value, likely)
         except ValueError as error:
             raise fail(str(error)) from None
         if low <= ticks <= high:
@@ -364,6 +364,9 @@ Title = Annotated[str, Kind(_line(200))]
 Sentence = Annotated[str, Kind(_line(2000))]
 Time = Annotated[int, time()]
 Positive = Annotated[int, time(low=1)]
+#: When something of a run is, and how long it lasts.
+Moment = Annotated[int, time(likely="s")]
+Duration = Annotated[int, time(low=1, likely="s")]
 Probability = Annotated[float, number(0, 1)]
 Flag = Annotated[bool, _those(lambda value: isinstance(value, bool), "allowed true, false")]
 Times = Annotated[int, whole(1, 1_000_000_000)]

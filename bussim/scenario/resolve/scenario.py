@@ -41,9 +41,8 @@ def resolve(draft: Draft, code: Code, files: Files, report: Report) -> Resolved:
     power_on: dict[str, int] = {}
     for fault in values_of(draft.faults):
         power_on.update(fault.power_on or {})
-    skips = draft.document is not None and draft.document.allow_unsimulated
     members = [
-        member_of(entry.path, plc, lines, power_on.get(plc.name, 0), files, report, skips=skips)
+        member_of(entry.path, plc, lines, power_on.get(plc.name, 0), files, report, skips=draft.skips)
         for entry, plc in readable(draft.plcs)
     ]
     return Resolved(draft, lines, members, Directory(draft, members, lines), power_on, code)

@@ -75,7 +75,7 @@ def _buses_named(draft: Draft) -> Iterator[tuple[Path, str]]:
 
 def _points_named(draft: Draft) -> Iterator[tuple[Path, PlcPoint]]:
     """Every mention of a PLC's device, and where it stands."""
-    for index, point in enumerate(draft.document.observe if draft.document is not None else ()):
+    for index, point in enumerate(draft.observe):
         yield ("observe", index), point
     for entry, latency in readable(draft.latency):
         yield (*entry.path, "from"), latency.from_

@@ -13,9 +13,9 @@ from bussim.scenario.yaml.source_map import Path, Report
 
 def check_observed(resolved: Resolved, report: Report) -> None:
     """Check that each device is one of its PLC's profile; warn of one that is observed twice."""
-    document, members = resolved.draft.document, {member.name: member for member in resolved.members}
+    members = {member.name: member for member in resolved.members}
     seen: set[PlcPoint] = set()
-    for index, point in enumerate(document.observe if document is not None else ()):
+    for index, point in enumerate(resolved.draft.observe):
         _check_device(("observe", index), point, members.get(point.plc), report)
         if point in seen:
             report.warn(("observe", index), f"{point} is observed twice")

@@ -11,7 +11,9 @@ from bussim.engines.modbus.adu import ASCII_MAX
 from bussim.engines.nn.frames import MODES, data_chars
 from bussim.forms.fields import (
     Baud,
+    Duration,
     Format,
+    Moment,
     Name,
     NodeName,
     Positive,
@@ -84,8 +86,8 @@ class _NoiseWhere(OneKind):
     bus: Name
     station: NodeName | None = None
     direction: Side | None = None
-    at: Time = 0
-    for_: Positive | None = Field(None, alias="for")
+    at: Moment = 0
+    for_: Duration | None = Field(None, alias="for")
     measured: Title | None = None
 
 
@@ -239,8 +241,8 @@ class _FaultWhen(OneKind):
     """When a fault acts."""
 
     name: Name | None = None
-    at: Time | None = None
-    for_: Positive | None = Field(None, alias="for")
+    at: Moment | None = None
+    for_: Duration | None = Field(None, alias="for")
     count: Count | None = None
 
 
@@ -263,7 +265,7 @@ class FaultIn(_FaultWhen):
     pause: PauseIn | None = None
     flip_bits: FlipBitsIn | None = None
     board_error: BoardErrorIn | None = None
-    power_on: dict[str, Time] | None = None
+    power_on: dict[str, Moment] | None = None
 
     @model_validator(mode="after")
     def _counted_or_timed(self) -> FaultIn:

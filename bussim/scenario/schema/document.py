@@ -15,6 +15,7 @@ from bussim.forms.fields import (
     Baud,
     Character,
     DeviceName,
+    Duration,
     Flag,
     Format,
     LinkPort,
@@ -65,7 +66,7 @@ class DocumentIn(Model):
 
     schema_: Annotated[int, one_of([1])] = Field(alias="schema")
     name: Title
-    duration: Positive
+    duration: Duration
     seed: Annotated[int, whole(0, 2**63 - 1)] = 1
     buses: list[Any] = Field(default_factory=list)  # none: PLCs by themselves
     plcs: list[Any] = Field(default_factory=list)  # none: devices by themselves

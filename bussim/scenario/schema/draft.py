@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from bussim.forms.fields import EMPTY, OWN
+from bussim.forms.fields import EMPTY, OWN, PlcPoint
 from bussim.forms.form import Model
 from bussim.scenario.schema.disturbances import FaultIn, NoiseIn
 from bussim.scenario.schema.document import (
@@ -54,6 +54,8 @@ _EXAMPLES = {
     "inputs": "{X0: {square: 500 ms}}",
     "power_on": "{press2: 4 s}",
 }
+#: Stands for the keys that a scenario must have where one of them is wrong, so that others can be read.
+_TOP = {"schema": 1, "name": "scenario", "duration": "1 s"}
 #: From so many keys on a form is large.
 _MANY = 12
 #: Sections that may stand empty, as when all of their entries are commented out.
@@ -97,10 +99,13 @@ def values_of(entries: Iterable[Entry[T]]) -> list[T]:
 class Draft:
     """All that could be read. ``document`` is None if the top-level keys are wrong.
 
-    ``polls`` are those of each PLC and HMI, by the path of their owner.
+    ``polls`` are those of each PLC and HMI, by the path of their owner; ``observe`` and ``skips`` (what is
+    not simulated) are read whatever else is wrong at the top.
     """
 
     document: DocumentIn | None = None
+    observe: list[PlcPoint] = field(default_factory=list)
+    skips: bool = False
     buses: list[Entry[BusIn]] = field(default_factory=list)
     plcs: list[Entry[PlcIn]] = field(default_factory=list)
     devices: list[Entry[DeviceIn]] = field(default_factory=list)
@@ -117,6 +122,9 @@ def read_draft(data: object, report: Report) -> Draft:
         report.mistake((), f"a scenario is a mapping with {DocumentIn.example}; this is {show(data)}")
         return draft
     draft.document, _ = read_form(DocumentIn, data, (), report)
+    top = draft.document or read_form(DocumentIn, {**data, **_TOP}, (), Report(report.source_map))[0]
+    if top is not None:
+        draft.observe, draft.skips = top.observe, top.allow_unsimulated
     draft.buses = _section(lambda _: BusIn, data, ("buses",), (0, MAX_BUSES), report)
     _check_buses_given(data, report)
     least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC

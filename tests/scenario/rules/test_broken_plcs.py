@@ -18,7 +18,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "duration without unit": (
         changed("duration: 10 s", "duration: 10"),
         [
-            "x.yaml:3:11: duration is 10, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 10 ms"
+            "x.yaml:3:11: duration is 10, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 10 s"
         ],
     ),
     "duration unknown unit": (

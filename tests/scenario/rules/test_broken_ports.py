@@ -65,8 +65,8 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "timeout0": (
         changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, timeout: 5 ms, interval: 7 s}")),
         [
-            "x.yaml:13:63: ports.COM3.timeout is 5 ms, allowed 10 ms..655350 ms",
-            "x.yaml:13:79: ports.COM3.interval is 7 s, allowed 0 s..6553500 us",
+            "x.yaml:13:63: ports.COM3.timeout is 5 ms, allowed 10 ms..655.35 s",
+            "x.yaml:13:79: ports.COM3.interval is 7 s, allowed 0 s..6.5535 s",
         ],
     ),
     "keys": (

@@ -38,7 +38,7 @@ def test_all_mistakes_are_reported_at_once_in_file_order() -> None:
         "x.yaml:10:69: nn.station is 9, allowed 0..7",
         "x.yaml:13:11: bus is 'lnk', which is no bus; did you mean link?",
         "x.yaml:13:21: ber is 2, allowed 0..1",
-        "x.yaml:15:10: at is 5, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 5 ms",
+        "x.yaml:15:10: at is 5, a time without a unit; write one of ns, us, ms, s, min, h, d, y, such as 5 s",
         "x.yaml:15:19: stop is 'absent', which is no PLC; allowed are press1, press2, press3",
     ]
 
@@ -73,3 +73,20 @@ def test_nine_stations() -> None:
     assert mistakes(BASE + more) == [
         "x.yaml:17:5: press9 is one too many: link, an N:N link, takes 8 stations"
     ]
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        ("schema: 1", "schema: 3", "schema is 3, allowed 1"),
+        ("schema: 1\n", "", "schema is missing"),
+        ("duration: 10 s", "duration: 10", "such as 10 s"),
+    ],
+)
+def test_what_stands_beside_a_wrong_key_at_the_top_is_judged_too(good: str, bad: str, said: str) -> None:
+    text = added("observe: [nobody.D1]\n")
+    (alone,) = mistakes(text)
+    both = mistakes(text.replace(good, bad))
+    assert len(both) == 2
+    assert said in both[0]
+    assert both[1].split(": ", 1)[1] == alone.split(": ", 1)[1]
