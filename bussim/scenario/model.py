@@ -301,8 +301,8 @@ class Plc:
     raw ``registers:`` of the scenario together with what ``nn:`` stands for. ``link`` is None for
     a PLC that takes no part in N:N. ``phase`` is the time from RUN to the first END, None for a
     random one. ``power_on`` is when it is switched on (tick). ``origins`` say where the fields of its
-    profile come from that the scenario gives: ``entered``, or ``measured in`` a recording. ``comments`` are
-    the names that its user gave to devices.
+    profile come from that the scenario gives: ``entered``, or ``measured in`` a recording. ``scan_origin``
+    says it of the scan. ``comments`` are the names that its user gave to devices.
     """
 
     name: str
@@ -319,6 +319,7 @@ class Plc:
     inputs: dict[str, InputSpec] = field(default_factory=dict)  # X devices by name
     observed: tuple[str, ...] = ()  # devices whose every change is recorded, by name
     origins: dict[str, str] = field(default_factory=dict)
+    scan_origin: str = field(default="assumed", compare=False)
     comments: dict[str, str] = field(default_factory=dict)
 
     def comment(self, device: str) -> str:

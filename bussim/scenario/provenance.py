@@ -41,9 +41,20 @@ def _rank(origin: str) -> int:
     return CLASSES.index(origin.split()[0])
 
 
-def _of(plcs: Iterable[Plc], *fields: str, built_in: str = ASSUMED, least: str = PUBLISHED) -> str:
-    """The weakest origin among fields of profiles, and not stronger than ``least``."""
-    return max([least, *(plc.origins.get(name, built_in) for plc in plcs for name in fields)], key=_rank)
+def _of(plcs: Iterable[Plc], *fields: str, built_in: str = ASSUMED) -> list[str]:
+    """Where fields of profiles come from."""
+    return [plc.origins.get(name, built_in) for plc in plcs for name in fields]
+
+
+def _weakest(origins: Iterable[str]) -> str:
+    """The weakest class of several origins, and all recordings among them."""
+    found = dict.fromkeys(origins) or {ASSUMED: None}
+    weakest = max(found, key=_rank)
+    start = f"{MEASURED} in "
+    files = ", ".join(origin.removeprefix(start) for origin in found if origin.startswith(start))
+    if weakest.startswith(start):
+        return f"{start}{files}"
+    return f"{weakest} (in part {start}{files})" if files else weakest
 
 
 def link_inputs(scenario: Scenario, bus: str) -> dict[str, str]:
@@ -52,17 +63,17 @@ def link_inputs(scenario: Scenario, bus: str) -> dict[str, str]:
     masters = [plc for plc in plcs if plc.registers.get(f"D{D_STATION}", 0) == 0]
     slaves = [plc for plc in plcs if plc not in masters]
     gaps = _of(masters, "master_gap", "scan_overhead", built_in=DERIVED)
-    noise = [each.measured for each in scenario.noise if each.target.bus == bus]
+    noise = [each for each in scenario.noise if each.target.bus == bus and not each.harmless]
     return {
         "line format and settings": PUBLISHED,
         _FRAMES: DERIVED,
-        _TIMES: _of(slaves, "turnaround", built_in=DERIVED, least=gaps),
-        NOISE: f"{MEASURED} in {noise[0]}" if noise and all(noise) else ENTERED,
-        _SCANS: ENTERED,
-        _JITTER: _of(slaves, "turnaround"),
-        _ATTEMPTS: _of(masters, "attempts"),
-        _ABSENT: _of(masters, "absent_station"),
-        _REPLY: _of(slaves, "reply"),
+        _TIMES: _weakest([*gaps, *_of(slaves, "turnaround", built_in=DERIVED)]),
+        NOISE: _weakest(f"{MEASURED} in {each.measured}" if each.measured else ENTERED for each in noise),
+        _SCANS: _weakest(plc.scan_origin for plc in plcs),
+        _JITTER: _weakest(_of(slaves, "turnaround")),
+        _ATTEMPTS: _weakest(_of(masters, "attempts")),
+        _ABSENT: _weakest(_of(masters, "absent_station")),
+        _REPLY: _weakest(_of(slaves, "reply")),
         _SLAVES: ASSUMED,
         _BYTES: ASSUMED,
     }

@@ -38,7 +38,7 @@ MEASURED = {
 }
 #: Keys of a link that say what was asked and whether there is an answer: they have no class.
 SETTINGS = {"stations", "mode", "retries", "attempts", "timeout_ms"}
-NO_FIGURES = {"valid", "reasons", "notes", "mission_s"}
+NO_FIGURES = {"valid", "reasons", "notes", "not_replying", "stations_dead", "mission_s"}
 
 
 def line(**parts: str) -> Scenario:
@@ -63,11 +63,42 @@ def test_what_the_inputs_are() -> None:
     assert measured["attempts of D8179"] == ASSUMED
 
 
+def test_what_the_user_did_not_enter_is_assumed() -> None:
+    found = link_inputs(line(), "link")
+    assert found["PLC scan times"] == ASSUMED
+    assert found["noise"] == ENTERED
+    for none in ("noise: []", "noise: [{bus: link, ber: 0}]"):
+        perfect = loads(
+            LINE.split("noise:")[0].replace("MASTER", "attempts: retries").replace("SLAVE", "pw10") + none
+        )
+        assert link_inputs(perfect, "link")["noise"] == ASSUMED
+    given = loads(_short("electrical_noise"))
+    assert link_inputs(given, "link")["PLC scan times"] == ENTERED
+    one_less = loads(_short("electrical_noise").replace("    scan: {mean: 5 ms, jitter: 1 ms}\n", ""))
+    assert link_inputs(one_less, "link")["PLC scan times"] == ASSUMED
+
+
+def test_all_recordings_are_named() -> None:
+    two = {
+        **MEASURED,
+        "NOISE": ", measured: line.sr}, {bus: link, station: slave, reply_loss: 0.1, measured: b.sr",
+    }
+    assert link_inputs(line(**two), "link")["noise"] == "measured in line.sr, b.sr"
+    some = {**MEASURED, "NOISE": ", measured: line.sr}, {bus: link, station: slave, reply_loss: 0.1"}
+    assert link_inputs(line(**some), "link")["noise"] == "entered (in part measured in line.sr)"
+    times = link_inputs(line(**{**MEASURED, "MASTER": "attempts: retries"}), "link")["gaps and turnarounds"]
+    assert times == "entered (in part measured in line.sr)"
+    other = {**MEASURED, "MASTER": "measured: {master_gap: b.sr, scan_overhead: line.sr}"}
+    assert link_inputs(line(**other), "link")["gaps and turnarounds"] == "measured in b.sr, line.sr"
+    said = classes(link_inputs(line(**some), "link"), ["failed_attempts"])
+    assert said["figures"] == {"failed_attempts": ASSUMED}
+
+
 def test_the_weakest_input_is_the_class_of_a_figure() -> None:
     found = classes(link_inputs(line(**MEASURED), "link"), FIGURES)["figures"]
     assert set(found) == set(FIGURES)
     assert found["mean_ms"] == DERIVED  # measured times and noise, derived frame lengths
-    assert found["timeout_floor_ms"] == ENTERED
+    assert found["timeout_floor_ms"] == ASSUMED  # no PLC scan is given
     assert found["one_dead_ms"] == found["false_errors_per_year"] == ASSUMED
     assert set(found.values()) <= set(CLASSES)
 
@@ -144,4 +175,4 @@ def test_without_a_law_there_are_classes_but_no_assumptions() -> None:
     assert model == {}
     jabber = from_scenario(bussim.load("slow_slave_short_timeout"))["link"]
     assert rests_on(jabber, ["mean_ms"])["assumptions"] == []
-    assert rests_on(jabber, ["mean_ms"])["figures"] == {"mean_ms": ENTERED}
+    assert rests_on(jabber, ["mean_ms"])["figures"] == {"mean_ms": ASSUMED}  # no noise is given

@@ -21,7 +21,7 @@ from bussim.scenario.model import (
     Plc,
     Scenario,
 )
-from bussim.scenario.provenance import ENTERED, MEASURED
+from bussim.scenario.provenance import ASSUMED, ENTERED, MEASURED
 from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.draft import readable, values_of
@@ -124,6 +124,7 @@ def _plc(member: Member, resolved: Resolved, observed: tuple[str, ...]) -> Plc:
         observed=observed,
         origins=_origins(plc.profile),
         comments=dict(member.logic.comments),
+        scan_origin=ENTERED if "scan" in plc.model_fields_set else ASSUMED,
     )
 
 
