@@ -207,13 +207,15 @@ def _keys(source: Source, bus: str) -> list[Key]:
     distribution = source.valid_distribution(bus)
     if distribution is not None:
         figures = distribution.figures
-        keys.append(Key("longest at worst", in_ms(figures["worst_case_ms"], most=True)))
+        undisturbed = ", undisturbed" if distribution.notes else ""
+        keys.append(Key(f"longest at worst{undisturbed}", in_ms(figures["worst_case_ms"], most=True)))
         onsets = figures["false_error_onsets_per_year"]
         if onsets is not None:
             rare = onsets < 0.01
             keys.append(Key("false station errors a year", "under 0.01" if rare else about(onsets)))
         if figures["one_dead_ms"] is not None:
-            keys.append(Key("link scan with one station dead", in_ms(figures["one_dead_ms"])))
+            one = "one more station" if figures["stations_dead"] else "one station"
+            keys.append(Key(f"link scan with {one} dead", in_ms(figures["one_dead_ms"])))
     keys.append(Key("bus load", f"{100 * link['bus_load']:.1f} %"))
     return keys
 

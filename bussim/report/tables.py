@@ -142,6 +142,7 @@ def link_figures(source: Source, bus: str) -> Table:
 def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
     """The figures of a link's exact distribution."""
     f = distribution.figures
+    more = " more" if f["stations_dead"] else ""
     rows: list[tuple[str, str]] = [
         ("mean link scan (ms)", number(f["mean_ms"], 3)),
         (
@@ -153,10 +154,13 @@ def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
             for key, x in f["quantiles_ms"].items()
         ),
         ("at worst (ms)", number(f["worst_case_ms"], 3)),
-        ("one station dead (ms)", number(f["one_dead_ms"], 3)),
-        ("two stations dead (ms)", number(f["two_dead_ms"], 3)),
+        (f"one{more} station dead (ms)", number(f["one_dead_ms"], 3)),
+        (f"two{more} stations dead (ms)", number(f["two_dead_ms"], 3)),
         ("a dead station is in error: after the mean (ms)", number(f["detect_ms"]["mean"], 3)),
-        ("a dead station is in error: at the latest after (ms)", number(f["detect_ms"]["max"], 3)),
+        (
+            "a dead station is in error: at the latest after (ms), while no other reply is lost",
+            number(f["detect_ms"]["max"], 3),
+        ),
         ("silence without a station error (ms)", number(f["ride_through_ms"]["silence"], 3)),
         ("false station errors begin, a year", _rate(f["false_error_onsets_per_year"])),
     ]
