@@ -8,7 +8,7 @@ left out instead, since the distribution between such events is well defined; th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import assert_never
@@ -25,6 +25,8 @@ from bussim.plc.link_registers import (
     D_STATION,
     D_TIMEOUT,
     bad_parameters,
+    mode_refusal,
+    refusal,
     setting_values,
 )
 from bussim.plc.profiles import Turnaround, attempts_per_poll
@@ -126,8 +128,7 @@ class _LinkReader:
         for plc in self.scenario.plcs:
             if plc.link is not None and plc.link.bus == self.bus:
                 settings = setting_values(plc.profile, plc.registers)
-                refused = bool(bad_parameters(plc.profile, settings))
-                self.members.append(_Member(plc, settings, refused, silent=refused, receives=not refused))
+                self.members.append(_Member(plc, settings, bool(bad_parameters(plc.profile, settings))))
         self._numbers()
         for fault in self.scenario.faults:
             self._fault(fault)
@@ -290,7 +291,7 @@ class _LinkReader:
             nothing = LinkModel(
                 self.bus, "", (), mode=0, retries=0, attempts=1, timeout=0, gap=0, overhead=0, data=0
             )
-            return replace(nothing, obstacles=tuple(self.obstacles), notes=tuple(self.notes))
+            return self._told(nothing, first)
         settings, profile = master.settings, master.plc.profile
         mode = settings[D_MODE]
         numbers = range(1, settings[D_SLAVES] + 1)
@@ -324,7 +325,31 @@ class _LinkReader:
             inputs=link_inputs(self.scenario, self.bus),
         )
         self.obstacles += self._limits(model, working)
-        return replace(model, obstacles=tuple(self.obstacles), notes=tuple(self.notes))
+        return self._told(model, first)
+
+    def _dead(self, model: LinkModel, first: dict[int, _Member]) -> Iterator[str]:
+        """Why stations never reply, and what that makes of the figures."""
+        for refusing in self.members:
+            plc = refusing.plc
+            if refusing.refused and plc.link is not None:
+                reasons = bad_parameters(plc.profile, refusing.settings)
+                yield refusal(plc.profile, plc.name, reasons, plc.link.port)
+        for station in model.dead:
+            member = first.get(station.number)
+            if member is None:
+                polled = f"D8177 = {len(model.stations)} has it polled in vain"
+                yield f"{station.label} does not exist on the link: {polled}"
+            elif model.mode not in member.plc.profile.modes:
+                yield f"{station.label}: {mode_refusal(station.name, member.plc.profile, model.mode)}"
+            else:
+                yield f"{station.label} never replies: a fault keeps it silent all the time"
+        if model.dead and model.alive:
+            yield "all figures are with that; where a dead station is spoken of, it is one more"
+
+    def _told(self, model: LinkModel, first: dict[int, _Member]) -> LinkModel:
+        """The link with what was found out about it."""
+        silent = tuple(self._dead(model, first))
+        return replace(model, obstacles=tuple(self.obstacles), notes=tuple(self.notes), not_replying=silent)
 
     def _station(self, number: int, member: _Member | None, master: _Member, mode: int) -> Station:
         if member is None:

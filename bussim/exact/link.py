@@ -121,7 +121,8 @@ class LinkModel:
     ``listeners`` stations that are never polled but hear. ``attempts`` is what D8179 = ``retries``
     means by the master profile's ``reading``. ``zeros``: the blocks are of zeros, else random (assumed).
     ``obstacles`` are the reasons, known from the scenario, why the closed form does not hold; ``notes`` what
-    was left out of it on request; ``inputs`` what its figures are made of, with where each comes from.
+    was left out of it on request; ``not_replying`` which stations refuse, do not exist or never reply;
+    ``inputs`` what its figures are made of, with where each comes from.
     """
 
     bus: str
@@ -148,6 +149,7 @@ class LinkModel:
     listeners: tuple[Station, ...] = ()
     obstacles: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    not_replying: tuple[str, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     # -- lengths -----------------------------------------------------------------------------------

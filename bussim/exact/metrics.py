@@ -104,6 +104,8 @@ class Figures:
             "valid": self.valid,
             "reasons": list(self.reasons),
             "notes": list(model.notes),
+            "not_replying": list(model.not_replying),
+            "stations_dead": [station.number for station in model.dead],
             "stations": len(model.stations) + 1,
             "mode": model.mode,
             "retries": model.retries,

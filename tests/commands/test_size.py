@@ -215,3 +215,116 @@ def test_a_refusal_says_which_assumption_would_change_it() -> None:
 def test_a_goal_given_twice_is_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["size", "two_stations", *goals("ride>=20ms", "ride>=30ms")]) == 2
     assert "a second goal ride; give each once" in capsys.readouterr().err
+
+
+def test_all_wrong_goals_are_named_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["size", "two_stations", *goals("ride>=20", "dead<=100ms", "rid>=3ms", "dead=4ms")]) == 2
+    said = capsys.readouterr().err
+    for each in ("'ride>=20'", "did you mean ride>=100ms?", "write dead<=…"):
+        assert each in said
+    assert said.count("--goal") == 3
+
+
+#: Station 2 refuses the master's mode, 3 is off, 5 does not exist; another PLC has a station number too high.
+NOT_REPLYING = """\
+schema: 1
+name: not replying
+duration: 10 s
+buses: [{name: link, nn: true}]
+plcs:
+  - {name: m, scan: 8 ms, nn: {bus: link, port: COM4, station: 0, slaves: 5, mode: 2, timeout: 50 ms}}
+  - {name: a, scan: 8 ms, nn: {bus: link, port: COM4, station: 1}}
+  - {name: b, profile: {base: pw10, modes: [0]}, scan: 8 ms, nn: {bus: link, port: COM4, station: 2}}
+  - {name: c, scan: 8 ms, nn: {bus: link, port: COM4, station: 3}}
+  - {name: d, scan: 8 ms, registers: {D8176: 9, M8179: 1}, ports: {COM4: {bus: link}}}
+  - {name: e, scan: 8 ms, nn: {bus: link, port: COM4, station: 4}}
+faults: [{at: 0 s, power_off: {station: c}}]
+"""
+
+
+@pytest.mark.parametrize("command", ["size", "exact"])
+def test_stations_that_do_not_reply_are_said_first(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "line.yaml"
+    path.write_text(NOT_REPLYING, encoding="utf-8")
+    assert main([command, str(path)]) == 0
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert lines[1:6] == [
+        "d refuses its N:N settings (D8176 is 9, allowed 0..7): M8063 on, D8063 = 7448, and it sends nothing",
+        "station 2 (b): b (pw10) does not have the master's refresh mode 2: it stays out of the link",
+        "station 3 (c) never replies: a fault keeps it silent all the time",
+        "station 5 does not exist on the link: D8177 = 5 has it polled in vain",
+        "all figures are with that; where a dead station is spoken of, it is one more",
+    ]
+    if command == "exact":
+        assert any(line.startswith("one more station dead") for line in lines)
+
+
+def test_a_link_whose_master_refuses_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+    for command, code in (("size", 1), ("exact", 0)):
+        assert main([command, "bad_parameter"]) == code
+        assert "master refuses its N:N settings (D8177 is 0, allowed 1..7)" in capsys.readouterr().out
+
+
+def test_no_table_of_refreshes_has_a_header_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "line.yaml"
+    path.write_text(NOT_REPLYING.replace("station: c", "station: [a, e, c]"), encoding="utf-8")
+    every = (
+        NOT_REPLYING.split("faults:")[0]
+        + "faults:\n"
+        + "".join(f"  - {{at: 0 s, power_off: {{station: {name}}}}}\n" for name in "ace")
+    )
+    path.write_text(every, encoding="utf-8")
+    assert main(["exact", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "link scan time" in said
+    assert "refresh gap" not in said
+    assert "where a dead station is spoken of" not in said  # no more can die
+
+
+def test_answers_have_a_figure_for_each_goal() -> None:
+    wanted = ("onsets<=1/y", "scan<=300ms@1e-6", "heartbeat=1500ms@1/y", "ride>=0")
+    found = sized("press_line", *goals(*wanted))
+    figures = found["goal_figures"]
+    assert set(figures) == {"onsets", "scan", "heartbeat"}  # type: ignore[call-overload]
+    best = found["recommended"]
+    assert 0 < best["false_error_onsets_per_year"] <= min(1, best["false_errors_per_year"])  # type: ignore[index]
+    said = printed("press_line", *goals(*wanted))
+    assert "goal: no interruption of the line must pass without a station error" in said
+    for name, figure in figures.items():  # type: ignore[attr-defined]
+        words = {"onsets": "false station errors begin", "scan": "scans over the deadline"}
+        assert f"{words.get(name, 'a heartbeat is missed falsely')}: {figure}" in said
+
+
+def test_a_refusal_shows_more_noise_too() -> None:
+    said = printed("electrical_noise", *goals("dead<=200ms"))
+    rows = [line.strip() for line in said.splitlines() if "with D8179 = 10" in line]
+    assert [row.split(":")[0] for row in rows] == [
+        "noise as entered",
+        "10 times the noise as entered",
+        "100 times the noise as entered",
+    ]
+    assert all(row.endswith("no setting meets the goals there") for row in rows)
+
+
+def test_where_nearly_every_scan_has_an_error_no_figure_a_year_is_given() -> None:
+    """More noise makes scans longer, so that errors a year would fall."""
+    said = printed("electrical_noise", "--set", "noise.0.ber=3e-4", *goals("ride>=0"))
+    rows = [line.strip() for line in said.splitlines() if "times the noise as entered:" in line]
+    assert "stations in error in each scan on average" in rows[0]
+    assert "every station in error in nearly every scan" in rows[1]
+
+
+def test_a_heartbeat_that_is_advised_is_the_least_that_all_goals_allow(packing: str) -> None:
+    found = sized(packing, *goals("heartbeat=100ms@1/y"))
+    (change,) = [text for text in found["unmet"][0]["helps"] if text.startswith("heartbeat=")]  # type: ignore[index]
+    preset = int(change.removeprefix("heartbeat=").split("ms")[0])
+    assert preset % 10 == 0
+    assert sized(packing, *goals(f"heartbeat={preset - 10}ms@1/y"))["recommended"] is None
+
+
+def test_a_time_of_many_ms_is_shown_in_seconds(packing: str) -> None:
+    said = printed(packing, *goals("heartbeat=100000ms@1/y", "scan<=12345ms@0.1"))
+    assert "a heartbeat of 100 s missed" in said
+    assert "a scan over 12.345 s with" in said

@@ -39,8 +39,8 @@ def test_what_is_to_be_expected(link: dict[str, Any]) -> None:
         f"the longest of the whole run took {link['scan_time_ms']['max']:,.1f} ms",
         "Expect about one false station error in 3 years",
         "While one station is dead, every link scan takes about 348.6 ms, 298.2 ms more than the mean.",
-        "A station that dies is in error after 307.9 ms on average, 344.6 ms at the latest "
-        "while no other reply is lost, else 642.7 ms.",
+        "A station that dies is in error after 307.9 ms on average, 344.6 ms at the latest while",
+        "at the latest while no other reply is lost, else 642.7 ms.",
         "An interruption of the line of up to 207 ms raises no station error",
         "holds for its undisturbed parts: x is left out.",
     ):

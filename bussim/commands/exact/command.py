@@ -205,7 +205,7 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
             style="bold",
         )
     )
-    for sentence in (*figures.in_words(), *model.notes):
+    for sentence in (*model.not_replying, *figures.in_words(), *model.notes):
         console.print(Text(f"  {sentence}"))
     if not figures.valid:
         return
@@ -233,10 +233,11 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
         )
         rows.append(("ride-through of the line", text))
         rows.append(("", NOT_COVERED))
+    more = " more" if model.dead else ""
     if figures.one_dead is not None:
-        rows.append(("one station dead", f"link scan {ms_cell(figures.one_dead)} ms"))
+        rows.append((f"one{more} station dead", f"link scan {ms_cell(figures.one_dead)} ms"))
     if figures.two_dead is not None:
-        rows.append(("two stations dead", f"link scan {ms_cell(figures.two_dead)} ms"))
+        rows.append((f"two{more} stations dead", f"link scan {ms_cell(figures.two_dead)} ms"))
     if figures.detect_mean is not None:
         longest = f"{ms_cell(figures.detect_longest)} ms at worst while no other reply is lost"
         text = f"mean {ms_cell(figures.detect_mean)}, {longest}, else {ms_cell(figures.worst_case)} ms"
@@ -253,6 +254,8 @@ def _show_refresh(console: Console, figures: Figures) -> None:
     from bussim.commands.common.console import plain_table
 
     keys = list(figures.quantiles)
+    if not figures.refresh:
+        return
     table = plain_table(
         ["pair"],
         ["mean", *keys, "heartbeat"],

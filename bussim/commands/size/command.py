@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -81,7 +82,7 @@ def command(
             stations,
             mode or 0,
             profile=profile or DEFAULT_PROFILE,
-            scan=scan or DEFAULT_SCAN,
+            scan=scan,
             ber=ber,
             overrides=overrides,
         )
@@ -129,13 +130,10 @@ def command(
 def _goals(texts: tuple[str, ...]) -> Goals:
     from bussim.exact.sizing.goals import Goals
 
-    goals = Goals()
-    for text in texts:
-        try:
-            goals = goals.with_text(text)
-        except ValueError as error:
-            raise UsageError(f"--goal {error}") from None
-    return goals
+    try:
+        return Goals().with_texts(texts)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
 
 
 def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path) -> list[Path]:
@@ -158,8 +156,16 @@ def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path
             points.retries,
             {name: [(x / TICKS_PER_MS, y) for x, y in dots] for name, dots in points.series.items()},
             timeout=points.timeout / TICKS_PER_MS,
-            errors=goals.errors,
-            dead=None if goals.dead is None else goals.dead / TICKS_PER_MS,
+            errors=[goals.errors, *([] if goals.onsets is None else [points.errors_at(goals.onsets)])],
+            dead=[
+                *([] if goals.dead is None else [(0.0, goals.dead / TICKS_PER_MS)]),
+                *([(points.riding_from(goals.ride) / TICKS_PER_MS, math.inf)] if goals.ride else []),
+            ],
+            goals=[
+                f"{words}{' (has no band)' if name in ('scan', 'heartbeat') else ''}"
+                for name, words in goals.texts().items()
+            ],
+            more=bool(sizing.model.dead),
             chosen=None if best is None else (points.chosen_for, best.retries),
             description=f"{scenario.name}, bussim {__version__}",
         )

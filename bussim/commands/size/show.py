@@ -10,6 +10,7 @@ from rich.text import Text
 
 from bussim.commands.common.console import plain_table
 from bussim.commands.size.verify import Verification
+from bussim.exact.scan.outages import longest_scan
 from bussim.exact.sizing.choice import Choice
 from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
 from bussim.exact.sizing.size import Sizing
@@ -22,9 +23,15 @@ from bussim.wording import counted
 _MOST = 12
 #: What the figures of a line with noise are.
 _WORSE = (
-    "each figure is the worse of two: with the noise as entered, and at the assumed level bad, where failed "
-    "attempts take the whole timeout"
+    "each figure is the worst of the noise as entered, of weaker bursts if there are bursts, and of the "
+    "assumed level bad, where failed attempts take the whole timeout"
 )
+#: Figures that only an answer to a goal has.
+_FIGURES = {
+    "onsets": "false station errors begin",
+    "scan": "scans over the deadline",
+    "heartbeat": "a heartbeat is missed falsely",
+}
 
 
 def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Sequence[Verification]) -> None:
@@ -34,12 +41,12 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
         console.print(Text(" " * indent + text, style))
 
     line(f"{bus}: {counted(len(sizing.model.stations) + 1, 'station')}, mode {sizing.model.mode}", 0, "bold")
+    for note in (*sizing.model.not_replying, *sizing.model.notes):
+        line(note)
     if not sizing.valid:
         for reason in sizing.reasons:
             line(f"cannot be sized: {reason}")
         return
-    for note in sizing.model.notes:
-        line(note)
     for goal in sizing.goals.texts().values():
         line(f"goal: {goal}")
     best = sizing.recommended
@@ -54,7 +61,7 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
             f"D8180 = {best.d8180} ({ms(best.timeout)} ms)",
             style="bold green",
         )
-        for cost in _costs(best, sizing.goals.errors, sizing.level):
+        for cost in _costs(best, sizing):
             line(cost, 4)
         line(NOT_COVERED, 4)
         if sizing.model.noisy:
@@ -81,16 +88,16 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
         line(text, 4)
 
 
-def _costs(best: Choice, goal: float, level: str) -> list[str]:
-    return [
+def _costs(best: Choice, sizing: Sizing) -> list[str]:
+    bound = longest_scan(sizing.model.with_setting(best.attempts, best.timeout))
+    detect = f"{ms_at_most(best.detect)} on average, {ms_at_most(best.detect_longest)} at worst"
+    said = [
         f"link scan: mean {_ms(best.mean)}; with a dead station {ms_at_most(best.dead)}",
-        (
-            f"a dead station is noticed after {ms_at_most(best.detect)} on average, "
-            f"{ms_at_most(best.detect_longest)} at worst"
-        ),
-        f"false station errors: {a_year(best.errors, goal)} a year ({level})",
+        f"a dead station is noticed after {detect} while no other reply is lost, else {ms_at_most(bound)}",
+        f"false station errors: {a_year(best.errors, sizing.goals.errors)} a year ({sizing.level})",
         f"an interruption of the line of {ms_at_least(best.ride)} passes without a station error",
     ]
+    return said + [f"{_FIGURES[name]}: {figure}" for name, figure in sizing.figures.items()]
 
 
 def _show_noise_levels(console: Console, noise_levels: NoiseLevels, goal: float) -> None:

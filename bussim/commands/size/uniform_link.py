@@ -27,7 +27,7 @@ def uniform_link(
     mode: int,
     *,
     profile: str = DEFAULT_PROFILE,
-    scan: str = DEFAULT_SCAN,
+    scan: str | None = None,
     ber: float | None = None,
     overrides: Iterable[str] = (),
 ) -> Scenario:
@@ -45,12 +45,12 @@ def uniform_link(
         raise UsageError(f"--profile is {profile!r}; {suggest(profile, list(PROFILES))}")
     _check("--stations", stations, range(2, MAX_SLAVES + 2), "with the master")
     _check("--mode", mode, PROFILES[profile].modes, f"in profile {profile}")
-    if not _SCANS[0] <= time_of("--scan", scan) <= _SCANS[1]:
+    if scan is not None and not _SCANS[0] <= time_of("--scan", scan) <= _SCANS[1]:
         raise UsageError(f"--scan is {scan}, allowed {' to '.join(map(format_time, _SCANS))}")
     if ber is not None and not 0 <= ber <= 1:
         raise UsageError(f"--ber is {ber:g}, allowed 0..1")
     link = {"bus": _BUS, "port": "COM4"}
-    plc = {"profile": profile, "scan": scan}
+    plc = {"profile": profile} | ({} if scan is None else {"scan": scan})
     plcs: list[object] = [
         {"name": "master", **plc, "nn": {**link, "station": 0, "slaves": stations - 1, "mode": mode}}
     ]

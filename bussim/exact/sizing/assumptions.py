@@ -12,8 +12,7 @@ from bussim.exact.sizing.choice import Choice, choice_of, recommend
 from bussim.exact.sizing.evaluation import evaluate_goals, timeout_floor
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.grid import evaluate
-from bussim.exact.sizing.noise_levels import BAD, LEVELS, TYPICAL, with_level
-from bussim.exact.sizing.unmet_goals import scaled_noise
+from bussim.exact.sizing.noise_levels import BAD, LEVELS, TYPICAL, scaled_noise, with_level
 from bussim.exact.text import a_year, ms_at_least, ms_at_most
 from bussim.plc.profiles import AbsentStation, Attempts, attempts_per_poll
 from bussim.scenario.provenance import classes, in_words

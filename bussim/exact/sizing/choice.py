@@ -17,8 +17,9 @@ class Choice:
     """One setting and its figures. ``timeout`` in ticks; other times in ticks too.
 
     The figures are the worst of all noise under which the goals must be met. ``errors`` are false station
-    errors a year of all stations together, ``dead`` the mean scan with one station dead, ``detect`` the mean
-    time to notice that, ``ride`` the longest interruption of the line that raises no error.
+    errors a year of all stations together, ``onsets`` how often one begins, ``dead`` the mean scan with one
+    station dead, ``detect`` the mean time to notice that, ``ride`` the longest interruption of the line that
+    raises no error.
     """
 
     retries: int
@@ -26,6 +27,7 @@ class Choice:
     attempts: int
     mean: float
     errors: float
+    onsets: float
     dead: float
     detect: float
     detect_longest: float
@@ -44,6 +46,7 @@ class Choice:
             "attempts": self.attempts,
             "mean_ms": in_ms(self.mean),
             "false_errors_per_year": self.errors,
+            "false_error_onsets_per_year": self.onsets,
             "one_dead_ms": in_ms(self.dead),
             "detect_ms": {"mean": in_ms(self.detect), "max": in_ms(self.detect_longest)},
             "ride_through_ms": in_ms(self.ride),
@@ -69,6 +72,7 @@ def choice_of(grid: Grid, reading: Attempts, retries: int, timeout: int) -> Choi
     figures = (
         grid.mean,
         grid.errors,
+        grid.onsets,
         grid.one_dead,
         grid.detect_mean,
         grid.detect_longest,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
-from bussim.exact.text import ms
-from bussim.units import TICKS_PER_MS, UNIT_TICKS, parse_time
+from bussim.exact.text import a_year, at_most, ms_at_least, ms_at_most
+from bussim.units import TICKS_PER_MS, UNIT_TICKS, format_time, parse_time
+from bussim.wording import about
 
 #: The forms of a goal, for messages and help texts.
 FORMS = {
@@ -75,6 +77,18 @@ class Goals:
     onsets: float | None = None
     given: tuple[str, ...] = field(default=(), compare=False)
 
+    def with_texts(self, texts: Iterable[str]) -> Goals:
+        """These goals and more as a user writes them. Raises ValueError with a line for each wrong one."""
+        goals, wrong = self, []
+        for text in texts:
+            try:
+                goals = goals.with_text(text)
+            except ValueError as error:
+                wrong.append(f"--goal {error}")
+        if wrong:
+            raise ValueError("\n".join(wrong))
+        return goals
+
     def with_text(self, text: str) -> Goals:
         """These goals and one more as a user writes it (:data:`FORMS`).
 
@@ -122,6 +136,22 @@ class Goals:
         """Each goal in words, by its name, with the user's own figures."""
         return {name: words for name, (_, words) in self._described().items()}
 
+    def figure(self, name: str, value: float) -> str:
+        """The figure that a goal limits, in words that claim no more than it, by the goal's name."""
+        match name:
+            case "ride":
+                return ms_at_least(value)
+            case "dead":
+                return ms_at_most(value)
+            case "scan":
+                return f"a probability of {at_most(value):.1e}"
+            case "heartbeat":
+                return f"{about(at_most(value))} times a year"
+            case "errors" if value <= self.errors:
+                return "more than one error in 20 link scans"
+            case _:
+                return f"{a_year(value)} a year"
+
     def _described(self) -> dict[str, tuple[str, str]]:
         every = Rate.of(self.errors)
         found = {"errors": (f"errors<={every.form}", f"false station errors: at most {every}")}
@@ -129,21 +159,23 @@ class Goals:
             rate = Rate.of(self.onsets)
             found["onsets"] = (f"onsets<={rate.form}", f"false station errors that begin: at most {rate}")
         if self.scan is not None:
-            limit, chance = ms(self.scan[0]), f"{self.scan[1]:.12g}"
-            words = f"a scan over {limit} ms with probability at most {chance}"
-            found["scan"] = (f"scan<={limit}ms@{chance}", words)
+            limit, chance = format_time(self.scan[0]), f"{self.scan[1]:.12g}"
+            words = f"a scan over {limit} with probability at most {chance}"
+            found["scan"] = (f"scan<={limit}@{chance}", words)
         if self.dead is not None:
-            limit = ms(self.dead)
-            found["dead"] = (f"dead<={limit}ms", f"a scan of at most {limit} ms with one station dead")
+            limit = format_time(self.dead)
+            found["dead"] = (f"dead<={limit}", f"a scan of at most {limit} with one station dead")
         if self.ride:
-            time = ms(self.ride)
-            words = f"an interruption of the line of {time} ms without a station error"
-            found["ride"] = (f"ride>={time}ms", words)
+            time = format_time(self.ride)
+            words = f"an interruption of the line of {time} without a station error"
+            found["ride"] = (f"ride>={time}", words)
+        elif "ride" in self.given:
+            found["ride"] = ("ride>=0", "no interruption of the line must pass without a station error")
         if self.heartbeat is not None:
-            preset, missed = ms(self.heartbeat[0]), Rate.of(self.heartbeat[1])
-            words = f"a heartbeat of {preset} ms missed at most {_times(missed)}"
-            found["heartbeat"] = (f"heartbeat={preset}ms@{missed.form}", words)
-        return found
+            preset, missed = format_time(self.heartbeat[0]), Rate.of(self.heartbeat[1])
+            words = f"a heartbeat of {preset} missed at most {_times(missed)}"
+            found["heartbeat"] = (f"heartbeat={preset}@{missed.form}", words)
+        return {name: (form.replace(" ", ""), words) for name, (form, words) in found.items()}
 
 
 def _times(rate: Rate) -> str:

@@ -64,12 +64,14 @@ class Grid:
         self._every[:, :, ~self.valid] = np.nan
 
     def take_worse(self, other: Grid) -> None:
-        """Take over what is worse in a grid of the same settings under other noise.
+        """Take over what is worse in a grid of the same attempts under other noise, as far as that has it.
 
-        Ride-through depends on no noise; of all other figures more is worse.
+        Ride-through depends on no noise; of all other figures more is worse. A timeout between two of the
+        other grid takes the shorter one's errors, which are not fewer.
         """
-        self.valid &= other.valid
-        np.maximum(self._every, other._every, out=self._every)
+        column = np.searchsorted(other.timeouts, self.timeouts, side="right") - 1
+        own = self._every[: len(other._every)]
+        np.fmax(own, other._every[:, :, column], out=own)
 
     def at(self, attempts: int, timeout: int) -> tuple[int, int]:
         """Indices of a setting."""

@@ -4,43 +4,67 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from bussim.exact.link import LinkModel
 from bussim.exact.sizing.choice import Choice, choice_of, recommend
-from bussim.exact.sizing.evaluation import evaluate_goals
+from bussim.exact.sizing.evaluation import MOST_ERRORS, evaluate_goals
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.grid import evaluate
-from bussim.exact.sizing.noise_levels import BAD, LEVELS, with_level
-from bussim.exact.sizing.unmet_goals import scaled_noise
-from bussim.exact.text import a_year, in_ms, ms_at_most
+from bussim.exact.sizing.noise_levels import BAD, LEVELS, scaled_noise, weaker_bursts, with_level
+from bussim.exact.text import a_year, at_most, in_ms, ms_at_least, ms_at_most
+from bussim.plc.profiles import MAX_RETRIES
 
 #: Multiples of the noise that are evaluated.
 FACTORS = (1, 10, 100)
+#: In at least this part of all scans: in nearly every one.
+_NEARLY = 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """A recommended setting at a multiple of the noise.
+    """A setting at a multiple of the noise: the recommended one, else the one with most attempts.
 
-    ``errors`` are its false station errors a year there; ``choice`` is the least setting that meets all goals
-    there, None where none does, ``more`` what that costs in ticks of a scan with a station dead.
+    ``errors`` are its false station errors a year there, ``per_scan`` those in a link scan, of ``stations``
+    that live; ``weaker`` says that weaker bursts cause more errors, and that the figures are theirs,
+    ``unmet`` that no setting is recommended.
+    ``choice`` is the least setting that meets all goals there, None where none does, ``more`` what that costs
+    in ticks of a scan with a station dead.
     """
 
     noise: str
     factor: int
+    setting: Choice
     errors: float
+    per_scan: float
+    stations: int
+    weaker: bool
+    unmet: bool
     holds: bool
     choice: Choice | None
     more: float
 
     def in_words(self, goal: float) -> str:
-        """The errors to one digit, rounded up (see :func:`a_year`), and what would hold."""
-        said = f"{self.noise}: {a_year(self.errors, goal)} false station errors a year; "
+        """The errors to one digit, rounded up (see :func:`a_year`), and what would hold.
+
+        Where errors make scans longer, a figure a year would fall with more noise: it is that of a scan then.
+        """
+        if self.per_scan >= _NEARLY * self.stations:
+            said = "every station in error in nearly every scan"
+        elif self.per_scan > MOST_ERRORS:
+            said = f"{at_most(self.per_scan)} stations in error in each scan on average"
+        else:
+            said = f"{a_year(self.errors, goal)} false station errors a year"
+        said = f"{self.noise}{' or less' if self.weaker else ''}: {said}"
         if self.choice is None:
-            return said + "no setting meets the goals there"
+            tried = f" with D8179 = {self.setting.retries}, D8180 = {self.setting.d8180}"
+            return f"{said}{tried if self.unmet else ''}; no setting meets the goals there"
+        said += "; "
         if self.holds:
             return said + "the recommended setting holds"
         setting = f"D8179 = {self.choice.retries}, D8180 = {self.choice.d8180}"
-        return said + f"{setting} would do: {ms_at_most(self.more)} more with a station dead"
+        cost = f"{ms_at_most(self.more)} more" if self.more > 0 else f"{ms_at_least(-self.more)} less"
+        return f"{said}{setting} would do: {cost} with a station dead"
 
     def to_json(self) -> dict[str, object]:
         """As plain data, times in ms."""
@@ -48,6 +72,9 @@ class Margin:
         return {
             "noise": self.noise,
             "factor": self.factor,
+            "of_setting": {"D8179": self.setting.retries, "D8180": self.setting.d8180},
+            "station_errors_per_scan": self.per_scan,
+            "weaker_bursts": self.weaker,
             "false_errors_per_year": self.errors,
             "holds": self.holds,
             "setting": None if choice is None else {"D8179": choice.retries, "D8180": choice.d8180},
@@ -55,27 +82,38 @@ class Margin:
         }
 
 
-def margins(model: LinkModel, goals: Goals, recommended: Choice) -> tuple[Margin, ...]:
-    """A recommended setting at 1, 10 and 100 times the noise: of the entered one, else of the level bad."""
+def margins(model: LinkModel, goals: Goals, recommended: Choice | None) -> tuple[Margin, ...]:
+    """A setting at 1, 10 and 100 times the noise: of the entered one, else of the level bad."""
     known = evaluate_goals(model, goals)
+    first = known.grid.timeouts[0]
+    setting = recommended or choice_of(known.grid, model.reading, MAX_RETRIES, first)
     found = []
     for factor in FACTORS:
         noisy = scaled_noise(model, factor) if model.noisy else with_level(model, LEVELS[BAD] * factor)
         base = "noise as entered" if model.noisy else "level bad"
-        own = evaluate(noisy, (recommended.attempts,), (known.grid.timeouts[0], recommended.timeout))
-        choice = recommend(noisy, goals)
-        setting = None if choice is None else (choice.retries, choice.timeout)
-        more = 0.0
+        grids = [
+            evaluate(view, (setting.attempts,), (first, setting.timeout), details=False)
+            for view in (noisy, *weaker_bursts(noisy))
+        ]
+        errors, per_scan = (
+            np.array([getattr(grid, figure)[0, -1] for grid in grids])
+            for figure in ("errors", "error_per_scan")
+        )
+        choice, more = recommend(noisy, goals), 0.0
         if choice is not None:
-            more = (
-                choice_of(known.grid, model.reading, choice.retries, choice.timeout).dead - recommended.dead
-            )
+            there = choice_of(known.grid, model.reading, choice.retries, choice.timeout)
+            more = there.dead - setting.dead
         found.append(
             Margin(
                 base if factor == 1 else f"{factor} times the {base}",
                 factor,
-                float(own.errors[0, -1]),
-                setting == (recommended.retries, recommended.timeout),
+                setting,
+                float(errors.max()),
+                float(per_scan.max()),
+                len(model.alive),
+                bool(errors.argmax()),
+                recommended is None,
+                choice is not None and (choice.retries, choice.timeout) == (setting.retries, setting.timeout),
                 choice,
                 more,
             )

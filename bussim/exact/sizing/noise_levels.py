@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from bussim.exact.bursts.exchange import reply_path
 from bussim.exact.link import MASTER, LineNoise, LinkModel, NoiseSource
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.text import in_ms
@@ -19,6 +20,8 @@ from bussim.units import TICKS_PER_MS
 #: Bit error rate by the level's name (assumed).
 LEVELS = {"quiet": 1e-9, "typical": 1e-7, "bad": 1e-5}
 TYPICAL, BAD = "typical", "bad"
+#: Bit error rates in bursts about the one that causes most errors, eight a decade.
+_BURSTS = tuple(10 ** (exponent / 8) for exponent in range(-27, -7))
 #: Outages in ticks (assumed).
 OUTAGES = tuple(ms * TICKS_PER_MS for ms in (20, 100, 300))
 
@@ -66,6 +69,62 @@ class NoiseLevels:
                 for rung in self.rungs
             ],
         }
+
+
+def scaled_noise(model: LinkModel, factor: float) -> LinkModel:
+    """The same link with all bit error rates and losses times a factor.
+
+    No loss is above 1 and no rate made higher than 1 in 2, at which a bit says nothing.
+    """
+    sources = tuple(
+        replace(source, good=_scaled(source.good, factor, 0.5), bad=_scaled(source.bad, factor, 0.5))
+        for source in model.noise.sources
+    )
+    return replace(
+        model,
+        noise=LineNoise(sources, model.noise.chains),
+        stations=tuple(replace(s, loss=_scaled(s.loss, factor, 1.0)) for s in model.stations),
+    )
+
+
+def _scaled(chance: float, factor: float, most: float) -> float:
+    return min(chance * factor, max(chance, most))
+
+
+def weaker_bursts(model: LinkModel) -> tuple[LinkModel, ...]:
+    """The same link with weaker bursts, as far as these may cause more station errors than the entered ones.
+
+    Bit errors in bursts damage replies, which fails an attempt at once, and headers and polls, which fails it
+    at the timeout, when a burst may be over. The more of them, the more of the latter: errors are most where
+    nearly each reply in a burst is damaged, but hardly a header. All else stays as it was entered.
+    """
+    sources = model.noise.sources
+    rate = max((max(s.good, s.bad) for s in sources if s.chain is not None), default=0.0)
+    replies = {source for station in model.alive for source in reply_path(model, station, MASTER)}
+    if all(source.chain is None for source in replies):
+        return ()  # each failed attempt takes the whole timeout
+    return tuple(
+        replace(
+            model,
+            noise=LineNoise(tuple(_weaker(s, level / rate) for s in sources), model.noise.chains),
+        )
+        for level in _BURSTS
+        if level < rate
+    )
+
+
+def _weaker(source: NoiseSource, factor: float) -> NoiseSource:
+    if source.chain is None:
+        return source
+    least = min(source.good, source.bad)
+    return replace(
+        source, good=_rounded(max(least, source.good * factor)), bad=_rounded(max(least, source.bad * factor))
+    )
+
+
+def _rounded(rate: float) -> float:
+    """So that the same level of multiples of the same noise is the same value, worked out once."""
+    return float(f"{rate:.9g}")
 
 
 def failing(model: LinkModel, ber: float) -> float:

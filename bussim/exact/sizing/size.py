@@ -12,8 +12,9 @@ from bussim.exact.sizing.choice import Choice, choice_of, recommend
 from bussim.exact.sizing.evaluation import Checked, evaluate_goals, least, rows_of, timeout_floor
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.margin import Margin, margins
-from bussim.exact.sizing.noise_levels import NoiseLevels, noise_levels_of
+from bussim.exact.sizing.noise_levels import BAD, LEVELS, NoiseLevels, noise_levels_of, with_level
 from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
+from bussim.exact.solve import Solved
 from bussim.exact.text import in_ms, ms, ms_at_most
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
 from bussim.scenario.provenance import ASSUMED, ENTERED, NOISE, classes
@@ -80,8 +81,27 @@ class Sizing:
         """The noise that the false station errors of the recommended setting are for, in words."""
         if not self.model.noisy or self.recommended is None:
             return "at the assumed level bad"
-        entered = self.margins[0].errors >= self.recommended.errors * (1 - 1e-9)
-        return "with the noise as entered" if entered else "at the assumed level bad, which is the more"
+        entered, best = self.margins[0], self.recommended
+        bad = with_level(self.model, LEVELS[BAD]).with_setting(best.attempts, best.timeout)
+        stations = zip(bad.stations, Solved(bad).fails, strict=True)
+        if entered.per_scan < sum(fails.error for station, fails in stations if station.alive):
+            return "at the assumed level bad, which is the more"
+        weaker = "with bursts weaker than entered, of which more attempts fail quickly"
+        return weaker if entered.weaker else "with the noise as entered"
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """What the goals ``onsets``, ``scan`` and ``heartbeat`` limit, of the recommended setting."""
+        best, checked = self.recommended, self.checked
+        if best is None or checked is None:
+            return {}
+        at = checked.grid.at(best.attempts, best.timeout)
+        found: dict[str, str] = {}
+        for name in ("onsets", "scan", "heartbeat"):
+            if name in checked.names:
+                value = checked.missed_at(*at) if name == "heartbeat" else float(checked.values[name][at])
+                found[name] = self.goals.figure(name, value)
+        return found
 
     def apart(self) -> str:
         """How far the robust setting lies from the recommended one, in words."""
@@ -126,7 +146,8 @@ class Sizing:
         """Where the inputs come from, and the class of each figure."""
         inputs = {**self.model.inputs, "the level of noise bad": ASSUMED}
         inputs["goals"] = ENTERED if {"errors", "ride"} <= set(self.goals.given) else ASSUMED
-        figures = ("mean_ms", "false_errors_per_year", "one_dead_ms", "detect_ms", "ride_through_ms")
+        errors = "false_errors_per_year", "false_error_onsets_per_year"
+        figures = ("mean_ms", *errors, "one_dead_ms", "detect_ms", "ride_through_ms")
         found = classes({**inputs, NOISE: ASSUMED}, ("timeout_floor_ms", *figures))
         return {**found, "inputs": inputs}
 
@@ -136,8 +157,10 @@ class Sizing:
             "valid": self.valid,
             "reasons": list(self.reasons),
             "notes": list(self.model.notes),
+            "not_replying": list(self.model.not_replying),
             "assumed_noise": None if self.noise_levels is None else "ladder",
             "goals": list(self.goals.texts().values()),
+            "goal_figures": self.figures,
             "timeout_floor_ms": in_ms(self.floor),
             "recommended": None if self.recommended is None else self.recommended.to_json(),
             "robust": None if self.robust is None else self.robust.to_json(),
@@ -196,7 +219,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         unmet=unmet,
         robust_unmet=why_not,
         noise_levels=noise_levels,
-        margins=margins(model, goals, recommended) if recommended else (),
+        margins=margins(model, goals, recommended),
         assumptions=assumptions(model, goals, recommended) if recommended else (),
         otherwise=() if recommended else refused_otherwise(model, goals),
         checked=checked,

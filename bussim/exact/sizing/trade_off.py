@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.margin import FACTORS
-from bussim.exact.sizing.noise_levels import LEVELS, with_level
+from bussim.exact.sizing.noise_levels import LEVELS, scaled_noise, with_level
 from bussim.exact.sizing.size import Sizing
-from bussim.exact.sizing.unmet_goals import scaled_noise
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
 
 
@@ -19,13 +21,34 @@ class TradeOff:
 
     ``series`` has by the noise's name one (mean scan in ticks with a dead station, false station errors a
     year) for each D8179 of ``retries``; of settings with equal attempts only the lowest is among them.
-    ``chosen_for`` is the noise under which the goals are checked.
+    ``chosen_for`` is the noise under which the goals are checked, ``onsets`` how often a year an error begins
+    there, ``rides`` the ride-throughs in ticks.
     """
 
     timeout: int
     retries: tuple[int, ...]
     chosen_for: str
     series: dict[str, tuple[tuple[float, float], ...]]
+    onsets: tuple[float, ...]
+    rides: tuple[float, ...]
+
+    def riding_from(self, ride: int) -> float:
+        """The scan with a dead station, in ticks, from which a ride-through is reached: between two dots."""
+        times = [time for time, _ in self.series[self.chosen_for]]
+        reached = [passed >= ride for passed in self.rides]
+        first = reached.index(True) if any(reached) else len(times)
+        if first == len(times):
+            return math.inf
+        return (times[max(0, first - 1)] + times[first]) / 2
+
+    def errors_at(self, onsets: float) -> float:
+        """The errors a year at which they begin so often, between two dots; 0 where they never are so few."""
+        errors = [found for _, found in self.series[self.chosen_for]]
+        some = [(math.log(o), math.log(e)) for o, e in zip(self.onsets, errors, strict=True) if o > 0 < e]
+        if not some or math.log(onsets) < min(some)[0]:
+            return 0.0
+        x, y = zip(*sorted(some), strict=True)
+        return float(math.exp(np.interp(math.log(onsets), x, y)))
 
 
 def trade_off(sizing: Sizing) -> TradeOff:
@@ -40,12 +63,18 @@ def trade_off(sizing: Sizing) -> TradeOff:
     for retries in range(MAX_RETRIES + 1):
         lowest.setdefault(attempts_per_poll(model.reading, retries), retries)
     assumed = sizing.noise_levels is not None
-    series = {}
-    for name, noisy in _noises(model, assumed=assumed).items():
-        grid = evaluate(noisy, lowest, (timeout,))
-        series[name] = tuple(zip(grid.one_dead[:, 0].tolist(), grid.errors[:, 0].tolist(), strict=True))
-    names = list(series)
-    return TradeOff(timeout, tuple(lowest.values()), names[-1] if assumed else names[0], series)
+    grids = {
+        name: evaluate(noisy, lowest, (timeout,)) for name, noisy in _noises(model, assumed=assumed).items()
+    }
+    chosen_for = list(grids)[-1 if assumed else 0]
+    series = {
+        name: tuple(zip(grid.one_dead[:, 0].tolist(), grid.errors[:, 0].tolist(), strict=True))
+        for name, grid in grids.items()
+    }
+    onsets, rides = (
+        tuple(each[:, 0].tolist()) for each in (grids[chosen_for].onsets, grids[chosen_for].silence)
+    )
+    return TradeOff(timeout, tuple(lowest.values()), chosen_for, series, onsets, rides)
 
 
 def _noises(model: LinkModel, *, assumed: bool) -> dict[str, LinkModel]:

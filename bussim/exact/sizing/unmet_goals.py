@@ -11,15 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from bussim.engines.nn.frames import data_chars
-from bussim.exact.link import TIMEOUT_UNIT, LineNoise, LinkModel, frame_ticks
+from bussim.exact.link import TIMEOUT_UNIT, LinkModel, frame_ticks
 from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals, Rate
-from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most
+from bussim.exact.sizing.noise_levels import scaled_noise
+from bussim.exact.text import at_least, at_most
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
 #: How much less noise is tried, and how much further goals are set.
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)
+_UNITS = {"scan": TICKS_PER_MS, "heartbeat": 10 * TICKS_PER_MS}  # of deadlines and presets, in ticks
 _FURTHER = (1.1, 1.25, 1.5, 2, 3, 5, 10)
 #: So many combinations of changes are searched for, of so many changes each at most.
 _COMBINATIONS, _CHANGES = 4, 3
@@ -110,19 +112,7 @@ def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
         bound = min(checked.missed_at_least(*setting) for setting in _shortest(index, among))
         return f"each setting misses it {about(at_least(bound))} times a year or more"
     value, row, column = found
-    match name:
-        case "ride":
-            shown = ms_at_least(value)
-        case "dead":
-            shown = ms_at_most(value)
-        case "scan":
-            shown = f"a probability of {at_most(value):.1e}"
-        case "heartbeat":
-            shown = f"{about(at_most(value))} times a year"
-        case "errors" if value <= checked.goals.errors:
-            shown = "more than one error in 20 link scans"
-        case _:
-            shown = f"{a_year(value)} a year"
+    shown = checked.goals.figure(name, value)
     attempts = checked.grid.attempts[index[row]]
     return f"the best is {shown} (attempts {attempts}, D8180 {checked.grid.timeouts[column] // TIMEOUT_UNIT})"
 
@@ -171,6 +161,8 @@ def _kinds(model: LinkModel, goals: Goals) -> Iterator[_Kind]:
     if model.noisy:
         yield _Kind("", tuple(partial(_quieter, less) for less in _LESS))
     for name in goals.forms():
+        if name == "ride" and not goals.ride:
+            continue
         factors = _FURTHER if name in ("scan", "heartbeat") else _FURTHER[-1:]
         yield _Kind(name, tuple(partial(_further, name, factor) for factor in factors))
 
@@ -213,7 +205,7 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change 
     now = changed(steps)
     for kind in kinds:
         if kind.name:
-            now = now._replace(goals=_no_further(now.model, now.goals, kind.name))
+            now = now._replace(goals=_no_further(now.model, now.goals, kind.name, goals))
     setting = _setting(now.model, now.goals)
     return (
         None
@@ -222,10 +214,10 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change 
     )
 
 
-def _no_further(model: LinkModel, goals: Goals, name: str) -> Goals:
+def _no_further(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals:
     """The goals with one of them as strict as the others allow, its figure rounded to the safe side."""
     if name in ("scan", "heartbeat"):
-        return goals
+        return _no_longer(model, goals, name, given)
     checked = evaluate_goals(model, goals)
     index = rows_of(checked, model.reading)
     found = best_value(
@@ -246,6 +238,34 @@ def _no_further(model: LinkModel, goals: Goals, name: str) -> Goals:
     return strict if _setting(model, strict) else goals
 
 
+def _no_longer(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals:
+    """The goals with a deadline or a heartbeat's preset as short as all goals together allow, in its unit.
+
+    With bursts, where each deadline takes distributions of its own, it stays as it was found.
+    """
+    unit = _UNITS[name]
+    low, high = _limit(given, name) // unit, _limit(goals, name) // unit
+    while high - low > 1 and (name == "heartbeat" or model.noise.memoryless):
+        middle = (low + high) // 2
+        tried = _with_limit(goals, name, middle * unit)
+        if _setting(model, tried) is None:
+            low = middle
+        else:
+            high, goals = middle, tried
+    return goals
+
+
+def _limit(goals: Goals, name: str) -> int:
+    """The deadline or the preset of a goal, in ticks."""
+    return ((goals.scan if name == "scan" else goals.heartbeat) or (0, 1.0))[0]
+
+
+def _with_limit(goals: Goals, name: str, ticks: int) -> Goals:
+    if name == "scan":
+        return replace(goals, scan=(ticks, (goals.scan or (0, 1.0))[1]))
+    return replace(goals, heartbeat=(ticks, (goals.heartbeat or (0, 1.0))[1]))
+
+
 def _rounded(given: float, value: float) -> Rate:
     """A rate a year that is not less than a value, in the unit of the given one."""
     unit = Rate.of(given).unit
@@ -263,13 +283,9 @@ def relaxed(goals: Goals, name: str, factor: float) -> Goals:
             return replace(goals, dead=round((goals.dead or 0) * factor))
         case "ride":
             return replace(goals, ride=round(goals.ride / factor))
-        case "scan":
-            deadline, chance = goals.scan or (0, 1.0)
-            return replace(goals, scan=(round(deadline * factor / TICKS_PER_MS) * TICKS_PER_MS, chance))
         case _:
-            preset, missed = goals.heartbeat or (0, 1.0)
-            unit = 10 * TICKS_PER_MS
-            return replace(goals, heartbeat=(round(preset * factor / unit) * unit, missed))
+            unit = _UNITS[name]
+            return _with_limit(goals, name, round(_limit(goals, name) * factor / unit) * unit)
 
 
 def _times(rate: float, factor: float) -> Rate:
@@ -312,20 +328,4 @@ def with_mode(model: LinkModel, mode: int) -> LinkModel:
         mode=mode,
         data=round(model.data * ratio),
         stations=tuple(replace(s, reply=round(s.reply * ratio)) for s in model.stations),
-    )
-
-
-def scaled_noise(model: LinkModel, factor: float) -> LinkModel:
-    """The same link with all bit error rates and losses times a factor, none above 1."""
-
-    def scaled(chance: float) -> float:
-        return min(1.0, chance * factor)
-
-    sources = tuple(
-        replace(source, good=scaled(source.good), bad=scaled(source.bad)) for source in model.noise.sources
-    )
-    return replace(
-        model,
-        noise=LineNoise(sources, model.noise.chains),
-        stations=tuple(replace(station, loss=scaled(station.loss)) for station in model.stations),
     )

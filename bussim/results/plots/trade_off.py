@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -21,7 +22,6 @@ from bussim.results.plots.style import (
     new_picture,
     style,
 )
-from bussim.wording import counted
 
 #: Colours of the levels of noise, the lowest level first.
 _COLOURS = (SIMULATED, FAULT, IN_ERROR)
@@ -44,17 +44,19 @@ def trade_off_picture(
     series: Mapping[str, Sequence[tuple[float, float]]],
     *,
     timeout: float,
-    errors: float,
-    dead: float | None,
+    errors: Sequence[float],
+    dead: Sequence[tuple[float, float]],
+    goals: Sequence[str],
     chosen: tuple[str, int] | None,
+    more: bool,
     description: str,
 ) -> Picture:
     """Mean link scan with a dead station (ms) against false station errors a year, a dot for each D8179.
 
     ``series`` has by the noise's name a point (ms, errors a year) for each of ``retries``, at most three
-    names. ``errors`` and ``dead`` (ms, None for no such goal) bound the bands in which a goal is met;
-    ``chosen`` is the recommended D8179 with the noise that it was chosen for, None for none; ``timeout``
-    in ms.
+    names. The bands in which the ``goals``, which are in words, are met reach up to each of ``errors``, and
+    from and to each two scans (ms) of ``dead``; ``chosen`` is the recommended D8179 with the noise that it
+    was chosen for, None for none; ``timeout`` in ms. ``more``: some stations are dead anyway.
     """
     picture = new_picture(7.5, 5.2, description)
     with style():
@@ -67,12 +69,17 @@ def trade_off_picture(
         handles.append(
             Line2D([], [], marker="o", color=GREY, markersize=9, linestyle="", label="number in a dot: D8179")
         )
+        times = [x for points in series.values() for x, y in points if y >= _LOWEST]
         if chosen is not None:
             noise, best = chosen
-            handles.append(_recommended(axes, best, dict(zip(retries, series[noise], strict=True)), timeout))
-        _limits(axes, list(series.values()))
-        handles.append(_goals(axes, errors, dead))
-        axes.set_xlabel(f"mean link scan time with one station dead (ms), timeout {timeout:g} ms")
+            point = dict(zip(retries, series[noise], strict=True))[best]
+            handles.append(_recommended(axes, best, point, timeout))
+            times.append(point[0])
+        _limits(axes, times, [y for points in series.values() for _, y in points])
+        handles.append(_goals(axes, errors, dead, goals))
+        axes.set_xlabel(
+            f"mean link scan time with one {'more ' if more else ''}station dead (ms), timeout {timeout:g} ms"
+        )
         axes.set_ylabel("false station errors")
         finish_picture(picture, f"What a dead station costs against false errors on {bus}", handles)
     return picture
@@ -92,37 +99,55 @@ def _points(
     return Line2D([], [], marker="o", color=colour, markersize=9, linewidth=1, label=name)
 
 
-def _recommended(
-    axes: Axes, retries: int, points: Mapping[int, tuple[float, float]], timeout: float
-) -> Line2D:
-    """A ring around the recommended dot, where that is shown; the handle for the legend."""
-    x, y = points.get(retries, (math.nan, math.nan))
-    if y >= _LOWEST:
-        axes.plot([x], [y], "o", mfc="none", mec="black", mew=1.8, markersize=17, zorder=5)
+def _recommended(axes: Axes, retries: int, point: tuple[float, float], timeout: float) -> Line2D:
+    """A ring around the recommended dot, where it lies lower at the edge; the handle for the legend."""
+    x, y = point
+    ring: dict[str, Any] = {
+        "mfc": "none",
+        "mec": "black",
+        "mew": 1.8,
+        "markersize": 17,
+        "zorder": 5,
+        "clip_on": False,
+    }
+    axes.plot([x], [max(y, _LOWEST)], "o", **ring)
+    if y < _LOWEST:
+        axes.annotate(f"{retries}", (x, _LOWEST), ha="center", va="center", fontsize=8, zorder=6)
+        note: dict[str, Any] = {
+            "xytext": (13, 0),
+            "textcoords": "offset points",
+            "va": "center",
+            "fontsize": 8,
+        }
+        axes.annotate("lies below", (x, _LOWEST), **note)
     label = f"recommended: D8179 = {retries}, D8180 = {timeout / 10:g} ({timeout:g} ms)"
     return Line2D([], [], marker="o", mfc="none", mec="black", markersize=10, linestyle="", label=label)
 
 
-def _goals(axes: Axes, errors: float, dead: float | None) -> Patch:
+def _goals(
+    axes: Axes, errors: Sequence[float], dead: Sequence[tuple[float, float]], goals: Sequence[str]
+) -> Patch:
     """The bands in which the goals are met; the handle for the legend."""
-    axes.axhspan(*_band(axes.get_ylim()[0], errors), color=DISTRIBUTION, alpha=0.12, linewidth=0)
-    goals = f"at most {counted(errors, 'false station error')} a year"
-    if dead is not None:
-        axes.axvspan(*_band(axes.get_xlim()[0], dead), color=DISTRIBUTION, alpha=0.12, linewidth=0)
-        goals += f"; at most {dead:g} ms with a dead station"
-    return Patch(color=DISTRIBUTION, alpha=0.25, label=f"goal: {goals}")
+    band: dict[str, Any] = {"color": DISTRIBUTION, "alpha": 0.12, "linewidth": 0}
+    for most in errors:
+        axes.axhspan(*_band(axes.get_ylim(), 0.0, most), **band)
+    for within in dead:
+        axes.axvspan(*_band(axes.get_xlim(), *within), **band)
+    return Patch(
+        color=DISTRIBUTION, alpha=0.25, label=f"goals, all met where all bands cross: {'; '.join(goals)}"
+    )
 
 
-def _limits(axes: Axes, series: Sequence[Sequence[tuple[float, float]]]) -> None:
-    times = [x for points in series for x, y in points if y >= _LOWEST]
+def _limits(axes: Axes, times: Sequence[float], errors: Sequence[float]) -> None:
     margin = 0.06 * max(max(times, default=1.0) - min(times, default=0.0), 1.0)
     axes.set_xlim(min(times, default=0.0) - margin, max(times, default=1.0) + margin)
-    top = max((y for points in series for _, y in points), default=1.0)
+    top = max(errors, default=1.0)
     axes.set_ylim(_LOWEST / 3, 10 ** (math.log10(max(top, 1.0)) + 0.7))
     axes.set_yticks(list(_RATES), labels=list(_RATES.values()))
     axes.minorticks_off()
 
 
-def _band(low: float, high: float) -> tuple[float, float]:
-    """From the axis's end to a goal; nothing where the goal lies below it."""
-    return low, max(low, high)
+def _band(axis: tuple[float, float], low: float, high: float) -> tuple[float, float]:
+    """The part of an axis between two values; nothing where they lie outside of it."""
+    start = min(max(axis[0], low), axis[1])
+    return start, max(start, min(high, axis[1]))

@@ -21,18 +21,18 @@ from bussim.exact.sizing.choice import recommend
 from bussim.exact.sizing.evaluation import evaluate_goals, missed_per_year, noise_views, rows_of
 from bussim.exact.sizing.goals import FORMS, OUTAGE, Goals
 from bussim.exact.sizing.grid import evaluate
+from bussim.exact.sizing.noise_levels import scaled_noise, weaker_bursts
 from bussim.exact.sizing.size import size
 from bussim.exact.sizing.unmet_goals import (
     Unmet,
     conflicts,
     helpful_changes,
-    scaled_noise,
     unmet_goals,
     with_mode,
 )
 from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most
 from bussim.plc.profiles import AbsentStation, Attempts, Turnaround
-from tests.exact.links import FULL, MS, PROBE, change, link
+from tests.exact.links import FULL, MS, PROBE, change, link, with_burst
 
 DECADES = [0.0, *(10.0**-k for k in range(12, 1, -1))]
 
@@ -111,6 +111,68 @@ def test_more_noise_never_means_fewer_attempts(line: tuple[LinkModel, str, int |
 @given(noisy())
 def test_more_noise_never_means_fewer_attempts_on_500_links(line: tuple[LinkModel, str, int | None]) -> None:
     attempts_never_fall(line, DECADES)
+
+
+@st.composite
+def growing(draw: st.DrawFn) -> list[LinkModel]:
+    """A link with bursts, and often lost replies, that grow: all noise, or of the bursts one of their values."""
+    slaves = draw(st.integers(1, 3))
+    absent, loss = draw(st.sampled_from([FULL, PROBE])), draw(st.sampled_from([0.0, 1e-4]))
+    model = link(slaves, mode=draw(st.integers(0, 2)), absent=absent, loss=loss)
+    part = draw(st.sampled_from(["bus", "bus", "rx", "tx"]))
+    station = None if part == "bus" else draw(st.integers(0, slaves))
+    bursts = {
+        "good": 10 ** draw(st.floats(3.5, 6)),
+        "bad": 10 ** draw(st.floats(0.3, 2)),
+        "ber_good": draw(st.sampled_from([0.0, 1e-7, 1e-6])),
+        "ber_bad": 10 ** draw(st.floats(-4, -3)),
+    }
+    grows = draw(st.sampled_from(["all", "ber_bad", "bad", "good"]))
+    found = []
+    for step in range(5):
+        now = dict(bursts)
+        for name in (grows,) if grows != "all" else ():
+            now[name] *= {"ber_bad": 4.0, "bad": 1.7, "good": 0.5}[name] ** step
+        grown = with_burst(model, **now, part=part, station=station)
+        found.append(scaled_noise(grown, 10.0 ** (step / 2)) if grows == "all" else grown)
+    return found
+
+
+def attempts_of(model: LinkModel) -> float:
+    choice = recommend(model, Goals())
+    return math.inf if choice is None else choice.attempts
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=5)
+@given(growing())
+def test_more_bursts_or_lost_replies_never_mean_fewer_attempts(models: list[LinkModel]) -> None:
+    attempts = [attempts_of(model) for model in models]
+    assert attempts == sorted(attempts)
+
+
+@pytest.mark.slow
+def test_stronger_bursts_with_fewer_errors_do_not_mean_fewer_attempts() -> None:
+    found = [with_burst(link(4), 60_000, 20, 0.0, ber) for ber in (1e-3, 2e-3, 1e-2, 1e-1)]
+    grids = [evaluate(model, (7,), (50 * MS,), details=False) for model in found]
+    assert grids[3].errors[0, 0] < grids[2].errors[0, 0] / 10  # so it is: nearly each poll is damaged, too
+    attempts = [attempts_of(model) for model in found]
+    assert attempts[1] > attempts[0] > 6
+    assert attempts[2:] == [math.inf, math.inf]
+
+
+def test_weaker_bursts_are_those_of_each_weaker_noise_too() -> None:
+    one, ten = (with_burst(link(2, loss=1e-5), 60_000, 20, 1e-6, ber) for ber in (3e-3, 3e-2))
+    assert set(weaker_bursts(one)) < set(weaker_bursts(ten))
+    assert weaker_bursts(with_burst(link(2), 60_000, 20, 1e-6, 1e-4)) == ()
+    assert weaker_bursts(link(2, ber=1e-2)) == ()
+    polls_alone = with_burst(link(2), 60_000, 20, 0.0, 1e-1, part="tx", station=0)
+    assert weaker_bursts(polls_alone) == ()  # each failed attempt takes the whole timeout
+    assert all(
+        source.good == 1e-6 < source.bad for view in weaker_bursts(ten) for source in view.noise.sources
+    )
+    quiet_bursts = with_burst(link(2), 60_000, 20, 1e-2, 0.0)  # the line is bad but for some moments
+    assert all(view.noise.sources[0].bad == 0 for view in weaker_bursts(quiet_bursts))
 
 
 #: From no noise to one bit in a hundred wrong, closest about the level bad.
@@ -290,7 +352,7 @@ def test_goals_are_kept_conflicts_minimal_and_changes_tried(
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=500)
+@settings(deadline=None, max_examples=100)
 @given(links(), goal_texts(), st.sampled_from([0.0, 1e-6, 2e-5, 3e-4]))
 def test_goals_conflicts_and_changes_of_many_links(model: LinkModel, texts: list[str], ber: float) -> None:
     advice_holds(with_rate((model, "bus", None), ber), texts)

@@ -20,10 +20,10 @@ from bussim.exact.sizing.evaluation import (
     timeout_floor,
 )
 from bussim.exact.sizing.goals import Goals
-from bussim.exact.sizing.noise_levels import LEVELS, OUTAGES, noise_levels_of, with_level
+from bussim.exact.sizing.noise_levels import LEVELS, OUTAGES, noise_levels_of, scaled_noise, with_level
 from bussim.exact.sizing.size import size
 from bussim.exact.sizing.trade_off import trade_off
-from bussim.exact.sizing.unmet_goals import scaled_noise, with_mode
+from bussim.exact.sizing.unmet_goals import with_mode
 from bussim.plc.profiles import AbsentStation, Attempts, attempts_per_poll
 from tests.exact.links import MS, PROBE, change, link, with_burst
 
@@ -275,7 +275,7 @@ def test_scaled_noise_and_smaller_modes() -> None:
     assert [s.good for s in less.noise.sources] == [pytest.approx(1e-5), pytest.approx(1e-6)]
     assert less.noise.sources[1].bad == pytest.approx(1e-3)
     assert less.stations[0].loss == pytest.approx(0.01)
-    assert scaled_noise(model, 1e6).noise.sources[0].good == 1.0
+    assert scaled_noise(model, 1e6).noise.sources[0].good == 0.5
     assert with_mode(link(3, mode=2), 0) == replace(link(3, mode=0))
 
 

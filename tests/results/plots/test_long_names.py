@@ -74,7 +74,16 @@ def trade_off(name: str) -> Picture:
         for level in (1, 50)
     }
     return trade_off_picture(
-        name, range(4), series, timeout=50, errors=1, dead=250.0, chosen=(f"{name} 1", 2), description=name
+        name,
+        range(4),
+        series,
+        timeout=50,
+        errors=[1.0],
+        dead=[(0.0, 250.0)],
+        goals=["false station errors: at most 1 a year", "a scan of at most 250 ms with one station dead"],
+        chosen=(f"{name} 1", 2),
+        more=True,
+        description=name,
     )
 
 
