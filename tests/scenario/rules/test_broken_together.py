@@ -90,3 +90,14 @@ def test_what_stands_beside_a_wrong_key_at_the_top_is_judged_too(good: str, bad:
     assert len(both) == 2
     assert said in both[0]
     assert both[1].split(": ", 1)[1] == alone.split(": ", 1)[1]
+
+
+def test_a_wrong_key_of_what_a_device_says_is_shown_the_right_ones() -> None:
+    (said,) = mistakes(
+        added('devices:\n  - {name: r, model: free, bus: b, says: [{data: "11 12", at: 500 ms}]}\n').replace(
+            "buses:", "buses:\n  - {name: b, baud: 9600, format: 8N1}", 1
+        )
+    )
+    assert said.endswith(
+        "says.0.data is not a key here; allowed are text, bytes, at, every, times, jitter, reply_to, delay"
+    )
