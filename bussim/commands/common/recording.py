@@ -15,6 +15,7 @@ from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
+    from bussim.live.layout.judge import Misfit
     from bussim.live.recordings.source import Source
     from bussim.live.sniff.line import FoundLine
     from bussim.live.sniff.listener import Listener
@@ -96,6 +97,8 @@ class OpenLine:
     bus: str
     names: dict[int, str]
     tolerance: int
+    #: What is known of a polled line of another layout than the one by which it is read.
+    misfit: Misfit | None = None
 
     @property
     def timing(self) -> LineTiming:
@@ -122,20 +125,49 @@ def is_recording(source: str) -> bool:
     return path.is_dir() or path.is_file()
 
 
-def open_line(source: str, settings: Settings, *, bus: str | None, tolerance: int) -> OpenLine:
-    """A recording, and how it is read. Raises UsageError where it cannot be."""
+def open_line(
+    source: str, settings: Settings, *, bus: str | None, tolerance: int, limit: int | None = None
+) -> OpenLine:
+    """A recording, and how it is read, up to a tick. Raises UsageError where it cannot be."""
     from bussim.live.recordings.frames import TraceFile
     from bussim.live.recordings.open import open_recording
     from bussim.live.sniff.line import find_line
 
     opened = open_recording(Path(source), bus=bus, channels=settings.channels)
     if not isinstance(opened, TraceFile):
-        return OpenLine(opened, find_line(opened, settings, tolerance), bus or "line", {}, tolerance)
+        found = find_line(opened, settings, tolerance)
+        name = bus or "line"
+        return OpenLine(opened, found, name, {}, tolerance, _misfit(opened, found, settings, name, limit))
     others = [repr(each.name) for each in opened.header.buses if each.name != opened.bus.name]
     if bus is None and others:
         click.echo(f"this is bus {opened.bus.name!r}; with --bus also: {', '.join(others)}", err=True)
     names = {number: node for node, number in reversed(opened.bus.stations.items())}
-    return OpenLine(opened, find_line(opened, settings, tolerance), opened.bus.name, names, tolerance)
+    found = find_line(opened, settings, tolerance)
+    misfit = None
+    if opened.header.seed is None:  # a simulation has the assumed layout
+        misfit = _misfit(opened, found, settings, opened.bus.name, limit)
+    return OpenLine(opened, found, opened.bus.name, names, tolerance, misfit)
+
+
+#: Where so many characters are in sound frames, nothing is wrong with the layout.
+_FITS = 0.98
+
+
+def _misfit(
+    source: Source, found: FoundLine, settings: Settings, bus: str, limit: int | None
+) -> Misfit | None:
+    """What is known of a line that may be polled, where its frames are not read by its layout."""
+    from bussim.live.layout.judge import judge
+    from bussim.live.sniff.heard import LineProtocol
+    from bussim.live.sniff.line import rate_of
+
+    score, protocol = found.reading.score, found.reading.protocol
+    fits = score.characters > 0 and score.sound_characters >= _FITS * score.characters
+    other = protocol not in (None, LineProtocol.NN) and (settings.protocol is not None or score.responses > 0)
+    setup = found.reading.setup
+    if protocol is not LineProtocol.NN and not rate_of(source):
+        setup = setup._replace(timing=settings.timing(LineProtocol.NN))
+    return None if other or (fits and score.responses > 0) else judge(source, setup, bus, limit)
 
 
 def read(line: OpenLine, listener: Listener | None, limit: int | None) -> int:

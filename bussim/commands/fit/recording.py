@@ -79,6 +79,8 @@ def fit(
     longest = 20 * TICKS_PER_MS if tolerance is None else time_of("--tolerance", tolerance)
     line = open_line(source, settings or Settings(), bus=bus, tolerance=longest)
     protocol, timing = line.found.reading.protocol, line.timing
+    if line.misfit is not None:
+        raise RunError(f"{source}: {line.misfit.text}; {_LAYOUT}")
     if protocol is None:
         found = [*line.found.warnings.values(), *map(described, line.found.described), _HOW]
         raise RunError(f"{source}: " + "\n".join(found))
@@ -137,4 +139,8 @@ def _estimates(
 
 
 _OBSERVERS = (LinkObserver, BusObserver)
+_LAYOUT = (
+    "without the layout there is no error rate: bussim sniff --propose FILE writes the one that is proposed, "
+    "--layout FILE reads by it"
+)
 _HOW = "rate and format are set by -b, -d, -P and -s, the protocol by --protocol"

@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import busy, print_json
+from bussim.commands.common.output import busy, checked_target, print_json, write_text
 from bussim.commands.common.port_options import options_of, port_options
 from bussim.commands.common.recording import is_recording, line_options, open_line, read
 from bussim.commands.common.scenario_options import time_of
-from bussim.errors import UsageError
+from bussim.errors import RunError, UsageError
 
 if TYPE_CHECKING:
     from bussim.commands.common.recording import OpenLine
     from bussim.commands.sniff.tally import Tally
     from bussim.line.characters import LineTiming
+    from bussim.live.layout.judge import Misfit
     from bussim.live.sniff.heard import LineProtocol
     from bussim.live.sniff.listener import Listener
     from bussim.live.sniff.reading import Settings
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 @click.option("--bridge", metavar="URL", help="Hand every byte on to this port, and back: listen in between.")
 @click.option("--for", "--duration", "duration", metavar="T", help="Listen so long (default: until Ctrl-C).")
 @click.option("--out", metavar="DIR", help="Record: write a folder as of a run, with its trace.")
-@click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
+@click.option("--force", is_flag=True, help="Replace the folder of an earlier run, or the file.")
+@click.option("--propose", metavar="FILE", help="Where no layout fits, write the one that is proposed.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was heard as JSON.")
 @port_options
 def command(
@@ -46,6 +48,7 @@ def command(
     duration: str | None,
     out: str | None,
     force: bool,
+    propose: str | None,
     as_json: bool,
     tolerance: str,
     echo: bool,
@@ -61,8 +64,11 @@ def command(
     settings = replace(settings, echo=echo or None)
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
     limit = None if duration is None else time_of("--for", duration)
+    target = None if propose is None else checked_target(Path(propose), (), force=force)
     with ExitStack() as stack:
         if not is_recording(source):
+            if target is not None:
+                raise UsageError("--propose takes a recording; make one with --protocol nn --out DIR")
             from bussim.commands.sniff.listen import listen
             from bussim.live.sniff.recognise import Recogniser
 
@@ -89,15 +95,33 @@ def command(
         if bridge is not None:
             raise UsageError("--bridge joins two ports; a recording has none")
         with busy(f"reading {source}"):
-            line = open_line(source, settings, bus=bus, tolerance=options.tolerance)
+            line = open_line(source, settings, bus=bus, tolerance=options.tolerance, limit=limit)
             found, kept = line.found.reading, line.source
             session = _Session(line.bus, line.timing, found.protocol, line.names, exact=kept.exact)
             session.record(stack, out, force=force)
             listener = None
-            if found.protocol is not None:
+            if line.misfit is not None:
+                line.misfit.record(session.tally)
+            elif found.protocol is not None:
                 listener = session.listener(found.protocol, **line.listener_options())
             ended = read(line, listener, limit)
         session.finish(source, ended, listener, as_json=as_json, line=line)
+        if target is not None:
+            _propose(line, source, target)
+
+
+def _propose(line: OpenLine, source: str, target: Path) -> None:
+    """Write the layout that is proposed. Raises RunError where there is none."""
+    from bussim.commands.sniff.tally import PROPOSED
+    from bussim.live.layout.file import to_text
+
+    if line.misfit is None:
+        click.echo(f"{target} is not written: no line of another layout is seen", err=True)
+    elif line.misfit.proposed is None:
+        raise RunError(f"{source}: none of the usual layouts fits; {target} is not written")
+    else:
+        write_text(target, to_text(line.misfit.proposed, PROPOSED))
+        click.echo(f"layout: {target}", err=True)
 
 
 class _Session:
@@ -166,7 +190,8 @@ class _Session:
 
         found = to_json(listener, self.tally, self.timing, duration, exact=self.exact, line=line)
         if self.folder is not None:
-            self._complete(self.folder, source, duration, listener)
+            misfit = None if line is None else line.misfit
+            self._complete(self.folder, source, duration, listener, misfit)
         if as_json:
             print_json({"source": source, **found})
             return
@@ -174,7 +199,14 @@ class _Session:
         if self.folder is not None:
             click.echo(f"recorded: {self.folder.target}")
 
-    def _complete(self, folder: RunFolder, source: str, duration: int, listener: Listener | None) -> None:
+    def _complete(
+        self,
+        folder: RunFolder,
+        source: str,
+        duration: int,
+        listener: Listener | None,
+        misfit: Misfit | None,
+    ) -> None:
         from bussim.trace.records import RunTotals
         from bussim.version import __version__
 
@@ -182,6 +214,8 @@ class _Session:
         totals = RunTotals(duration, (), (), warnings, ())
         if listener is not None:
             totals = listener.totals(duration, warnings)
+        elif misfit is not None:
+            totals = RunTotals(duration, (misfit.totals(),), (), warnings, ())
         record = self.tally.run(totals, scenario=self.bus, seed=0)
         text = f"# Recorded by bussim {__version__} from {source}; bussim fit makes a scenario of it.\n"
         folder.finish(record, text)

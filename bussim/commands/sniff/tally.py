@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from bussim.commands.sniff.warnings import warnings_of
 from bussim.line.characters import LineTiming
+from bussim.live.layout.judge import Misfit
+from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.link import OUTCOMES, LinkDecoder
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import NO_ATTEMPT, ModbusDecoder
@@ -107,10 +109,12 @@ def to_json(
 ) -> dict[str, Any]:
     """What was heard, as plain data. ``listener`` is None where no protocol was recognised."""
     decoder = None if listener is None else listener.decoder
+    misfit = None if line is None else line.misfit
     unknown = listener is None and line is not None  # a port has the rate and format that it was opened with
     found: dict[str, Any] = {
         "schema": 1,
         "protocol": None if listener is None else listener.protocol.value,
+        "layout": None if misfit is None else _layout(misfit),
         "baud": None if unknown else timing.baud,
         "format": None if unknown else str(timing.format),
         "inverted": None if line is None else line.found.reading.setup.inverted,
@@ -137,22 +141,61 @@ def to_json(
         "exchanges": {name: asked.to_json() for name, asked in sorted(tally.asked.items())},
         "warnings": [{"code": code, "text": text} for code, text in warnings_of(listener, line).items()],
     }
-    if line is not None and line.found.described:
-        found["described"] = line.found.described
-    if isinstance(decoder, LinkDecoder):
-        totals = decoder.totals()
-        found["link"] = {
-            "slaves": totals.slaves,
-            "mode": totals.mode,
-            "retries": totals.retries,
-            "timeout_ms": None if totals.timeout is None else milliseconds(totals.timeout),
-            "settings_heard": decoder.settings is not None,
-            "scans": decoder.scans,
-            "station_errors": {str(k): number for k, number in totals.station_errors.items()},
-            "station_error_onsets": {str(k): decoder.station_error_onsets[k] for k in totals.station_errors},
-            "scan_time_ms": statistics(tally.scan_times),
+    if misfit is not None:
+        found |= {
+            "characters": misfit.characters,
+            "protocol": "nn" if line is not None and line.found.reading.protocol is LineProtocol.NN else None,
+            "frames": misfit.bursts,
+            "damaged": None,
+            "scans_unmeasured": sum(scan.duration is None for scan in misfit.polling.scans[:-1]),
+            "bus_load": round(misfit.busy / duration, 6) if duration else 0.0,
+            "outcomes": dict(
+                sorted(sum((each.outcomes for each in tally.asked.values()), Counter()).items())
+            ),
         }
+    elif line is not None and line.found.described:
+        found["described"] = line.found.described
+    link = misfit if misfit is not None else decoder
+    if isinstance(link, Misfit | LinkDecoder):
+        found["link"] = _link(link, tally)
     return found
+
+
+def _link(heard: Misfit | LinkDecoder, tally: Tally) -> dict[str, Any]:
+    """What was heard of an N:N link, or of a polled line of another layout."""
+    totals = heard.totals()
+    stations = sorted(tally.asked.items())
+    return {
+        "slaves": totals.slaves,
+        "mode": totals.mode,
+        "retries": totals.retries,
+        "timeout_ms": None if totals.timeout is None else milliseconds(totals.timeout),
+        "settings_heard": heard.settings is not None,
+        "scans": heard.scans,
+        "repeats": sum(asked.attempts for _, asked in stations) - totals.polls,
+        "silent_stations": [int(name.split()[-1]) for name, asked in stations if not asked.outcomes["ok"]],
+        "station_errors": {str(k): number for k, number in totals.station_errors.items()},
+        "station_error_onsets": {str(k): heard.station_error_onsets[k] for k in totals.station_errors},
+        "scan_time_ms": statistics(tally.scan_times),
+    }
+
+
+def _layout(misfit: Misfit) -> dict[str, Any]:
+    """That the layout does not fit, and the one that is proposed as the text of its file."""
+    from bussim.live.layout.file import to_text
+
+    proposed = None if misfit.proposed is None else to_text(misfit.proposed, PROPOSED)
+    return {
+        "fits": False,
+        "taken": misfit.taken,
+        "unsound": misfit.unsound,
+        "proposed": proposed,
+        "sound": misfit.sound,
+    }
+
+
+#: The first line of a layout that is proposed.
+PROPOSED = "Layout of N:N frames, proposed by bussim sniff: read the recording by it, and another one."
 
 
 #: Counts that every decoder has, by their keys.
@@ -180,13 +223,15 @@ def show(found: dict[str, Any]) -> RenderableType:
     from rich.console import Group
     from rich.text import Text
 
+    damaged = "unknown how many" if found["damaged"] is None else f"{found['damaged']:,}"
     lines = [
-        (found["protocol"] or "not recognised")
+        (found["protocol"] or ("polled" if found["layout"] else "not recognised"))
+        + (", layout not known" if found["layout"] else "")
         + (f", {found['baud']} bps {found['format']}" if found["baud"] else "")
         + (", inverted" if found["inverted"] else "")
         + (f", channel {', '.join(found['channels'])}" if found["channels"] else "")
         + f"; {found['duration_s']:.1f} s, {counted(found['characters'], 'character')}, "
-        f"{counted(found['frames'], 'frame')}, {found['damaged']:,} damaged, bus load {found['bus_load']:.1%}"
+        f"{counted(found['frames'], 'frame')}, {damaged} damaged, bus load {found['bus_load']:.1%}"
         + ("" if found["exact_times"] else "; times are the operating system's")
     ]
     numbers = found | found["outcomes"]
@@ -200,10 +245,15 @@ def show(found: dict[str, Any]) -> RenderableType:
         times = link["scan_time_ms"]
         shown = ", ".join(f"{name} {times[name]:.3f}" for name in times if times[name] is not None)
         origin = "by a parameter frame" if link["settings_heard"] else "as observed"
-        lines.append(
-            f"mode {link['mode']}, {counted(link['slaves'], 'slave')}, {counted(link['retries'], 'retry')}, "
-            f"timeout {link['timeout_ms']:g} ms ({origin})"
+        mode, timeout = (
+            "unknown" if link[key] is None else f"{link[key]:g}" for key in ("mode", "timeout_ms")
         )
+        lines.append(
+            f"mode {mode}, {counted(link['slaves'], 'slave')}, {counted(link['retries'], 'retry')}, "
+            f"timeout {timeout}{' ms' if link['timeout_ms'] is not None else ''} ({origin})"
+        )
+        if silent := ", ".join(map(str, link["silent_stations"])):
+            lines.append(f"no reply from station {silent}")
         lines.append(f"link scan time   {shown or '–'} ms   ({counted(link['scans'], 'scan')})")
     return Group(*map(Text, lines), *([_table(found)] if found["exchanges"] else []))
 

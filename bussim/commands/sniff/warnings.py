@@ -17,6 +17,9 @@ def warnings_of(listener: Listener | None, line: OpenLine | None) -> dict[str, s
     found: dict[str, str] = {}
     if line is not None:
         found |= line.found.warnings | line.source.facts.warnings
+        if line.misfit is not None:
+            found.pop("not_recognised", None)
+            found["layout"] = line.misfit.text
         facts = line.source.facts
         if facts.unreadable_lines:
             first = "; ".join(facts.unreadable)

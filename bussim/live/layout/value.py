@@ -53,6 +53,12 @@ class FrameLayout:
         return (what, sum(sizes[at + 1 :])) if isinstance(what, int) else None
 
     @cached_property
+    def before(self) -> int:
+        """The characters before data of any length."""
+        sizes = [part.size for part in self.parts]
+        return sum(sizes[: sizes.index(0)]) if 0 in sizes else self.size
+
+    @cached_property
     def any_length(self) -> bool:
         """Whether it has data of any length."""
         return any(not part.size for part in self.parts)
@@ -82,9 +88,10 @@ class Layout:
         return 1 if self.data == "binary" else 2
 
     @property
-    def any_data(self) -> bool:
-        """Whether the characters of the data may be any: headers and end characters, too."""
-        return self.data == "binary"
+    def binary(self) -> bool:
+        """Whether the characters of some field may be any: headers and end characters, too."""
+        numbers = (self.station, self.counter, self.sum)
+        return "binary" in (self.data, *(number.form for number in numbers if number is not None))
 
     def _size(self, what: int | str) -> int:
         sizes = {
@@ -109,7 +116,7 @@ class Layout:
     def headers(self) -> frozenset[int]:
         """Characters that begin frames, and are nothing else; none where data may have them, too."""
         headers = {frame.header for frame in self.frames}
-        return frozenset() if self.any_data else frozenset(each for each in headers if each is not None)
+        return frozenset() if self.binary else frozenset(each for each in headers if each is not None)
 
     def begins(self, chars: bytes) -> bool:
         """Whether a frame may begin with these characters."""
@@ -149,7 +156,7 @@ class Layout:
             station = number - self.master
         if self.counter is not None and "counter" in values:
             number = self.counter.read(values["counter"])
-            if number is None or number >= self.modulo:
+            if number is None:
                 return None
             counter = number
         data = self._bytes(values.get("data", b""))

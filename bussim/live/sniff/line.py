@@ -90,7 +90,7 @@ def _warnings(
                 + (f" as {suggested.protocol}" if suggested.protocol is not best.protocol else "")
             ),
         )
-    if best.protocol is not None and not settings.baud and not _rate(source):
+    if best.protocol is not None and not settings.baud and not rate_of(source):
         yield (
             "assumed_rate",
             (
@@ -103,8 +103,10 @@ def _warnings(
         yield "decimal_comma", f"the times are read with {what}: that gives more sound frames"
 
 
-def _rate(source: Source) -> int | None:
+def rate_of(source: Source) -> int | None:
     """The rate that a recording says, or that is found in it (a session: always)."""
+    if isinstance(source, TraceFile):
+        return source.bus.baud
     return source.interface.speed if isinstance(source, PacketFile) else int(isinstance(source, SigrokFile))
 
 
@@ -123,7 +125,7 @@ def _readings(source: Source, settings: Settings, tolerance: int, limit: int) ->
     errors: list[RecordingError] = []
     for protocol in [settings.protocol] if settings.protocol else protocols:
         for comma in commas:
-            timing = settings.timing(protocol, _rate(source))
+            timing = settings.timing(protocol, rate_of(source))
             setup = settings.setup(timing, settings.channels, decimal_comma=comma)
             try:
                 yield read(

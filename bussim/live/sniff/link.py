@@ -109,7 +109,7 @@ class LinkDecoder(Decoder):
             self._shortest_gap = gap if self._shortest_gap is None else min(gap, self._shortest_gap)
         self._decide_failed(heard.start)
         if self._line.counters == 1 and frame.kind == POLL:
-            unseen = before is None and self._taken is not None and self._pieces > 0
+            unseen = before is None and self._taken == (frame.station, 0) and self._pieces > 0
             if frame.station < self._latest or (frame.station == self._latest and unseen):
                 self._missed, self._taken = True, None
             self._latest = frame.station

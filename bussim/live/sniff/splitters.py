@@ -97,14 +97,14 @@ class NnSplitter(Splitter):
         if not frame.any_length:
             return at + frame.size
         limit = at + frame.size + MOST_DATA * self._layout.digits
-        if frame.end is not None and not self._layout.any_data:
+        if frame.end is not None and self._layout.data != "binary":
             char, behind = frame.end
-            found = data.find(char, at + 1, limit)
+            found = data.find(char, at + frame.before, limit)
             if found >= 0:
                 return max(found + 1 + behind, at + frame.size)
-            return count + 1 if count < limit else 0
+            return count + 1 if count <= limit else 0
         gap = next((gap for gap in self._breaks if gap > at), count if self._closed else 0)
-        return gap or (count + 1 if count < limit else 0)
+        return gap or (count + 1 if count <= limit else 0)
 
 
 class AsciiSplitter(Splitter):

@@ -1,0 +1,320 @@
+"""Who speaks when on a polled line, from silences and lengths alone: the layout need not be known.
+
+A master sends its own data, then polls one station after the other; what follows a poll sooner than a timeout
+is its reply. Polls are the shortest of the frequent bursts. A link scan begins with a burst that is neither a
+poll nor a reply, or, where there is none, with the poll behind a regular long pause. An attempt has failed if
+nothing replied, or if the master goes on later than behind others: a damaged frame ends with a silence.
+Stations are told apart by their order: attempts are given to them so that every scan has all of them, at the
+lowest cost. Where polls that are repeated are alike and others are not, that decides who is asked.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from statistics import median_low
+from typing import NamedTuple
+
+from bussim.live.recordings.source import Chunk
+
+#: Bursts that are taken; what a recording has beyond is left out.
+MOST_BURSTS = 200_000
+#: Bursts below which nothing is said.
+_LEAST = 12
+#: A length is frequent if so many bursts have it; a poll that was damaged may be longer than others.
+_FREQUENT, _LONGEST_POLL = 0.05, 1.5
+#: Stations that are told apart at most.
+_MOST_STATIONS = 32
+#: Of each attempt of a scan whether it was replied to, and whether the next poll is alike (None: not known).
+_Pattern = tuple[tuple[str, bool | None], ...]
+#: Costs of giving an attempt to the station of the one before, or to the next one. See _costs.
+_NEVER, _UNLIKELY, _ODD = 100, 3, 2
+#: What a scan adds at most to the cost of a number of stations: something of it may not have been heard.
+_MOST_COST = 10
+
+
+class Burst(NamedTuple):
+    """Characters without a silence between them: first edge and last stop bit in ticks.
+
+    ``wrong``: a parity or stop bit is.
+    """
+
+    start: int
+    end: int
+    chars: bytes
+    wrong: bool = False
+
+
+def bursts(chunks: Iterable[Chunk], silence: int) -> Iterator[Burst]:
+    """The bursts of a recording; ``silence`` ticks, or another wire, part them."""
+    held, begun, last, wire, wrong = bytearray(), 0, 0, 0, False
+    for chunk in chunks:
+        for (value, parity_ok, stop_ok), start, end in chunk.chars:
+            if held and (start - last >= silence or chunk.wire != wire):
+                yield Burst(begun, last, bytes(held), wrong)
+                held, wrong = bytearray(), False
+            if not held:
+                begun, wire = start, chunk.wire
+            held.append(value)
+            wrong |= not (parity_ok and stop_ok)
+            last = end
+    if held:
+        yield Burst(begun, last, bytes(held), wrong)
+
+
+@dataclass(slots=True)
+class Attempt:
+    """A poll and its reply, None where nothing came. ``after`` are the ticks to the master's next burst.
+
+    ``failed``: the master was not content, or there was no reply. ``station`` is 0 where it is not known.
+    """
+
+    poll: Burst
+    reply: Burst | None = None
+    after: int | None = None
+    failed: bool = False
+    station: int = 0
+    number: int = 1
+
+
+@dataclass(slots=True)
+class Scan:
+    """A link scan: the master's own burst (None: it has none), what it sent before that, and its attempts.
+
+    ``start`` is the tick at which it begins, ``duration`` None where it was not heard whole.
+    """
+
+    start: int
+    begin: Burst | None
+    before: list[Burst]
+    attempts: list[Attempt]
+    duration: int | None = None
+    understood: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Polling:
+    """The scans of a polled line. ``timeout`` in ticks is None where no reply was waited for in vain."""
+
+    scans: list[Scan]
+    stations: int
+    timeout: int | None
+
+
+def polling(found: Sequence[Burst], character: int) -> Polling | None:
+    """How a line is polled; None where its bursts show no such order. ``character`` is one's ticks."""
+    lengths = Counter(len(burst.chars) for burst in found)
+    frequent = sorted(size for size, count in lengths.items() if count >= _FREQUENT * len(found))
+    if len(found) < _LEAST or len(frequent) < 2:
+        return None
+    # What is shorter than half a poll is a stray, as of a driver that switches off.
+    found = [burst for burst in found if 2 * len(burst.chars) > frequent[0]]
+    border = min((frequent[0] + frequent[1]) / 2, _LONGEST_POLL * frequent[0])
+    polls = [len(burst.chars) < border for burst in found]
+    if not any(not polls[at] and not polls[at + 1] for at in range(len(polls) - 1)) and _replies_last(
+        found, polls
+    ):
+        polls = [not poll for poll in polls]
+    scans = _scans(found, polls, _longest_reply(found, polls))
+    if not any(scan.begin for scan in scans):
+        scans = _parted(scans)
+    attempts = [attempt for scan in scans for attempt in scan.attempts]
+    gaps = sorted(_gaps(scans))
+    _judge(scans, gaps, character)
+    stations = _assign(scans)
+    if not stations:
+        return None
+    for scan, following in pairwise(scans):
+        if scan.understood:
+            scan.duration = following.start - scan.start
+    _number(scans)
+    waits = [each.after for each in attempts if each.reply is None and each.after is not None]
+    timeout = min(waits) - (gaps[0] if gaps else 0) if waits else None
+    return Polling(scans, stations, timeout)
+
+
+def _gaps(scans: Sequence[Scan]) -> Iterator[int]:
+    """The ticks from a reply, or from the master's own burst, to its next poll."""
+    for scan in scans:
+        if scan.begin is not None and scan.attempts:
+            yield scan.attempts[0].poll.start - scan.begin.end
+        yield from (
+            each.after for each in scan.attempts[:-1] if each.reply is not None and each.after is not None
+        )
+
+
+def _replies_last(found: Sequence[Burst], polls: Sequence[bool]) -> bool:
+    """Whether short bursts follow long ones sooner than long ones follow them: they are replies."""
+    gaps: dict[bool, list[int]] = {False: [0], True: [0]}
+    for at in range(len(found) - 1):
+        gaps[polls[at]].append(found[at + 1].start - found[at].end)
+    return median_low(gaps[True]) > 2 * median_low(gaps[False])
+
+
+def _longest_reply(found: Sequence[Burst], polls: Sequence[bool]) -> float:
+    """The ticks up to which a burst behind a poll is its reply."""
+    repeats: list[int] = []
+    waits: list[int] = []
+    for at in range(len(found) - 1):
+        if polls[at]:
+            (repeats if polls[at + 1] else waits).append(found[at + 1].start - found[at].end)
+    waits.sort()
+    if repeats:
+        return 3 * median_low(repeats) / 4
+    # Without a repeat, timeouts are what is far longer than all other waits.
+    steps = [(high / max(low, 1), low, high) for low, high in pairwise(waits)]
+    ratio, low, high = max(steps, default=(0, 0, 0))
+    return (low + high) / 2 if ratio > 4 else float("inf")
+
+
+def _scans(found: Sequence[Burst], polls: Sequence[bool], longest: float) -> list[Scan]:
+    """The bursts as scans: what is no poll and no reply begins one."""
+    scans = [Scan(0, None, [], [])]
+    own: list[Burst] = []  # bursts of the master's that are no polls, since the latest attempt
+    attempt: Attempt | None = None
+    for burst, poll in zip(found, polls, strict=True):
+        if (
+            attempt is not None
+            and not poll
+            and attempt.reply is None
+            and burst.start - attempt.poll.end < longest
+        ):
+            attempt.reply = burst
+            continue
+        if attempt is not None and attempt.after is None:
+            attempt.after = burst.start - (attempt.reply or attempt.poll).end
+        if not poll:
+            own.append(burst)
+            attempt = attempt if attempt is None or attempt.after is not None else None
+            continue
+        if own:
+            scans.append(Scan(own[-1].start, own[-1], own[:-1], []))
+            own = []
+        attempt = Attempt(burst)
+        scans[-1].attempts.append(attempt)
+    if attempt is not None and attempt.reply is None and attempt.after is None:
+        scans[-1].attempts.pop()  # the recording ends before it is decided
+    if own:
+        scans.append(Scan(own[-1].start, own[-1], own[:-1], []))
+    # What is heard first is no whole scan, unless the master's own burst began it.
+    return scans[1:] if scans[0].begin is None and len(scans) > 1 else scans
+
+
+def _parted(scans: Sequence[Scan]) -> list[Scan]:
+    """Scans of a master that sends nothing of its own: each begins behind a pause longer than most."""
+    attempts = [attempt for scan in scans for attempt in scan.attempts]
+    gaps = sorted(each.after for each in attempts if each.reply is not None and each.after is not None)
+    steps = [(high / max(low, 1), high) for low, high in pairwise(gaps)]
+    ratio, pause = max(steps, default=(0, 0))
+    if ratio < 2 or sum(gap >= pause for gap in gaps) * _MOST_STATIONS < len(gaps):
+        pause = 0  # every poll is a scan
+    found: list[Scan] = []
+    begins = True
+    for attempt in attempts:
+        if begins:
+            found.append(Scan(attempt.poll.start, None, [], []))
+        found[-1].attempts.append(attempt)
+        begins = attempt.reply is not None and (attempt.after or 0) >= pause
+    return found
+
+
+def _judge(scans: Sequence[Scan], gaps: Sequence[int], character: int) -> None:
+    """Say which attempts failed; ``gaps`` are what the master waits behind what it has heard, sorted."""
+    usual = gaps[len(gaps) // 10] if gaps else 0
+    # Only where gaps are of two kinds do longer ones tell something.
+    between = sum(usual + 0.5 * character < gap < usual + 1.5 * character for gap in gaps)
+    longest = usual + character if between <= 0.02 * len(gaps) else float("inf")
+    for scan in scans:
+        for at, each in enumerate(scan.attempts):
+            last = at == len(scan.attempts) - 1
+            each.failed = each.reply is None or (not last and each.after is not None and each.after > longest)
+
+
+def _pattern(scan: Scan, *, telling: bool) -> _Pattern:
+    """What the costs of a scan depend on: of each attempt its reply, and whether the next poll is alike.
+
+    ``x``: no reply; ``u``: a reply with which the master was not content; ``o``: a good one.
+    """
+    codes = ["x" if each.reply is None else "u" if each.failed else "o" for each in scan.attempts]
+    alike: list[bool | None] = [
+        (each.poll.chars == after.poll.chars if telling else None) for each, after in pairwise(scan.attempts)
+    ]
+    return tuple(zip(codes, [*alike, None], strict=False))
+
+
+def _assign(scans: Sequence[Scan]) -> int:
+    """Give the attempts of all scans to stations; returns how many there are, 0 where none is seen."""
+    pairs = [pair for scan in scans for pair in pairwise(scan.attempts)]
+    good = [one.poll.chars != two.poll.chars for one, two in pairs if not one.failed]
+    bad = [one.poll.chars == two.poll.chars for one, two in pairs if one.failed]
+    telling = bool(bad) and sum(good) >= 0.9 * len(good) and 3 * sum(bad) >= len(bad)
+    patterns = [_pattern(scan, telling=telling) for scan in scans]
+    counts = Counter(pattern for pattern in patterns[:-1] or patterns if pattern)
+    if not counts:
+        return 0
+    # A station that fails equally often in most scans is dead; how often is what a master repeats.
+    runs = Counter(_longest_run(pattern) for pattern in patterns)
+    run = max((run for run, count in runs.items() if 2 * count > len(scans)), default=0)
+    most = min(_MOST_STATIONS, max(map(len, counts)))
+
+    def total(stations: int) -> int:
+        costs = ((_path(pattern, stations, run)[0], count) for pattern, count in counts.items())
+        return sum(min(_MOST_COST, cost) * count for cost, count in costs)
+
+    stations = min(range(1, most + 1), key=total)
+    for scan, pattern in zip(scans, patterns, strict=True):
+        cost, path = _path(pattern, stations, run)
+        if scan is scans[-1]:  # it may not have been heard to its end
+            cost, path = min(_path(pattern, number, run) for number in range(1, stations + 1))
+        scan.understood = cost < _NEVER
+        for each, station in zip(scan.attempts, path, strict=False):
+            each.station = station if scan.understood else 0
+    return stations
+
+
+def _longest_run(pattern: _Pattern) -> int:
+    """The most attempts without a reply in a row that another station's follow."""
+    return max(map(len, "".join(code for code, _ in pattern).replace("u", "o").split("o")), default=0)
+
+
+@lru_cache(maxsize=4096)
+def _path(pattern: _Pattern, stations: int, run: int) -> tuple[int, tuple[int, ...]]:
+    """The cheapest way to give attempts to stations 1 to ``stations`` in order: its cost, and it."""
+    if len(pattern) < stations:
+        return _NEVER, ()
+    best: dict[int, tuple[int, tuple[int, ...]]] = {1: (0, (1,))}
+    silent = 0
+    for code, alike in pattern[:-1]:
+        silent = silent + 1 if code == "x" else 0
+        same, onward = _costs(code, alike=alike, dead=bool(run and silent) and not silent % run)
+        grown: dict[int, tuple[int, tuple[int, ...]]] = {}
+        for station, (cost, path) in best.items():
+            for next_station, more in ((station, same), (station + 1, onward)):
+                if next_station <= stations:
+                    one = (cost + more, (*path, next_station))
+                    grown[next_station] = min(one, grown.get(next_station, one))
+        best = grown
+    return best.get(stations, (_NEVER, ()))
+
+
+def _costs(code: str, *, alike: bool | None, dead: bool) -> tuple[int, int]:
+    """The costs of the same station and of the next one behind an attempt; ``dead``: a dead one's last."""
+    same, onward = {"o": (_NEVER, 0), "u": (0, _UNLIKELY), "x": (0, _ODD)}[code]
+    if dead:
+        same, onward = 1, 0
+    if alike is not None:
+        return (same, onward + _NEVER) if alike else (same + _UNLIKELY, onward)
+    return same, onward
+
+
+def _number(scans: Sequence[Scan]) -> None:
+    """Number the attempts of each exchange; one that ends with a reply has not failed."""
+    for scan in scans:
+        for one, two in pairwise(scan.attempts):
+            if one.station and one.station == two.station:
+                two.number, one.failed = one.number + 1, True
+            elif one.station:
+                one.failed = one.reply is None
