@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from bussim.errors import UsageError
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
     from bussim.live.layout.judge import Misfit
-    from bussim.live.recordings.source import Source
+    from bussim.live.recordings.source import LineSetup, Source
     from bussim.live.sniff.line import FoundLine
     from bussim.live.sniff.listener import Listener
     from bussim.live.sniff.reading import Settings
@@ -134,40 +134,46 @@ def open_line(
     from bussim.live.sniff.line import find_line
 
     opened = open_recording(Path(source), bus=bus, channels=settings.channels)
-    if not isinstance(opened, TraceFile):
-        found = find_line(opened, settings, tolerance)
-        name = bus or "line"
-        return OpenLine(opened, found, name, {}, tolerance, _misfit(opened, found, settings, name, limit))
-    others = [repr(each.name) for each in opened.header.buses if each.name != opened.bus.name]
-    if bus is None and others:
-        click.echo(f"this is bus {opened.bus.name!r}; with --bus also: {', '.join(others)}", err=True)
-    names = {number: node for node, number in reversed(opened.bus.stations.items())}
+    name, names = bus or "line", dict[int, str]()
+    if isinstance(opened, TraceFile):
+        name = opened.bus.name
+        others = [repr(each.name) for each in opened.header.buses if each.name != name]
+        if bus is None and others:
+            click.echo(f"this is bus {name!r}; with --bus also: {', '.join(others)}", err=True)
+        names = {number: node for node, number in reversed(opened.bus.stations.items())}
     found = find_line(opened, settings, tolerance)
-    misfit = None
-    if opened.header.seed is None:  # a simulation has the assumed layout
-        misfit = _misfit(opened, found, settings, opened.bus.name, limit)
-    return OpenLine(opened, found, opened.bus.name, names, tolerance, misfit)
+    setup, misfit = _setup_of_other_layout(opened, found, settings), None
+    if setup is not None:
+        from bussim.live.layout.judge import judge
+
+        misfit = judge(opened, setup, name, limit)
+    if misfit is not None and setup is not None:
+        found = replace(found, reading=replace(found.reading, setup=setup))
+    return OpenLine(opened, found, name, names, tolerance, misfit)
 
 
 #: Where so many characters are in sound frames, nothing is wrong with the layout.
 _FITS = 0.98
 
 
-def _misfit(
-    source: Source, found: FoundLine, settings: Settings, bus: str, limit: int | None
-) -> Misfit | None:
-    """What is known of a line that may be polled, where its frames are not read by its layout."""
-    from bussim.live.layout.judge import judge
+def _setup_of_other_layout(source: Source, found: FoundLine, settings: Settings) -> LineSetup | None:
+    """How a line is read that may have another layout; None where its frames are read well."""
+    from bussim.live.recordings.frames import TraceFile
     from bussim.live.sniff.heard import LineProtocol
     from bussim.live.sniff.line import rate_of
 
-    score, protocol = found.reading.score, found.reading.protocol
-    fits = score.characters > 0 and score.sound_characters >= _FITS * score.characters
-    other = protocol not in (None, LineProtocol.NN) and (settings.protocol is not None or score.responses > 0)
-    setup = found.reading.setup
+    score, protocol, setup = found.reading.score, found.reading.protocol, found.reading.setup
+    if isinstance(source, TraceFile) and source.header.seed is not None:
+        return None  # a simulation has the assumed layout
+    if found.suggested is not None or (score.responses > 0 and protocol not in (None, LineProtocol.NN)):
+        return None
+    if settings.protocol not in (None, LineProtocol.NN):
+        return None
+    if score.responses > 0 and score.sound_characters >= _FITS * score.characters:
+        return None
     if protocol is not LineProtocol.NN and not rate_of(source):
         setup = setup._replace(timing=settings.timing(LineProtocol.NN))
-    return None if other or (fits and score.responses > 0) else judge(source, setup, bus, limit)
+    return found.likely or setup
 
 
 def read(line: OpenLine, listener: Listener | None, limit: int | None) -> int:

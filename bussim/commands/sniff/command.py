@@ -68,7 +68,9 @@ def command(
     with ExitStack() as stack:
         if not is_recording(source):
             if target is not None:
-                raise UsageError("--propose takes a recording; make one with --protocol nn --out DIR")
+                raise UsageError(
+                    "--propose takes a recording of a logic analyser: a port does not tell the silences"
+                )
             from bussim.commands.sniff.listen import listen
             from bussim.live.sniff.recognise import Recogniser
 

@@ -110,7 +110,9 @@ def to_json(
     """What was heard, as plain data. ``listener`` is None where no protocol was recognised."""
     decoder = None if listener is None else listener.decoder
     misfit = None if line is None else line.misfit
-    unknown = listener is None and line is not None  # a port has the rate and format that it was opened with
+    unknown = (
+        listener is None and line is not None and misfit is None
+    )  # a port has the rate and format that it was opened with
     found: dict[str, Any] = {
         "schema": 1,
         "protocol": None if listener is None else listener.protocol.value,

@@ -21,6 +21,8 @@ _LEAST_EDGES = 20
 #: Characters that are read in every format and protocol. Where one has such a share of them in sound frames,
 #: and none other half of it, it is the line's; else all that was surveyed decides.
 _GLANCED, _CLEAR = 1500, 0.9
+#: Wrong bits that noise may make, as a share of characters.
+_FEW_WRONG = 0.05
 
 
 class Channels:
@@ -144,6 +146,31 @@ class Channels:
         two = LineTiming(timing.baud, with_stops(timing.format, 2))
         return Reading(best.setup._replace(timing=two), best.protocol, best.score)
 
+    def likeliest(self, settings: Settings) -> LineSetup | None:
+        """How the channel with the most edges is read where no protocol is recognised; None: there is none.
+
+        Of formats with hardly a wrong bit one with parity is likelier: by chance a line does not have it.
+        """
+        names = [name for name in settings.channels or self._channels if name in self._measured]
+        name = max(names, key=lambda name: self._channels[name].total, default="")
+        measured = self._measured.get(name)
+        if measured is None:
+            return None
+        inverted = measured.inverted if settings.inverted is None else settings.inverted
+        baud = settings.baud or measured.baud
+        forms = [form for form in _FORMATS if settings.allows(form)] or [settings.format(_FORMATS[0])]
+        shares = {
+            form: self._wrong(name, LineTiming(baud, form), inverted=bool(inverted))[0] for form in forms
+        }
+        likely = min(forms, key=lambda form: (shares[form] > _FEW_WRONG, form.parity == "N", shares[form]))
+        return settings.setup(LineTiming(baud, likely), (name,), inverted=bool(inverted))
+
+    def _wrong(self, name: str, timing: LineTiming, *, inverted: bool) -> tuple[float, list[Timed]]:
+        """The share of characters with a wrong bit, and the characters."""
+        chars = self._chars(name, timing, inverted=inverted)
+        wrong = sum(not (char.parity_ok and char.stop_ok) for char, _, _ in chars)
+        return (wrong / len(chars) if chars else 1.0), chars
+
     def described(self) -> list[dict[str, Any]]:
         """What is known of every channel where nothing is recognised."""
         return [self._described(name) for name in self._channels]
@@ -155,9 +182,8 @@ class Channels:
             return found
         inverted, tried = bool(measured.inverted), []
         for form in _FORMATS:
-            chars = self._chars(name, LineSetup(LineTiming(measured.baud, form), inverted))
-            wrong = sum(not (char.parity_ok and char.stop_ok) for char, _, _ in chars)
-            tried.append((wrong / len(chars) if chars else 1.0, str(form), chars))
+            share, chars = self._wrong(name, LineSetup(LineTiming(measured.baud, form), inverted))
+            tried.append((share, str(form), chars))
         tried.sort(key=lambda each: each[0])
         return found | {
             "idle_level": int(not inverted),

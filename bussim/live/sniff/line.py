@@ -16,7 +16,7 @@ from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.frames import TraceFile
 from bussim.live.recordings.packets import PROTOCOLS, PacketFile
 from bussim.live.recordings.sigrok import SigrokFile
-from bussim.live.recordings.source import Source
+from bussim.live.recordings.source import LineSetup, Source
 from bussim.live.recordings.text import TextFile
 from bussim.live.sniff.channels import Channels
 from bussim.live.sniff.heard import LineProtocol
@@ -30,12 +30,14 @@ _EXAMINED, _AT_MOST = 8_000, 200_000
 class FoundLine:
     """The line of a recording. ``suggested`` is another reading that fits far better than what was said.
 
-    ``described`` says of every channel what is known where nothing was recognised.
+    Where nothing was recognised ``described`` says of every channel what is known, and ``likely`` is how the
+    line of a session is read then.
     """
 
     reading: Reading
     suggested: Reading | None = None
     described: list[dict[str, Any]] = field(default_factory=list)
+    likely: LineSetup | None = None
     warnings: dict[str, str] = field(default_factory=dict)
 
 
@@ -66,12 +68,14 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
         best = Reading(best.setup, best.protocol, best.score._replace(echo=True))
     warnings = dict(_warnings(source, settings, best, suggested))
     described: list[dict[str, Any]] = []
+    likely = None
     if not best.score.recognised and suggested is None:
         warnings["not_recognised"] = "no protocol is recognised in it"
         described = channels.described() if channels is not None else [_begins(source, best)]
+        likely = channels.likeliest(settings) if channels is not None else None
     elif channels is not None and not settings.baud and not channels.standard(best):
         warnings["rate"] = f"{best.setup.timing.baud} bps is not a standard rate"
-    return FoundLine(best, suggested, described, warnings)
+    return FoundLine(best, suggested, described, likely, warnings)
 
 
 def _warnings(

@@ -7,13 +7,16 @@ from typing import Any
 
 import pytest
 
+import bussim
 from bussim.cli import main
 from bussim.line.characters import NN_LINE
 from bussim.live.arrival import placed
+from bussim.live.layout import file
 from bussim.live.layout.silences import Polling, bursts, polling
 from bussim.live.recordings.source import Chunk
 from bussim.units import TICKS_PER_SECOND
 from tests.live.layout.generator import ALTERED, Made, Truth, assumed, recorded
+from tests.live.recordings.generator import Sent, Serial, sigrok, wave
 
 #: Links of other sizes, with dead stations, bit errors and lost replies.
 LINKS: dict[str, dict[str, Any]] = {
@@ -176,3 +179,26 @@ def test_what_no_usual_layout_fits_is_told_and_nothing_is_written(
     assert "link scan time" in output
     assert "none of the usual layouts fits" in error
     assert list(tmp_path.iterdir()) == [line.path]
+
+
+@pytest.mark.parametrize("serial", [Serial(38400, 7, "E"), Serial(38400, 8, "N")])
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_session_of_another_layout_is_read_at_its_own_rate_and_format(
+    serial: Serial, inverted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = recorded(ALTERED["other headers, ends with CR LF"], slaves=2, size=8, seconds=1.5)
+    sent = [Sent(at - serial.lasts(len(chars)), chars) for at, chars in truth.rows]
+    levels = wave(sent, serial, 1_000_000)
+    path = sigrok(tmp_path / "line.sr", 1_000_000, {"D0": 1 - levels if inverted else levels})
+    assert main(["sniff", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["baud"], found["format"], found["inverted"]) == (38400, serial.name, inverted)
+    assert found["link"]["slaves"] == 2
+    assert found["link"]["scan_time_ms"]["mean"] == pytest.approx(truth.mean_scan, abs=0.1)
+    assert found["layout"]["sound"] == truth.frames
+
+
+def test_the_guide_prints_the_layout_that_ships() -> None:
+    shipped = (Path(file.__file__).parent / "assumed.yaml").read_text(encoding="utf-8")
+    guide = (Path(bussim.__file__).parent / "guide" / "wires.md").read_text(encoding="utf-8")
+    assert shipped.split("\n", 3)[3] in guide
