@@ -99,7 +99,8 @@ def propose(polling: Polling) -> Layout | None:
         data=form,
         data_bytes=end - begin if binary else None,
     )
-    return _with_parameters(layout, polling, rule, end=stop - end)
+    behind = {at - end: field for at, field in fields.items() if at >= end}
+    return _with_parameters(layout, polling, rule, stop - end, behind)
 
 
 def _polls(polling: Polling) -> Iterator[_Seen]:
@@ -156,11 +157,12 @@ def _rules(frames: Sequence[_Seen], like: _Rule | None) -> dict[_Rule, int]:
     tails = [0]
     while len(tails) < 4 and _constant(frames, -len(tails)) is not None:
         tails.append(len(tails))
+    if like is not None:
+        tails.sort(key=lambda tail: tail != like.tail)
     sums = list(_sums()) if like is None else [like.sum]
     ranges = _LEFT_OUT if like is None else ((like.before, 0), *_LEFT_OUT)
     rules = [
-        _Rule(made, before, behind, tail)
-        for made, (before, behind), tail in product(sums, ranges, [like.tail] if like else tails)
+        _Rule(made, before, behind, tail) for made, tail, (before, behind) in product(sums, tails, ranges)
     ]
     found = [rule for rule in rules if _right(rule, tried)]
     if not found and like is None:  # what no range explains may be a number that is added
@@ -282,11 +284,9 @@ def _data_at(frames: Sequence[_Seen], fields: dict[int, tuple[str, int]], stop: 
     form = form_of(begin, end)
     digits = 1 if form == "binary" else 2
     sizes = {digits * block.size for block in MODES}
-    # What never changes before a block of a mode is no part of it.
+    # What stands before a block of a mode is no part of it.
     more = next((extra for extra in range(_ENDS) if end - begin - extra in sizes), (end - begin) % digits)
-    if all(_constant(frames, at) is not None for at in range(begin, begin + more)):
-        begin += more
-    return begin, end, form
+    return begin + more, end, form
 
 
 def _order(
@@ -307,20 +307,23 @@ def _order(
     return tuple(order)
 
 
-def _with_parameters(layout: Layout, polling: Polling, rule: _Rule, end: int) -> Layout:
+def _with_parameters(
+    layout: Layout, polling: Polling, rule: _Rule, end: int, behind: dict[int, tuple[str, int]]
+) -> Layout:
     """The layout with the frame that carries the settings, if one was heard that can be read.
 
-    ``end`` are the characters between its settings and the sum, as behind the data.
+    ``end`` are the characters between its settings and the sum, ``behind`` the fields there, as behind data.
     """
     for scan in polling.scans:
         for burst in scan.before:
             chars = burst.chars
             stop = len(chars) - rule.tail - rule.sum.size
             settings = stop - end - len(LinkSettings._fields) * layout.digits
-            counter = layout.counter.size if layout.counter else 0
+            counter = layout.counter.size if layout.counter and not behind else 0
             if settings - counter < 1:
                 continue
-            fields = {settings: ("settings", stop - end - settings)}
+            fields = {stop - end + at: field for at, field in behind.items()}
+            fields[settings] = ("settings", stop - end - settings)
             if counter:
                 fields[settings - counter] = ("counter", counter)
             order = _order([_Seen(0, 0, chars)], fields, rule)

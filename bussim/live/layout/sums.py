@@ -10,11 +10,11 @@ from typing import Final, NamedTuple
 from fastcrc import crc8 as _crc8
 from fastcrc import crc16 as _crc16
 
-#: Kinds of sums: what each makes of characters, and the bits that it may have.
+#: Kinds of sums: what each makes of characters, and the bits that it may have, most first.
 KINDS: Final[dict[str, tuple[Callable[[bytes], int], tuple[int, ...]]]] = {
-    "sum": (sum, (8, 7, 16)),
-    "negative": (lambda data: -sum(data), (8, 7, 16)),  # the two's complement, as the LRC of Modbus ASCII
-    "inverted": (lambda data: ~sum(data), (8, 7, 16)),
+    "sum": (sum, (16, 8, 7)),
+    "negative": (lambda data: -sum(data), (16, 8, 7)),  # the two's complement, as the LRC of Modbus ASCII
+    "inverted": (lambda data: ~sum(data), (16, 8, 7)),
     "xor": (lambda data: reduce(xor, data, 0), (8, 7)),
     "crc16-modbus": (_crc16.modbus, (16,)),
     "crc16-arc": (_crc16.arc, (16,)),

@@ -78,9 +78,9 @@ PUBLISHED = {
     "crc16-x25": 0x906E,
     "crc8": 0xF4,
     "crc8-maxim": 0xA1,
-    "sum": 0xDD,
-    "negative": 0x23,
-    "inverted": 0x22,
+    "sum": 0x1DD,
+    "negative": 0xFE23,
+    "inverted": 0xFE22,
     "xor": 0x31,
 }
 
