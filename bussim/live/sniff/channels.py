@@ -159,15 +159,16 @@ class Channels:
         inverted = measured.inverted if settings.inverted is None else settings.inverted
         baud = settings.baud or measured.baud
         forms = [form for form in _FORMATS if settings.allows(form)] or [settings.format(_FORMATS[0])]
-        shares = {
-            form: self._wrong(name, LineTiming(baud, form), inverted=bool(inverted))[0] for form in forms
-        }
-        likely = min(forms, key=lambda form: (shares[form] > _FEW_WRONG, form.parity == "N", shares[form]))
-        return settings.setup(LineTiming(baud, likely), (name,), inverted=bool(inverted))
+        likely: dict[tuple[bool, bool, float], LineSetup] = {}
+        for form in forms:
+            setup = settings.setup(LineTiming(baud, form), (name,), inverted=bool(inverted))
+            share, _ = self._wrong(name, setup)
+            likely.setdefault((share > _FEW_WRONG, form.parity == "N", share), setup)
+        return likely[min(likely)]
 
-    def _wrong(self, name: str, timing: LineTiming, *, inverted: bool) -> tuple[float, list[Timed]]:
+    def _wrong(self, name: str, setup: LineSetup) -> tuple[float, list[Timed]]:
         """The share of characters with a wrong bit, and the characters."""
-        chars = self._chars(name, timing, inverted=inverted)
+        chars = self._chars(name, setup)
         wrong = sum(not (char.parity_ok and char.stop_ok) for char, _, _ in chars)
         return (wrong / len(chars) if chars else 1.0), chars
 
