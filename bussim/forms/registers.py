@@ -26,16 +26,17 @@ def check_registers(
 
 
 def named_devices(
-    path: Path, names: Iterable[str], report: Reporter, *, fx3: bool = False
+    path: Path, names: Iterable[str], report: Reporter, *, fx3: bool = False, observed: bool = False
 ) -> Iterator[tuple[str, Device]]:
     """The keys of the mapping at ``path`` with the devices that they name.
 
-    Those that name none (``fx3``: of an FX3U), or one that another names, are reported.
+    Those that name none (``fx3``: of an FX3U; ``observed``: that can be observed) are reported, and those
+    that name one that another names.
     """
     seen: dict[Device, str] = {}
     for name in names:
         try:
-            device = parse_device(name, fx3=fx3)
+            device = parse_device(name, observed=observed, fx3=fx3)
         except ValueError as error:
             report.mistake((*path, name), f"a device of {path[-1]} {error}", key=True)
             continue

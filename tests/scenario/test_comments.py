@@ -75,6 +75,18 @@ def test_the_scenario_s_own_come_before_those_of_its_file(tmp_path: Path) -> Non
     assert load(written(tmp_path, alone)).plcs[0].comments == {"Y0": "lamp"}
 
 
+def test_those_of_devices_that_a_plc_lacks_are_passed_over(tmp_path: Path) -> None:
+    text = TEXT.replace("fx3u", "fx2n").replace("M7500", "M500").replace("D8500", "D500")
+    name = written(tmp_path, text)
+    (tmp_path / "names.csv").write_text("Device\tComment\nR7\trecipe\nZ1\toffset\nM500\trelease\nX9\tno\n")
+    assert load(name).plcs[0].comments == {"Z1": "offset", "M500": "release"}
+    assert main(["run", name, "--out", str(tmp_path / "run")]) == 0
+    assert load(str(tmp_path / "run" / "scenario.yaml")).plcs[0].comments == {
+        "Z1": "offset",
+        "M500": "release",
+    }
+
+
 def test_mistakes_are_named_all_at_once(tmp_path: Path) -> None:
     text = TEXT.replace("comments: names.csv", 'comments: {file: name.csv, Q4: a, M1: ""}')
     found = [str(problem) for problem in examine(written(tmp_path, text)).errors]

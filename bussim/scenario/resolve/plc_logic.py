@@ -113,14 +113,15 @@ def _comments(
 ) -> dict[str, str]:
     """The names of devices, those of the scenario before those of a file."""
     names = {key: text for key, text in given.items() if key != "file"}
-    own = {str(device): names[name] for name, device in named_devices(path, names, report, fx3=fx3)}
+    devices = named_devices(path, names, report, fx3=fx3, observed=True)
+    own = {str(device): names[name] for name, device in devices}
     if "file" not in given:
         return own
     from bussim.plc.program.text.exports import listing  # what only a scenario with such a file pays
 
     name = given["file"]
     try:
-        found = listing(files.read(name, MAX_EXPORT, coded=True))
+        found = listing(files.read(name, MAX_EXPORT, coded=True), fx3=fx3)
     except ValueError as error:
         report.error(_inner(path, "file", report), str(error))
         return own

@@ -53,8 +53,11 @@ class Listing(NamedTuple):
     comments: dict[str, str] | None = None
 
 
-def listing(text: str) -> Listing:
-    """What a file's text is: an export of a program, of device comments, or an instruction list."""
+def listing(text: str, *, fx3: bool = True) -> Listing:
+    """What a file's text is: an export of a program, of device comments, or an instruction list.
+
+    ``fx3``: comments of devices that only an FX3U has are taken, too.
+    """
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     delimiter = _delimiter(lines)
     words = f"columns separated by {_DELIMITERS[delimiter]}"
@@ -63,7 +66,9 @@ def listing(text: str) -> Listing:
     head, where = _heading(rows)
     named = any(cell.text.upper() in FORMS for row in filled for cell in row)
     if "comment" in where or (not named and _are_comments(filled)):
-        return Listing(f"device comments ({words})", comments=_comments(rows[head:], where.get("comment")))
+        return Listing(
+            f"device comments ({words})", comments=_comments(rows[head:], where.get("comment"), fx3=fx3)
+        )
     wide = sum(len(row) > 4 or line.startswith('"') for row, line in zip(rows, lines, strict=True) if row)
     if "instruction" not in where and (2 * wide < len(filled) or not named):
         plain = (";" + line[1:] if _PRINTED.fullmatch(line) else line for line in lines)
@@ -116,17 +121,17 @@ def _are_comments(filled: list[list[_Cell]]) -> bool:
     return 0 < len(filled) <= 2 * devices
 
 
-def _comments(rows: list[list[_Cell]], at: int | None) -> dict[str, str]:
+def _comments(rows: list[list[_Cell]], at: int | None, *, fx3: bool) -> dict[str, str]:
     """By the device's plain name; where no heading names the column, the last that has a text."""
     found = {}
     for row in rows:
         texts = [cell.text for cell in row]
         comment = texts[at] if at is not None and at < len(texts) else next(filter(None, texts[:0:-1]), "")
         try:
-            found[str(parse_device(texts[0].upper(), observed=True))] = comment
+            found[str(parse_device(texts[0].upper(), observed=True, fx3=fx3))] = comment
         except ValueError:
-            continue  # a heading, or a device that no PLC here has
-    printable = {name: "".join(filter(str.isprintable, text))[:200] for name, text in found.items()}
+            continue  # a heading, or a device that the PLC lacks
+    printable = {name: "".join(filter(str.isprintable, text))[:200].strip() for name, text in found.items()}
     return {name: text for name, text in printable.items() if text}
 
 
