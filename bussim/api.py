@@ -116,8 +116,9 @@ def _simulate(
     from bussim.sim.runner import simulate
 
     bus_of = {plc.name: plc.link.bus for plc in scenario.plcs if plc.link is not None}
+    numbers = {plc.name: plc.registers.get("D8176", 0) for plc in scenario.plcs if plc.link is not None}
     latency, bounds = _latency(scenario)
-    collector = Collector(traced=trace, rows=rows, bus_of=bus_of, latency=latency)
+    collector = Collector(traced=trace, rows=rows, bus_of=bus_of, numbers=numbers, latency=latency)
     totals = simulate(scenario, collector, progress=progress)
     record = collector.run(totals, scenario=scenario.name, seed=scenario.seed, bounds=bounds)
     record.summary["rests_on"] = _rests_on(scenario, record.summary)

@@ -6,23 +6,24 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Protocol, assert_never
 
+from bussim.results.meters.failures import FailureMeter, Irregulars, LinkMember, note_irregular
 from bussim.results.meters.latency import LatencyMeter, LatencySpec
 from bussim.results.meters.link import LinkMeter, LinkRecord
 from bussim.results.meters.ports import PortMeter, PortRecord
 from bussim.results.meters.refresh import RefreshMeter
+from bussim.results.meters.timeline import Spans
 from bussim.results.run_record import RunRecord
 from bussim.results.summary.latency import LatencyBounds
 from bussim.results.summary.run import summarise
+from bussim.results.verdict.verdict import Evidence
 from bussim.trace import records
-from bussim.trace.records import EndsRecord, NoteRecord, Record, RunTotals, ScanRecord
+from bussim.trace.records import IN_RUN, LEFT_RUN, EndsRecord, NoteRecord, Record, RunTotals, ScanRecord
 
 #: Notes that are kept besides the faults.
 MOST_NOTES = 1000
 #: ENDs that are recorded one by one come into a trace in blocks of so many.
 _ENDS_IN_A_BLOCK = 256
 _ALWAYS_KEPT = frozenset({"fault", "fault_over"})
-#: The code of a slave to which a frame of the master came damaged (FX communication manual, chapter 4).
-MASTER_DAMAGED = 0x14
 
 
 class Rows(Protocol):
@@ -35,7 +36,8 @@ class Rows(Protocol):
 class Collector:
     """A :class:`bussim.trace.records.Sink` that keeps statistics, and hands single records on to ``rows``.
 
-    ``bus_of`` names the N:N link of each PLC, so that what a PLC reports is counted on its link.
+    ``bus_of`` names the N:N link of each PLC, in cable order, so that what a PLC reports is counted on its
+    link; ``numbers`` are their station numbers, without which failed exchanges are judged by codes alone.
     ``latency`` is what is measured between devices. After the run, :meth:`run` gives what was kept.
     ``notes`` are all faults and the first :data:`MOST_NOTES` other notes; ``left_out`` counts the rest by
     kind.
@@ -47,6 +49,7 @@ class Collector:
         traced: bool = False,
         rows: Rows | None = None,
         bus_of: Mapping[str, str] | None = None,
+        numbers: Mapping[str, int] | None = None,
         latency: Sequence[LatencySpec] = (),
     ) -> None:
         self.traced = traced
@@ -56,8 +59,11 @@ class Collector:
         self._refused: dict[str, int] = {}  # D8063 by PLC or port
         self._rows = rows
         self._bus_of = bus_of or {}
-        self._links: defaultdict[str, LinkMeter] = defaultdict(LinkMeter)
+        self._numbers = numbers or {}
+        self._links: dict[str, LinkMeter] = {}
         self._refresh = RefreshMeter()
+        self._irregular: defaultdict[str, Irregulars] = defaultdict(dict)  # by bus
+        self._away: dict[str, Spans] = {}  # by PLC or device: times without supply or in STOP
         self._ports = PortMeter()
         self._latency = LatencyMeter(latency)
         self._single_ends: dict[str, list[int]] = {}  # ENDs that came one by one, for the trace
@@ -66,7 +72,7 @@ class Collector:
         """Count a record, and hand it on to the rows."""
         match record:
             case ScanRecord():
-                self._links[record.bus].scan(record)
+                self._link(record.bus).scan(record)
             case records.FrameRecord() | records.AttemptRecord() | EndsRecord():
                 pass
             case (
@@ -90,24 +96,45 @@ class Collector:
         if self._rows is not None:
             self._rows.take(record)
 
+    def _link(self, bus: str) -> LinkMeter:
+        """The meter of a bus."""
+        if bus not in self._links:
+            members = [
+                LinkMember(name, position, self._numbers[name])
+                for position, name in enumerate(plc for plc, link in self._bus_of.items() if link == bus)
+                if name in self._numbers
+            ]
+            failures = FailureMeter(bus, members, self._refresh, self._irregular[bus])
+            self._links[bus] = LinkMeter(bus, self._refresh, failures)
+        return self._links[bus]
+
     def _note(self, record: NoteRecord) -> None:
         """Keep a note, and what follows from it for the plots and for the time after start-up."""
-        kind = record.kind
+        kind, where, tick = record.kind, record.where, record.tick
         if kind == "healthy":
-            self._links[record.where].healthy(record.tick)
+            self._link(where).healthy(tick)
         elif kind in ("station_error", "recovered"):
-            station = record.detail.get("station")
-            if isinstance(station, int):
-                link = self._links[self._bus_of.get(record.where, record.where)]
-                link.flag(record.where, station, record.tick, on=kind == "station_error")
-                if record.detail.get("code") == MASTER_DAMAGED:
-                    link.master_damaged.add(record.where)
-        elif kind in ("watchdog", "parameters"):
-            link = self._links[self._bus_of.get(record.where, record.where)]
-            (link.watchdog if kind == "watchdog" else link.parameters)(record.where, record.tick)
+            station, code = record.detail.get("station"), record.detail.get("code", 0)
+            if isinstance(station, int) and isinstance(code, int):
+                link = self._link(self._bus_of.get(where, where))
+                link.flag(where, station, tick, code if kind == "station_error" else None)
+        elif kind == "watchdog":
+            heard = record.detail.get("heard")
+            self._link(self._bus_of.get(where, where)).watchdog(
+                where, heard if isinstance(heard, int) else tick
+            )
+        elif kind == "parameters":
+            self._link(self._bus_of.get(where, where)).found_master(where, tick)
+        elif kind in (IN_RUN, LEFT_RUN):
+            away = self._away.setdefault(where, Spans())
+            (away.off if kind == IN_RUN else away.on)(0, tick)
+            if where in self._bus_of:
+                self._link(self._bus_of[where]).state(where, tick, running=kind == IN_RUN)
         elif kind == "refused":
-            code = record.detail.get("D8063")
-            self._refused[record.where] = code if isinstance(code, int) else 0
+            number = record.detail.get("D8063")
+            self._refused[where] = number if isinstance(number, int) else 0
+            if where in self._bus_of:
+                self._link(self._bus_of[where]).failures.refused(where)
         if kind in _ALWAYS_KEPT:
             self.notes.append(record)
         elif self._others < MOST_NOTES:
@@ -118,7 +145,7 @@ class Collector:
 
     def failed(self, bus: str, tick: int, station: int, code: int) -> None:
         """Count a failed attempt in the scan under way."""
-        self._links[bus].attempt_failed(code, tick)
+        self._link(bus).attempt_failed(station, code, tick)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on, in a trace in blocks."""
@@ -144,12 +171,13 @@ class Collector:
         """See :meth:`bussim.trace.records.Sink.switched`."""
         self._refresh.switched(bus, position, tick, fresh)
 
+    def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
+        """Count what a node's driver did."""
+        note_irregular(self._irregular[bus], node, what, tick)
+
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """What was kept of every link, in the order of the totals."""
-        return {
-            link.bus: self._links[link.bus].record(link, self._refresh, totals.duration)
-            for link in totals.links
-        }
+        return {link.bus: self._link(link.bus).record(link, totals.duration) for link in totals.links}
 
     def ports(self, totals: RunTotals) -> dict[str, PortRecord]:
         """What was kept of every Modbus master and node of the free protocol."""
@@ -178,6 +206,11 @@ class Collector:
             seed=seed,
             latency=latency,
             bounds=bounds or {},
-            refused=self._refused,
+            evidence=Evidence(
+                links,
+                self._refused,
+                self._irregular,
+                {name: spans.all().get(0, []) for name, spans in self._away.items()},
+            ),
         )
         return RunRecord(summary, totals.duration, links, tuple(self.notes), self.left_out, ports, latency)

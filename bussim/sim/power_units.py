@@ -37,6 +37,11 @@ class PlcUnit:
         """Whether it has a supply now."""
         return self.plc.state is not PlcState.OFF
 
+    @property
+    def running(self) -> bool:
+        """Whether it is in RUN."""
+        return self.plc.state is PlcState.RUN
+
     def switch(self, now: int, *, powered: bool, running: bool) -> None:
         """Go to this state: STOP before the supply goes, the supply before RUN."""
         plc = self.plc

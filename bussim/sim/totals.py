@@ -58,7 +58,6 @@ def link_totals(
         collisions=bus.collisions,
         undetected=bus.undetected_frames,
         healthy_at=reporter.healthy_at,
-        overlaps=bus.overlaps,
     )
 
 
@@ -73,7 +72,6 @@ def bus_totals(bus: SerialBus) -> BusTotals:
         frames=bus.frames,
         collisions=bus.collisions,
         undetected=bus.undetected_frames,
-        overlaps=bus.overlaps,
     )
 
 
@@ -94,7 +92,7 @@ def port_totals(port: PlcPort) -> PortTotals:
         exceptions=dict(counts.exceptions),
         rejected=dict(counts.rejected),
         timeout=settings.timeout if settings is not None and _is_master(settings.protocol) else None,
-        late=port.replies.late.get(port.name, 0),
+        late=dict(port.replies.late.get(port.name, {})),
     )
 
 
@@ -118,5 +116,5 @@ def device_totals(node: DeviceNode, now: int) -> DeviceTotals:
         rejected=dict(counts.rejected),
         state=node.state(now),
         timeout=spec.settings.timeout if isinstance(spec.settings, MasterSettings) else None,
-        late=node.replies.late.get(node.name, 0),
+        late=dict(node.replies.late.get(node.name, {})),
     )

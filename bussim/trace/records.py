@@ -152,6 +152,10 @@ class InputRecord(NamedTuple):
     end: int  # the END of that scan: when what the program made of it can leave the PLC
 
 
+#: Kinds of notes: a PLC goes to RUN, or a device gets its supply; and the end of that. ``where`` names it.
+IN_RUN, LEFT_RUN = "in_run", "left_run"
+
+
 class NoteRecord(NamedTuple):
     """Any other event: a fault, a flag, a PLC's state, a late reply."""
 
@@ -250,10 +254,18 @@ class Sink(Protocol):
         Blocks of it that are complete before ``fresh`` have what its memory held before RUN.
         """
 
+    def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
+        """A node's driver did at ``tick`` what disturbs a bus: one of :data:`IRREGULAR`."""
+
 
 #: What a driver does that is on while another node's frame begins: it sends a frame, it was not released
 #: after one, or it sends what is no frame.
-IN_FRAME, AFTER_FRAME, WITHOUT_FRAME = OVERLAPS = ("frame", "after a frame", "no frame")
+IN_FRAME, AFTER_FRAME, WITHOUT_FRAME = "frame", "after a frame", "no frame"
+#: What shows on a bus without another node: characters that are no frame go on, a reply of the link begins
+#: that ends after its timeout, a frame has a pause of two characters or more inside it, or another rate,
+#: format or clock than its bus.
+JABBER, LATE_REPLY, UNEVEN, OFF_RATE = "jabber", "late reply", "pause", "rate"
+IRREGULAR = (IN_FRAME, AFTER_FRAME, WITHOUT_FRAME, JABBER, LATE_REPLY, UNEVEN, OFF_RATE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,9 +292,6 @@ class LinkTotals:
     collisions: int
     undetected: int
     healthy_at: int | None  # first instant at which every slave had replied and no flag was on
-    #: Frames begun while another node's driver was on: by that node, and by what its driver did
-    #: (:data:`OVERLAPS`).
-    overlaps: dict[str, dict[str, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +306,6 @@ class BusTotals:
     frames: int
     collisions: int
     undetected: int
-    overlaps: dict[str, dict[str, int]] = field(default_factory=dict)  # as of :class:`LinkTotals`
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +324,8 @@ class PortTotals:
     exceptions: dict[int, int] = field(default_factory=dict)  # slave: exception code → responses with it
     rejected: dict[str, int] = field(default_factory=dict)  # slave: reason → frames ignored
     timeout: int | None = None  # ticks, of a Modbus master
-    late: int = 0  # responses that ended after the master had given their request up
+    #: By poll: responses that ended after the master had given their request up.
+    late: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,7 +343,7 @@ class DeviceTotals:
     rejected: dict[str, int]
     state: dict[str, int]  # of the model itself, such as the stepper's position
     timeout: int | None = None  # ticks, of a Modbus master
-    late: int = 0  # as of :class:`PortTotals`
+    late: dict[str, int] = field(default_factory=dict)  # as of :class:`PortTotals`
 
 
 @dataclass(frozen=True, slots=True)

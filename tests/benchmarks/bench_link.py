@@ -61,6 +61,9 @@ class Silent:
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
         """Not wanted."""
 
+    def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
+        """Not wanted."""
+
 
 class Summing(Collector):
     """What a run without trace and rows keeps, and a count of link scans."""

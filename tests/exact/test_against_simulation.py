@@ -40,6 +40,8 @@ class Heard:
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None: ...
 
+    def irregular(self, bus: str, node: str, tick: int, what: str) -> None: ...
+
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         del bus
         for receiver in range(8) if heard is None else heard:

@@ -84,6 +84,7 @@ class Recorder:
     notes: list[NoteRecord] = field(default_factory=list)
     refreshes: list[tuple[str, int, int, tuple[int, ...] | None]] = field(default_factory=list)
     switches: list[tuple[str, int, int, int | None]] = field(default_factory=list)
+    irregularities: list[tuple[str, str, int, str]] = field(default_factory=list)
     transactions: list[TransactionRecord] = field(default_factory=list)
     turns: list[PollRecord] = field(default_factory=list)
     cycles: list[CycleRecord] = field(default_factory=list)
@@ -126,6 +127,9 @@ class Recorder:
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
         self.switches.append((bus, position, tick, fresh))
+
+    def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
+        self.irregularities.append((bus, node, tick, what))
 
 
 @dataclass

@@ -64,6 +64,7 @@ class MasterWatchdog:
     """Slave: the master's frames stopped (code 11)."""
 
     tick: int
+    heard: int  # when the last valid one ended
 
 
 @dataclass(frozen=True, slots=True)

@@ -226,5 +226,5 @@ class LinkMonitor(Reception, NnEngine[SlaveEvent]):
         self._watching = False
         self.status.running = False
         self._data_start = None
-        self._events.append(MasterWatchdog(now))
+        self._events.append(MasterWatchdog(now, self._heard_master))
         return DEADLINE | self._master_lost(now, codes.MASTER_SILENT)

@@ -119,6 +119,9 @@ class _Nothing:
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
         pass
 
+    def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
+        pass
+
 
 def read(
     chunks: Iterable[Chunk],

@@ -7,11 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from bussim.results.meters.failures import FailureMeter, Failures, Times
 from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.plain_data import FLAT, UNKEPT, from_plain, named, to_plain
 from bussim.results.meters.refresh import Refresh, RefreshMeter
 from bussim.results.meters.timeline import Cell, Span, Spans, Timeline
 from bussim.trace.records import LinkTotals, ScanRecord
+
+#: The code of a slave to which a frame of the master came damaged (FX communication manual, chapter 4).
+MASTER_DAMAGED = 0x14
 
 
 @dataclass(slots=True)
@@ -51,9 +55,10 @@ class Pairs(dict[tuple[str, str], Refresh]):
 class MasterLost(NamedTuple):
     """A time without the master's frames, in ticks; ``end`` is None where it lasts beyond the run's end.
 
-    It begins where the first link scan that was not completed began, or when the first M8183 came on.
-    ``stations`` are the slaves whose watchdog on the master expired, by name; ``scans_missed`` are the link
-    scans of median length that fit into the part of it without any.
+    It lasts from the last valid frame of the master that reached the slaves whose watchdog on it expired
+    (``stations``, by name), to the next one; without such slaves from the beginning of the link scan that was
+    not completed, or of the run, to that of the next. ``scans_missed`` are the link scans of median length
+    that fit into it, 0 where the master made link scans meanwhile.
     """
 
     start: int
@@ -72,9 +77,8 @@ class LinkRecord:
     how many failed attempts with that code (only scans that had one).
 
     The summary alone keeps ``onsets`` (how often each station's errors began, at the master),
-    ``master_lost``, and what its verdict rests on: the slaves that took the master's parameters after a
-    station error (``restarted``), and those to which frames of the master came damaged
-    (``master_damaged``), by name.
+    ``master_lost``, and what its verdict rests on: ``failures``, and when each slave's flag of the master
+    was on for a damaged frame (``master_damaged``, by name).
     """
 
     plc_names: tuple[str, ...] = field(metadata=named("seats"))
@@ -86,14 +90,17 @@ class LinkRecord:
     failed_per_scan: dict[str, dict[int, int]] = field(default_factory=dict)
     onsets: dict[int, int] = field(default_factory=dict, compare=False, metadata=UNKEPT)
     master_lost: list[MasterLost] = field(default_factory=list, compare=False, metadata=UNKEPT)
-    restarted: frozenset[str] = field(default_factory=frozenset, compare=False, metadata=UNKEPT)
-    master_damaged: frozenset[str] = field(default_factory=frozenset, compare=False, metadata=UNKEPT)
+    failures: Failures = field(default_factory=Failures, compare=False, metadata=UNKEPT)
+    master_damaged: dict[str, Times] = field(default_factory=dict, compare=False, metadata=UNKEPT)
 
 
 @dataclass(slots=True)
 class LinkMeter:
     """Counts one link's scans, failed attempts and stations in error while a run goes on."""
 
+    bus: str
+    refresh: RefreshMeter
+    failures: FailureMeter
     scan_times: ScanTimes = field(default_factory=ScanTimes)
     after_startup: ScanTimes = field(default_factory=ScanTimes)
     healthy_at: int | None = None
@@ -103,77 +110,105 @@ class LinkMeter:
     failed: Counter[int] = field(default_factory=Counter)  # code → failed attempts in the scan under way
     failed_per_scan: dict[int, Counter[int]] = field(default_factory=dict)
     onsets: dict[str, Counter[int]] = field(default_factory=dict)  # by reporter and station
-    scans_end: int | None = None
+    scans_end: int = 0
     failed_at: int = 0  # when the latest attempt failed: the master was at work until then
     gaps: Spans = field(default_factory=Spans)  # times between link scans
     lost: dict[str, Spans] = field(default_factory=dict)  # by slave: its watchdog on the master had expired
-    restarted: set[str] = field(default_factory=set)
-    master_damaged: set[str] = field(default_factory=set)
+    damaged_since: dict[str, int] = field(default_factory=dict)  # by slave: its flag of the master, code 14
+    damaged: dict[str, Times] = field(default_factory=dict)
 
     def scan(self, record: ScanRecord) -> None:
         """Count a link scan that has ended."""
+        if record.start > self.scans_end and (self.scan_times.last is not None or self._master_was_away()):
+            self.gaps.on(0, self.scans_end)
+            self.gaps.off(0, record.start)
         self.scan_times.add(record)
         if self.healthy_at is not None and record.start >= self.healthy_at:
             self.after_startup.add(record)
         self.timeline.add(record.start, record.duration)
-        if self.scans_end is not None and record.start > self.scans_end:
-            self.gaps.on(0, self.scans_end)
-            self.gaps.off(0, record.start)
         self.scans_end = record.start + record.duration
         for code, number in self.failed.items():
             self.failed_per_scan.setdefault(code, Counter())[number] += 1
         self.failed.clear()
-        if self.flagged and not record.stations_in_error:
+        flagged = record.stations_in_error > 0
+        self.failures.scan(self.scans_end, flagged=flagged)
+        if self.flagged and not flagged:
             # A master that stops drops its flags without reporting each.
-            self.flagged = False
-            for spans in self.in_error.values():
-                spans.all_off(record.start + record.duration)
+            self._flags_off(self.scans_end)
 
-    def attempt_failed(self, code: int, tick: int) -> None:
+    def _flags_off(self, tick: int) -> None:
+        self.flagged = False
+        for spans in self.in_error.values():
+            spans.all_off(tick)
+
+    def _master_was_away(self) -> bool:
+        master = self.failures.master
+        return master is not None and self.failures.was_away(master.name)
+
+    def attempt_failed(self, station: int, code: int, tick: int) -> None:
         """Count a failed attempt in the scan under way."""
         self.failed[code] += 1
         self.failed_at = tick
+        self.failures.failed(station, code, tick)
 
     def healthy(self, tick: int) -> None:
         """Every slave replies; only the first time counts."""
         if self.healthy_at is None:
             self.healthy_at = tick
 
-    def flag(self, reporter: str, station: int, tick: int, *, on: bool) -> None:
-        """A station's error flag changed where ``reporter`` sees it."""
+    def state(self, plc: str, tick: int, *, running: bool) -> None:
+        """A PLC went to RUN, or left it: its flags go off then, a master's that of all its slaves."""
+        self.failures.state(plc, tick, running=running)
+        if not running:
+            self.found_master(plc, tick)
+            if self.failures.is_master(plc):
+                self._flags_off(tick)
+
+    def flag(self, reporter: str, station: int, tick: int, code: int | None) -> None:
+        """A station's error flag changed where ``reporter`` sees it: on with a code, off with None."""
         spans = self.in_error.setdefault(reporter, Spans())
-        if on:
+        master = self.failures.master
+        if code is not None:
             self.flagged = True
             self.onsets.setdefault(reporter, Counter())[station] += 1
             spans.on(station, tick)
         else:
             spans.off(station, tick)
-            if not station and reporter in self.lost:
-                self.lost[reporter].off(0, tick)
+        if station and (master is None or reporter == master.name):
+            self.failures.flag(station, tick, on=code is not None)
+        elif not station and code is None:
+            self.found_master(reporter, tick)
+        elif not station and code == MASTER_DAMAGED:
+            self.damaged_since.setdefault(reporter, tick)
+            self.failures.master_damaged(reporter, None)
 
-    def watchdog(self, slave: str, tick: int) -> None:
-        """A slave's watchdog on the master's frames expired."""
-        self.lost.setdefault(slave, Spans()).on(0, tick)
+    def watchdog(self, slave: str, heard: int) -> None:
+        """A slave's watchdog on the master expired, whose last valid frame there had ended at ``heard``."""
+        self.lost.setdefault(slave, Spans()).on(0, heard)
 
-    def parameters(self, slave: str, tick: int) -> None:
-        """A slave took the master's parameters; after a station error it has restarted."""
+    def found_master(self, slave: str, tick: int) -> None:
+        """A slave received a valid frame of the master, or is no longer in RUN."""
         if slave in self.lost:
             self.lost[slave].off(0, tick)
-        if self.onsets:
-            self.restarted.add(slave)
+        if slave in self.damaged_since:
+            self.damaged.setdefault(slave, Times()).add(self.damaged_since.pop(slave), tick)
+            self.failures.master_damaged(slave, tick)
 
-    def record(self, totals: LinkTotals, refresh: RefreshMeter, duration: int) -> LinkRecord:
-        """What was counted in a run of ``duration`` ticks; ``refresh`` has the refresh gaps of all buses."""
+    def record(self, totals: LinkTotals, duration: int) -> LinkRecord:
+        """What was counted in a run of ``duration`` ticks."""
         names = totals.plc_names
         # Slaves report what they overhear; the link's flags are those of its master.
         reporter = totals.master or totals.bus
         in_error = self.in_error.get(reporter) or Spans()
+        master_lost = self._master_lost(duration, totals.timeout or 0)
+        for slave in list(self.damaged_since):
+            self.found_master(slave, duration)
         return LinkRecord(
             plc_names=names,
             scan_times=self.scan_times,
             after_startup=self.after_startup,
             refresh=Pairs(
-                ((name, other), refresh.pair(totals.bus, source, receiver))
+                ((name, other), self.refresh.pair(totals.bus, source, receiver))
                 for source, name in enumerate(names)
                 for receiver, other in enumerate(names)
                 if source != receiver
@@ -184,32 +219,53 @@ class LinkMeter:
                 f"{code:02X}": dict(each) for code, each in sorted(self.failed_per_scan.items())
             },
             onsets=dict(self.onsets.get(reporter, {})),
-            master_lost=self._master_lost(duration, totals.timeout or 0),
-            restarted=frozenset(self.restarted),
-            master_damaged=frozenset(self.master_damaged),
+            master_lost=master_lost,
+            failures=self.failures.finish(duration),
+            master_damaged=self.damaged,
         )
 
     def _master_lost(self, duration: int, timeout: int) -> list[MasterLost]:
-        """Times between link scans and expired watchdogs; what overlaps is one."""
+        """Times between link scans and expired watchdogs; what begins and ends in one link scan is one."""
         gaps = [span for spans in self.gaps.all().values() for span in spans]
         lost = [(span, name) for name, spans in self.lost.items() for span in spans.all().get(0, [])]
-        times = self.scan_times.histogram
-        usual = times.quantile(500) or times.mean
-        if self.scans_end is not None and any(span.end is None for span, _ in lost):
+        times, master = self.scan_times.histogram, self.failures.master
+        usual = times.quantile(500) or times.mean or 0
+        if master is not None and self.failures.away(master.name):
+            gaps.append(Span(self.scans_end, None))
+        elif self.scans_end and any(span.end is None for span, _ in lost):
             # A master at work ends a scan or fails in an attempt before a scan and a timeout have passed.
             since = max(self.scans_end, self.failed_at)
-            if duration - since > (usual or 0) + timeout:
+            if duration - since > usual + timeout:
                 gaps.append(Span(since, None))
-        found: list[MasterLost] = []
-        without = 0
-        for span, name in sorted([*((gap, "") for gap in gaps), *lost], key=lambda each: each[0].start):
-            last = found.pop() if found and (found[-1].end is None or span.start <= found[-1].end) else None
-            if last is None:
-                last, without = MasterLost(span.start, span.start, (), 0), 0
-            if not name:
-                without += (duration if span.end is None else span.end) - span.start
-            end = None if None in (last.end, span.end) else max(last.end or 0, span.end or 0)
-            stations = (*last.stations, name) if name and name not in last.stations else last.stations
-            found.append(MasterLost(last.start, end, stations, int(without // usual) if usual else 0))
+
+        def end_of(end: int | None) -> int:
+            return duration if end is None else end
+
+        # Each with the times in which what belongs to it begins.
+        found = [(MasterLost(*gap, (), 1), gap) for gap in gaps]
+        for span, name in lost:
+            for index, (each, within) in enumerate(found):
+                begins = within.start - usual <= span.start <= end_of(within.end)
+                if begins and abs(end_of(each.end) - end_of(span.end)) <= usual and name not in each.stations:
+                    start = min(each.start, span.start) if each.stations else span.start
+                    end = None if None in (each.end, span.end) else max(end_of(each.end), end_of(span.end))
+                    found[index] = (
+                        each._replace(start=start, end=end, stations=(*each.stations, name)),
+                        within,
+                    )
+                    break
+            else:
+                found.append((MasterLost(*span, (name,), 0), Span(span.start, span.start + int(usual))))
         order = {name: index for index, name in enumerate(self.lost)}
-        return [each._replace(stations=tuple(sorted(each.stations, key=order.__getitem__))) for each in found]
+        return sorted(
+            (
+                each._replace(
+                    stations=tuple(sorted(each.stations, key=order.__getitem__)),
+                    # 1 stands for a gap between link scans.
+                    scans_missed=each.scans_missed
+                    and int((end_of(each.end) - each.start) // usual if usual else 0),
+                )
+                for each, _ in found
+            ),
+            key=lambda each: each.start,
+        )

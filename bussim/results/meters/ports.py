@@ -47,6 +47,7 @@ class Poll:
     own: int = field(
         default=0, compare=False, metadata=UNKEPT
     )  # ok with the request's own response; in the summary alone
+    timeouts: int = field(default=0, compare=False, metadata=UNKEPT)  # likewise
     reads: bool = False
     turns: int = 0
     failed_turns: int = 0
@@ -60,6 +61,7 @@ class Poll:
         """Count an attempt."""
         self.transactions += 1
         self.ok += record.outcome == "ok"
+        self.timeouts += record.error == NO_RESPONSE and not record.exception
         took = response_time(record)
         if took is not None:
             self.responses.add(took)

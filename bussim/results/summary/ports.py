@@ -77,7 +77,7 @@ def device_summary(totals: DeviceTotals, record: PortRecord | None, duration: in
     return found
 
 
-def _master(record: PortRecord, duration: int, late: int) -> dict[str, Any]:
+def _master(record: PortRecord, duration: int, late: Mapping[str, int]) -> dict[str, Any]:
     """Counts of attempts: each is ok, an exception, a timeout, a CRC error or one of the others."""
     polls = record.polls
     return {
@@ -90,17 +90,19 @@ def _master(record: PortRecord, duration: int, late: int) -> dict[str, Any]:
         "crc_errors": record.crc_errors,
         "other_errors": dict(sorted(record.others.items())),
         "mismatched_responses": record.mismatched,
-        "late_responses": late,
+        "late_responses": sum(late.values()),
         "response_ms": statistics(record.responses),
-        "polls": {name: _poll(poll, duration) for name, poll in polls.items()},
+        "polls": {name: _poll(poll, duration, late.get(name, 0)) for name, poll in polls.items()},
         "cycle_ms": {**statistics(record.cycles), "count": record.cycles.count},
     }
 
 
-def _poll(poll: Poll, duration: int) -> dict[str, Any]:
+def _poll(poll: Poll, duration: int, late: int) -> dict[str, Any]:
     return {
         "transactions": poll.transactions,
         "ok": poll.ok,
+        "timeouts": poll.timeouts,
+        "late_responses": late,
         "response_ms": statistics(poll.responses),
         "turns": poll.turns,
         "failed_turns": poll.failed_turns,

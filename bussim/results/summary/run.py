@@ -29,14 +29,14 @@ def summarise(
     seed: int,
     latency: Mapping[str, LatencyRecord] | None = None,
     bounds: Mapping[str, LatencyBounds] | None = None,
-    refused: Mapping[str, int] | None = None,
+    evidence: Evidence | None = None,
 ) -> dict[str, Any]:
     """The content of ``summary.json``.
 
     ``links`` has a record for every link of the totals, ``ports`` for every node beside the links
     that was a master or had the free protocol (of a recording the totals know none of them);
     ``scenario`` is the scenario's name. ``bounds`` are what each ``latency`` may be at worst;
-    ``refused`` has D8063 of each PLC and port that has refused its parameters.
+    ``evidence`` is what the verdict rests on beside.
     """
     duration = totals.duration
     summary = {
@@ -58,9 +58,7 @@ def summarise(
         **_latencies(latency or {}, bounds or {}),
         "warnings": list(totals.warnings),
     }
-    overlaps = {bus.bus: bus.overlaps for bus in totals.links}
-    overlaps |= {bus.bus: bus.overlaps for bus in totals.buses}
-    summary["verdict"] = verdict(summary, Evidence(links, refused or {}, overlaps))
+    summary["verdict"] = verdict(summary, evidence or Evidence(links))
     return summary
 
 

@@ -3,7 +3,8 @@
 A sentence names its values in braces. Beside the formats of Python it knows ``n`` (a whole number with its
 thousands apart), ``ms`` and ``most_ms`` (milliseconds, see :func:`in_ms`), ``list`` (names), ``counts``
 (words with how often), ``codes`` and ``exceptions`` (counts by code, with what each means), ``meanings``
-(what codes mean) and ``cause`` (why a link scan was long).
+(what codes mean), ``cause`` (why a link scan was long), ``when`` (how often, for how long, and when
+longest), ``devices`` (special devices of the link by name) and ``serial`` (a code of D8063).
 """
 
 from __future__ import annotations
@@ -54,27 +55,37 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "no_master": _fault("{bus} has no working master (station number 0), so there was no link scan."),
     "no_scan": _fault(
-        "{bus}: no link scan was completed; no station received anything of the master {master}: it was "
-        "without supply or in STOP, or the cable beside it was interrupted."
+        "{bus}: no link scan was completed; no station received anything of the master {master}."
     ),
     "too_short": Sentence("{bus}: the run is too short for a complete link scan."),
+    "not_running": _fault("{plc} was without supply or in STOP {when:when}."),
+    "still_not_running": _fault(
+        "{plc} was without supply or in STOP {when:when}, and still is when the run ends."
+    ),
     "master_lost": _fault(
-        "{bus}: {stations:list} lost the master {master} at {from_s:.2f} s for {for_s:.2f} s (in each D8211 "
-        "= 11H and D8203 counted, M8183 on meanwhile); link scans not made: {scans_missed:n}. {master} was "
-        "without supply or in STOP."
+        "{bus}: {stations:list} lost the master {master} {when:when} (in each D8211 = 11H and D8203 counted, "
+        "M8183 on meanwhile); link scans not made: {scans_missed:n}."
     ),
     "master_still_lost": _fault(
-        "{bus}: {stations:list} lost the master {master} at {from_s:.2f} s and had not found it again when "
-        "the run ended, {for_s:.2f} s later (in each D8211 = 11H, D8203 counted, M8183 on); link scans not "
-        "made: {scans_missed:n}. {master} was without supply or in STOP."
+        "{bus}: {stations:list} lost the master {master} {when:when} and had not found it again when the run "
+        "ended (in each D8211 = 11H, D8203 counted, M8183 on); link scans not made: {scans_missed:n}."
     ),
     "master_not_received": _fault(
-        "{bus}: {stations:list} lost the master {master} at {from_s:.2f} s for {for_s:.2f} s (D8211 = 11H, "
-        "D8203 counted, M8183 on meanwhile), while it went on with link scans."
+        "{bus}: {stations:list} lost the master {master} {when:when} (D8211 = 11H, D8203 counted, M8183 on "
+        "meanwhile), while it went on with link scans."
     ),
     "master_paused": _fault(
-        "{bus}: the master {master} made no link scan from {from_s:.3f} s for {for_s:.3f} s; no station's "
-        "watchdog on it expired (D8211 = 11H in none)."
+        "{bus}: the master {master} made no link scan {when:when}; link scans not made: {scans_missed:n}. No "
+        "station's watchdog on it expired (D8211 = 11H in none)."
+    ),
+    "master_stopped": _fault(
+        "{bus}: the master {master} made no link scan {when:when}, up to the end of the run; link scans not "
+        "made: {scans_missed:n}. No station's watchdog on it had expired by then (D8211 = 11H in none)."
+    ),
+    "master_damaged": _fault(
+        "{bus}: damage that counts as that of frames of the master {master} (D8211 = 14H, D8203 counted, "
+        "M8183 on until its next sound frame) came to {stations:counts}; where M8183 was on longest, it was "
+        "on {when:when}."
     ),
     "two_masters": _fault("{bus} has {number:n} masters, {masters:list}: their frames collide."),
     "same_number": _fault(
@@ -84,12 +95,24 @@ SENTENCES: Mapping[str, Sentence] = {
         "{plc} has station number {station}, but the master of {bus} polls only {slaves:n}."
     ),
     "no_frame": _fault(
-        "{node} sent what is no frame (jabber); frames on {bus} that began while its driver was on: "
-        "{frames:n}."
+        "{node} sent what is no frame (jabber) between {from_s:.2f} s and {to_s:.2f} s; frames on {bus} that "
+        "began meanwhile: {frames:n}."
     ),
     "late_release": _fault(
-        "{node} releases its driver late; frames on {bus} that began while it was still on after its own: "
-        "{frames:n}."
+        "{node} released its driver late between {from_s:.2f} s and {to_s:.2f} s; frames on {bus} that began "
+        "while it was still on after its own: {frames:n}."
+    ),
+    "late_replies": _fault(
+        "{node} replied too late on {bus} between {from_s:.2f} s and {to_s:.2f} s; replies that ended after "
+        "the timeout, and so met a later attempt or another frame: {frames:n}."
+    ),
+    "pauses": _fault(
+        "{node} paused inside its frames on {bus} for two characters or more, which ends a frame, between "
+        "{from_s:.2f} s and {to_s:.2f} s; such frames: {frames:n}."
+    ),
+    "other_rate": _fault(
+        "{node} sent with another rate, format or clock than that of {bus} between {from_s:.2f} s and "
+        "{to_s:.2f} s; such frames: {frames:n}."
     ),
     "collisions": _fault(
         "{bus}: frames that began while another station was sending (collisions): {frames:n}."
@@ -112,38 +135,47 @@ SENTENCES: Mapping[str, Sentence] = {
         "{station} on {bus} was in error for {for_s:.3f} s in all and still is at the end: station errors "
         "(link scans in which every attempt failed) {errors:n}, onsets {onsets:n}; {codes:codes}."
     ),
+    "undecided": _fault(
+        "{station} on {bus} gave no good reply {when:when}, when the run or the master's work ended before "
+        "its last attempt: no station error came of it."
+    ),
     "cause_missing": _fault("No PLC with the number of {station} is on {bus}."),
     "cause_refused": _fault("{station} refuses its parameters (D8063 = {code:d}), so it sends no reply."),
-    "cause_stopped": _fault(
-        "{station} was without supply or in STOP: it gave no reply, and afterwards it had lost the master's "
-        "parameters."
-    ),
-    "cause_still_stopped": _fault(
-        "{station} is without supply or in STOP at the end: it gives no reply and has no parameters."
-    ),
-    "cause_unreached": _fault(
-        "{station} runs but never received the master's parameters: the cable to it, its port, speed or "
-        "format is wrong."
-    ),
     "cause_cut": _fault(
-        "{station} received nothing of the master either (D8211 = 11H): the cable between them was "
-        "interrupted."
+        "{station} was in RUN and received no data frame of the master either {when:when}: the cable between "
+        "them was interrupted, its port, rate or format is wrong, or noise covered the frames."
     ),
     "cause_format": _fault(
-        "{station} received the master's frames damaged and lost the master (D8211 = 14H, then 11H): its "
-        "speed or format is not that of {bus}, the bus is disturbed there, or a cable was cut within a frame."
+        "{station} received the master's frames damaged (D8211 = 14H) and no data frame {when:when}: its "
+        "rate, format or clock is not that of {bus}, noise covered the frames, or a cable was cut within one."
+    ),
+    "cause_master": _fault(
+        "{stations:list} failed {when:when} while the frames of the master {master} came whole to no "
+        "station, or damaged to all: its driver, port, rate or format, the cable beside it, or noise."
+    ),
+    "cause_receiver": _fault(
+        "Replies of {stations:list} failed at the master {master} {when:when} although other stations "
+        "received them: noise at it, the cable beside it, or its port."
     ),
     "cause_damaged": _fault(
-        "The replies of {station} arrived damaged (04): noise, or another sender on {bus}."
+        "The replies of {station} arrived damaged (04) {when:when}: noise, lost characters, another sender "
+        "on {bus}, or clocks that differ."
     ),
-    "cause_late": _fault(
-        "{station} replied too late: its reply takes longer than the timeout of {timeout_ms:g} ms and meets "
-        "a later attempt or another frame."
+    "cause_mistaken": _fault(
+        "Replies with another number or counter (02, 03) arrived when {station} was polled {when:when}: "
+        "replies that came too late, or of a station with a wrong number."
     ),
     "cause_no_reply": _fault(
-        "{station} received the master and gave no reply in time (01): its replies were lost, or take longer "
-        "than the timeout of {timeout_ms:g} ms."
+        "{station} received the master, and no reply of it arrived in time (01) {when:when}: it sent none, "
+        "polls or replies were lost, or they take longer than the timeout of {timeout_ms:g} ms."
     ),
+    "shown": _fault(
+        "{bus}: {plc} shows {devices:devices}, which follows from nothing else that was found: frames did "
+        "not reach it whole, as with noise at it alone; the cause is not known."
+    ),
+    # -- serial errors of a PLC
+    "serial_error": _fault("{plc} shows a serial error that is over: M8063 is off, D8063 = {code:serial}."),
+    "serial_error_on": _fault("{plc} shows a serial error: M8063 is on, D8063 = {code:serial}."),
     # -- Modbus masters
     "own_data": Sentence("{node}: requests answered with their own data: all of {requests:n}."),
     "own_data_times": Sentence(
@@ -216,8 +248,14 @@ SENTENCES: Mapping[str, Sentence] = {
     "port_error_07": Sentence("buffer overflow"),
     "port_error_08": Sentence("framing"),
     "port_error_09": Sentence("no response in time"),
+    "port_error_48": Sentence("bad parameters"),
     "port_error_other": Sentence("the port board"),
     # -- parts of sentences
+    "once": Sentence("from {from_s:.3f} s on for {for_s:.3f} s"),
+    "several_times": Sentence(
+        "{times:n} times, for {total_s:.3f} s in all, the longest time from {from_s:.3f} s on for "
+        "{for_s:.3f} s"
+    ),
     "and": Sentence(" and "),
     "then": Sentence(", then "),
     "station": Sentence("station {number} ({plc})"),
@@ -227,6 +265,10 @@ SENTENCES: Mapping[str, Sentence] = {
     "which_mean": Sentence("mean"),
 }
 
+#: Sentences of folders of earlier versions, which have their texts.
+_FORMER_FAULTS = frozenset({"cause_late", "cause_stopped", "cause_still_stopped", "cause_unreached"})
+#: The 7 of 7xyy, PW10's codes in D8063 (its board manual, section 8).
+_PW10 = 7
 _GIVEN_UP = re.compile(
     r"(station \d+(?: \(.*\))?): (\d+) attempts?, (?:all )?([0-9A-F]{2}(?:, [0-9A-F]{2})*)"
 )
@@ -244,7 +286,7 @@ def render(key: str, values: Mapping[str, Any] | None = None, lang: str = "en") 
 
 def is_fault(key: str) -> bool:
     """Whether a sentence says that something was wrong; one of a later version does not."""
-    return key in SENTENCES and SENTENCES[key].fault
+    return SENTENCES[key].fault if key in SENTENCES else key in _FORMER_FAULTS
 
 
 def meaning(code: str, lang: str = "en", *, kind: str = "code") -> str:
@@ -296,6 +338,14 @@ class _Text(Formatter):
             case "list":
                 *others, last = value
                 return render("and", lang=self._lang).join([", ".join(others), last] if others else [last])
+            case "when":
+                return render("once" if value["times"] == 1 else "several_times", value, self._lang)
+            case "devices":
+                return ", ".join(self._device(name, number) for name, number in value.items())
+            case "serial":
+                port, error = divmod(value % 1000, 100)
+                what = f" (COM{port}: {meaning(f'{error:02}', self._lang, kind='port_error')})"
+                return f"{value}{what if value // 1000 == _PW10 else ''}"
             case "counts":
                 return ", ".join(f"{what} {number:,}×" for what, number in value.items())
             case "codes" | "exceptions":
@@ -311,3 +361,12 @@ class _Text(Formatter):
                 return cause_in_words(value, self._lang)
             case _:
                 return str(super().format_field(value, format_spec))
+
+    def _device(self, name: str, number: int) -> str:
+        """A special device and what it holds; an error code in hexadecimal digits, with its meaning."""
+        if name.startswith("M"):
+            return f"{name} on"
+        if name < "D8211":
+            return f"{name} = {number:,}"
+        code = f"{number:02X}"
+        return f"{name} = {code}H ({meaning(code, self._lang)})"

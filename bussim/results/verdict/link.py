@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from bussim.results.meters.failures import Cause, Irregulars, Times
 from bussim.results.meters.link import LinkRecord
-from bussim.results.meters.timeline import time_on
+from bussim.results.meters.timeline import Span
+from bussim.results.numbers import by_code
 from bussim.results.verdict.catalogue import is_fault, render
-from bussim.results.verdict.ports import overlap_findings
-from bussim.trace.records import IN_FRAME
-from bussim.units import TICKS_PER_SECOND
+from bussim.results.verdict.parts import Finding, driver_findings, in_all, not_running, serial_errors, summed
 
-Finding = tuple[str, dict[str, Any]]
-#: From this share of failed attempts on, damage is the cause of a station's errors.
-_MOSTLY = 0.5
-#: What explains the errors of any station, and those that it explains.
-_OF_THE_BUS = ("two_masters", "same_number", "no_frame", "late_release")
-_EXPLAINED = ("cause_cut", "cause_format", "cause_damaged", "cause_late", "cause_no_reply")
-#: D8063 after bad parameters: of a PW10 on each port (its manual, section 8), of an FX (assumed).
-_BAD_PARAMETERS = (7348, 7448, 7548, 7648, 6308, 3808)
+#: Causes that a finding of its own has said: of a node's driver, of a PLC that was not in RUN.
+_SAID = (Cause.SHOWN, Cause.STOPPED)
+#: Causes of all stations together.
+_TOGETHER = (Cause.MASTER, Cause.RECEIVER)
+#: Causes that two masters, or a number given twice, explain.
+_EXPLAINED = frozenset(Cause) - {Cause.MISSING, Cause.REFUSED, *_SAID}
+#: What a station shows of station k: D8203 + k, D8211 + k, M8183 + k (the master is 0).
+_COUNT, _CODE, _FLAG = 8203, 8211, 8183
+#: A slave's counts of another slave's errors may be ahead of the master's by so many (start-up, the end).
+_AHEAD = 2
 
 
 def link_findings(
@@ -28,18 +30,14 @@ def link_findings(
     record: LinkRecord,
     summary: Mapping[str, Any],
     refused: Mapping[str, int],
-    overlaps: Mapping[str, Mapping[str, int]],
+    irregular: Irregulars,
+    away: Mapping[str, list[Span]],
 ) -> Iterator[Finding]:
     """Of one link: how long its scans took, then what was wrong, then that nothing was."""
-    for key, values in _times(link):
-        yield key, {"bus": bus, **values}
-    found = [*_whole(bus, link, record, summary, refused, overlaps)]
-    shared = any(key in _OF_THE_BUS for key, _ in found)
-    found += _Stations(bus, link, record, summary, overlaps).all(known=shared)
+    yield from ((key, {"bus": bus, **values}) for key, values in _times(link))
+    found = [*_Link(bus, link, record, summary, refused).findings(irregular, away)]
     yield from found
-    if link["undetected_frames"]:
-        yield "undetected", {"bus": bus, "frames": link["undetected_frames"]}
-    elif link["scans"] and not any(is_fault(key) for key, _ in found):
+    if link["scans"] and not any(is_fault(key) for key, _ in found):
         yield "no_station_in_error", {"bus": bus}
 
 
@@ -60,81 +58,8 @@ def _times(link: Mapping[str, Any]) -> Iterator[Finding]:
         yield "longest", longest
 
 
-def _registers(summary: Mapping[str, Any], plc: str) -> Mapping[str, int]:
-    found: Mapping[str, int] = summary["plcs"].get(plc, {}).get("registers", {})
-    return found
-
-
-def _numbers(summary: Mapping[str, Any], record: LinkRecord) -> dict[int, list[str]]:
-    """The PLCs of a link by station number, in cable order."""
-    numbers: dict[int, list[str]] = {}
-    for plc in record.plc_names:
-        registers = _registers(summary, plc)
-        if "D8176" in registers:
-            numbers.setdefault(int(registers["D8176"]), []).append(plc)
-    return numbers
-
-
-def _whole(
-    bus: str,
-    link: Mapping[str, Any],
-    record: LinkRecord,
-    summary: Mapping[str, Any],
-    refused: Mapping[str, int],
-    overlaps: Mapping[str, Mapping[str, int]],
-) -> Iterator[Finding]:
-    """What concerns the link as a whole: its master, its numbers, and which station sends when."""
-    numbers = _numbers(summary, record)
-    masters = [plc for plc in numbers.get(0, []) if not _has_refused(summary, refused, plc)]
-    master = masters[0] if masters else ""
-    for plc in record.plc_names:
-        if _has_refused(summary, refused, plc):
-            code = refused.get(plc) or _registers(summary, plc).get("D8063", 0)
-            if refused.get(plc) == 0:
-                yield "mode_refused", {"bus": bus, "plc": plc}
-            else:
-                yield "settings_refused", {"bus": bus, "plc": plc, "code": code}
-    if link["attempts"] is None or not (masters or link["scans"]):
-        yield "no_master", {"bus": bus}
-    elif not link["scans"] and not link.get("master_lost"):
-        heard = any(pair["count"] or pair["open"] < 1000 * summary["duration_s"] for pair in _gaps(link))
-        yield "too_short" if heard else "no_scan", {"bus": bus, "master": master}
-    for lost in link.get("master_lost", ()):
-        yield _lost_key(lost, summary["duration_s"]), {"bus": bus, "master": master, **lost}
-    working = [plc for plc in masters if _registers(summary, plc).get("M8191")]
-    if len(working) > 1:
-        yield "two_masters", {"bus": bus, "number": len(working), "masters": working}
-    shared = {number: plcs for number, plcs in numbers.items() if number and len(plcs) > 1}
-    for number, plcs in shared.items():
-        yield "same_number", {"bus": bus, "station": number, "plcs": plcs}
-    slaves = len(link["station_errors"])
-    for number, plcs in numbers.items():
-        if slaves and number > slaves and not _has_refused(summary, refused, plcs[0]):
-            yield "not_polled", {"bus": bus, "plc": plcs[0], "station": number, "slaves": slaves}
-    known = bool(shared) or len(working) > 1
-    yield from overlap_findings(bus, link["collisions"], overlaps, known=known)
-
-
-def _gaps(link: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    yield from link["refresh_gap_ms"].values()
-
-
-def _has_refused(summary: Mapping[str, Any], refused: Mapping[str, int], plc: str) -> bool:
-    registers = _registers(summary, plc)
-    bad = registers.get("M8063") and registers.get("D8063") in _BAD_PARAMETERS
-    return plc in refused or bool(bad)
-
-
-def _lost_key(lost: Mapping[str, Any], duration: float) -> str:
-    if not lost["stations"]:
-        return "master_paused"
-    if not lost["scans_missed"]:
-        return "master_not_received"
-    return "master_still_lost" if lost["from_s"] + lost["for_s"] >= duration - 1e-6 else "master_lost"
-
-
-class _Stations:
-    """The slaves of one link that were in error, and why."""
+class _Link:
+    """One link: its master, its slaves, and what each of them showed."""
 
     def __init__(
         self,
@@ -142,48 +67,151 @@ class _Stations:
         link: Mapping[str, Any],
         record: LinkRecord,
         summary: Mapping[str, Any],
-        overlaps: Mapping[str, Mapping[str, int]],
+        refused: Mapping[str, int],
     ) -> None:
-        self._bus, self._link, self._record, self._summary = bus, link, record, summary
-        # A slave that still sends when another node begins was polled too long ago.
-        self._late = {plc for plc, counts in overlaps.items() if counts.get(IN_FRAME)}
-        self._numbers = _numbers(summary, record)
-        lost = [each for each in link.get("master_lost", ()) if not each["scans_missed"]]
-        self._cut_off = {name for each in lost for name in each["stations"]}
+        self._bus, self._link, self._record, self._refused = bus, link, record, refused
+        self._duration = summary["duration_s"]
+        self._registers: dict[str, Mapping[str, int]] = {
+            plc: summary["plcs"].get(plc, {}).get("registers", {}) for plc in record.plc_names
+        }
+        self._numbers: dict[int, list[str]] = {}  # PLCs by station number, in cable order
+        for plc, registers in self._registers.items():
+            if "D8176" in registers:
+                self._numbers.setdefault(int(registers["D8176"]), []).append(plc)
+        self._masters = [plc for plc in self._numbers.get(0, ()) if plc not in refused]
+        self._master = self._masters[0] if self._masters else render("station_number", {"number": 0})
 
-    def all(self, *, known: bool) -> Iterator[Finding]:
-        """Two findings for each slave that was in error; one if attempts failed and were repeated.
+    def findings(self, irregular: Irregulars, away: Mapping[str, list[Span]]) -> Iterator[Finding]:
+        """Of the link as a whole, then of each slave."""
+        bus, link = self._bus, self._link
+        for plc in self._record.plc_names:
+            if plc in self._refused:
+                code = self._refused[plc]
+                yield (
+                    ("settings_refused", {"bus": bus, "plc": plc, "code": code})
+                    if code
+                    else (
+                        "mode_refused",
+                        {"bus": bus, "plc": plc},
+                    )
+                )
+            yield from not_running(plc, away.get(plc, []), self._duration, {"bus": bus})
+        yield from self._without_master()
+        shared = [*self._shared_numbers()]
+        yield from shared
+        known = bool(shared)
+        yield from driver_findings(bus, link["collisions"], irregular, known=known)
+        if self._record.master_damaged:
+            most = max(self._record.master_damaged.values(), key=lambda times: times.total)
+            stations = {name: times.number for name, times in self._record.master_damaged.items()}
+            values = {"bus": bus, "master": self._master, "stations": stations, "when": in_all(most)}
+            yield "master_damaged", values
+        yield from self._stations(known=known)
+        if link["undetected_frames"]:
+            yield "undetected", {"bus": bus, "frames": link["undetected_frames"]}
+        yield from self._unexplained()
+        for plc, registers in self._registers.items():
+            yield from serial_errors(plc, registers, self._refused, {"bus": bus})
+
+    # -- the link as a whole -------------------------------------------------------------------------
+
+    def _without_master(self) -> Iterator[Finding]:
+        bus, link = self._bus, self._link
+        if link["attempts"] is None or not (self._masters or link["scans"]):
+            yield "no_master", {"bus": bus}
+        elif not link["scans"]:
+            open_gaps = (pair["open"] < 1000 * self._duration for pair in link["refresh_gap_ms"].values())
+            yield "too_short" if any(open_gaps) else "no_scan", {"bus": bus, "master": self._master}
+            return
+        found: dict[tuple[str, tuple[str, ...]], list[Mapping[str, Any]]] = {}
+        for lost in link.get("master_lost", ()):
+            key = _lost_key(lost, self._duration)
+            found.setdefault((key, tuple(lost["stations"])), []).append(lost)
+        for (key, stations), every in found.items():
+            longest = max(every, key=lambda lost: lost["for_s"])
+            missed, total = (sum(lost[name] for lost in every) for name in ("scans_missed", "for_s"))
+            when = {"times": len(every), "total_s": round(total, 6)}
+            when |= {"from_s": longest["from_s"], "for_s": longest["for_s"]}
+            values = {"bus": bus, "master": self._master, **longest, "stations": [*stations]}
+            yield key, {**values, "scans_missed": missed, "when": when}
+
+    def _shared_numbers(self) -> Iterator[Finding]:
+        bus, slaves = self._bus, len(self._link["station_errors"])
+        working = [plc for plc in self._masters if self._registers[plc].get("M8191")]
+        if len(working) > 1:
+            yield "two_masters", {"bus": bus, "number": len(working), "masters": working}
+        for number, plcs in self._numbers.items():
+            if number and len(plcs) > 1:
+                yield "same_number", {"bus": bus, "station": number, "plcs": plcs}
+            if slaves and number > slaves and plcs[0] not in self._refused:
+                yield "not_polled", {"bus": bus, "plc": plcs[0], "station": number, "slaves": slaves}
+
+    # -- slaves --------------------------------------------------------------------------------------
+
+    def _stations(self, *, known: bool) -> Iterator[Finding]:
+        """Each slave that was in error, and the causes of its errors, each judged by itself.
 
         ``known``: the bus as a whole has a cause for errors of any station.
         """
-        link, record = self._link, self._record
-        repeated: dict[str, int] = {}
-        for station, errors in link["station_errors"].items():
-            codes = link["failed_attempts"].get(station, {})
-            if not errors:
-                for code, number in codes.items():
-                    repeated[code] = repeated.get(code, 0) + number
-                continue
-            spans = record.in_error.get(int(station), [])
-            duration = round(self._summary["duration_s"] * TICKS_PER_SECOND)
-            onsets = link.get("station_error_onsets", {}).get(station, len(spans))
-            label = {"bus": self._bus, "station": self._label(int(station))}
+        failures, bus = self._record.failures, self._bus
+        together: dict[Cause, dict[str, Times]] = {}
+        for text in self._link["station_errors"]:
+            station = int(text)
+            label = self._label(station)
+            yield from self._in_error(text, label)
+            undecided = {
+                cause: times for (number, cause), times in failures.undecided.items() if number == station
+            }
+            for times in undecided.values():
+                yield "undecided", {"bus": bus, "station": label, "when": in_all(times)}
+            causes = {cause: times for (number, cause), times in failures.errors.items() if number == station}
+            for cause, times in {**undecided, **causes}.items():
+                if cause in _SAID or (known and cause in _EXPLAINED):
+                    continue
+                if cause in _TOGETHER:
+                    together.setdefault(cause, {})[label] = times
+                    continue
+                values = {"bus": bus, "station": label, **self._values(station, cause)}
+                yield f"cause_{cause}", {**values, "when": in_all(times)}
+        for cause, by_label in together.items():
+            most = max(by_label.values(), key=lambda times: times.total)
+            values = {"bus": bus, "master": self._master, "stations": [*by_label]}
+            yield f"cause_{cause}", {**values, "when": in_all(most)}
+        if repeated := self._repeated():
+            yield "repeated", {"bus": bus, "codes": dict(sorted(repeated.items()))}
+
+    def _in_error(self, station: str, label: str) -> Iterator[Finding]:
+        """How often and how long a slave was in error."""
+        errors = self._link["station_errors"][station]
+        if errors:
+            spans = self._record.in_error.get(int(station), [])
+            values = {
+                "errors": errors,
+                "onsets": self._link.get("station_error_onsets", {}).get(station, len(spans)),
+            }
+            values |= {"for_s": in_all(summed(spans, self._duration))["total_s"]}
+            values |= {"codes": dict(self._link["failed_attempts"].get(station, {}))}
             still = bool(spans) and spans[-1].end is None
-            yield (
-                "station_still_in_error" if still else "station_error",
-                {
-                    **label,
-                    "errors": errors,
-                    "onsets": onsets,
-                    "for_s": round(time_on(spans, duration), 6),
-                    "codes": dict(codes),
-                },
-            )
-            cause, values = self._cause(int(station), codes)
-            if not (known and cause in _EXPLAINED):
-                yield cause, {**label, **values}
-        if repeated:
-            yield "repeated", {"bus": self._bus, "codes": dict(sorted(repeated.items()))}
+            key = "station_still_in_error" if still else "station_error"
+            yield key, {"bus": self._bus, "station": label, **values}
+
+    def _repeated(self) -> dict[str, int]:
+        """Failed attempts that were repeated with success, by code, of slaves that were never in error."""
+        link, failures = self._link, self._record.failures
+        kept = failures.errors or failures.undecided or failures.repeated  # by a run of this version
+        found: dict[str, int] = {}
+        for station, errors in link["station_errors"].items():
+            of_station = by_code(failures.repeated.get(int(station), {})) if kept else None
+            codes = link["failed_attempts"].get(station, {}) if of_station is None else of_station
+            for code, number in codes.items() if not errors else ():
+                found[code] = found.get(code, 0) + number
+        return found
+
+    def _values(self, station: int, cause: Cause) -> dict[str, Any]:
+        if cause is Cause.REFUSED:
+            plc = self._numbers[station][0] if station in self._numbers else ""
+            return {"code": self._registers.get(plc, {}).get("D8063", 0)}
+        return {"timeout_ms": self._link["timeout_ms"]}
 
     def _label(self, station: int) -> str:
         plcs = self._numbers.get(station)
@@ -191,29 +219,40 @@ class _Stations:
             return render("station_number", {"number": station})
         return render("station", {"number": station, "plc": plcs[0]})
 
-    def _cause(self, station: int, codes: Mapping[str, int]) -> Finding:
-        plcs, timeout = self._numbers.get(station), {"timeout_ms": self._link["timeout_ms"]}
-        if not plcs:
-            return "cause_missing", {}
-        plc = plcs[0]
-        registers = _registers(self._summary, plc)
-        if registers.get("M8063") and registers.get("D8063") in _BAD_PARAMETERS:
-            return "cause_refused", {"code": registers["D8063"]}
-        damaged = sum(codes.values()) * _MOSTLY <= codes.get("04", 0)
-        if plc in self._cut_off and not damaged:
-            return ("cause_format" if plc in self._record.master_damaged else "cause_cut"), {}
-        if codes.get("02") or codes.get("03") or plc in self._late:
-            return "cause_late", timeout
-        if damaged:
-            return "cause_damaged", {}
-        if plc in self._record.restarted:
-            return "cause_stopped", {}
-        if not registers.get("D8174", 1):
-            had = any(
-                pair["count"]
-                for name, pair in self._link["refresh_gap_ms"].items()
-                if name.startswith(f"{plc}->")
-            )
-            runs = self._summary["plcs"][plc]["scan_ms"]["mean"] is not None
-            return ("cause_still_stopped" if had or not runs else "cause_unreached"), {}
-        return "cause_no_reply", timeout
+    # -- what else stations show ---------------------------------------------------------------------
+
+    def _unexplained(self) -> Iterator[Finding]:
+        """What is on or counted in a station's special devices and follows from nothing that was found."""
+        link, record = self._link, self._record
+        told = {
+            *record.master_damaged,
+            *(name for lost in link.get("master_lost", ()) for name in lost["stations"]),
+        }
+        most = {int(station): errors for station, errors in link["station_errors"].items()}
+        for station, onsets in link.get("station_error_onsets", {}).items():
+            most[int(station)] += onsets + _AHEAD
+        failed = {station for station, _ in (*record.failures.errors, *record.failures.undecided)}
+        failed |= {station for station, errors in most.items() if errors}
+        for plc, registers in self._registers.items():
+            devices: dict[str, int] = {}
+            for station in range(8):
+                names = f"D{_COUNT + station}", f"D{_CODE + station}", f"M{_FLAG + station}"
+                count, code, flag = (registers.get(name, 0) for name in names)
+                # A station that lost the master meanwhile missed a frame or two of others at the edges.
+                most_here = max(most.get(station, _AHEAD) if station in failed else 0, _AHEAD if plc in told else 0)
+                known = plc in told if not station else 0 < most_here >= count
+                if (count or code or flag) and not known:
+                    devices |= {
+                        name: value for name, value in zip(names, (count, code, flag), strict=True) if value
+                    }
+            if devices:
+                yield "shown", {"bus": self._bus, "plc": plc, "devices": devices}
+
+
+def _lost_key(lost: Mapping[str, Any], duration: float) -> str:
+    open_end = lost["from_s"] + lost["for_s"] >= duration - 1e-6
+    if not lost["stations"]:
+        return "master_stopped" if open_end else "master_paused"
+    if not lost["scans_missed"]:
+        return "master_not_received"
+    return "master_still_lost" if open_end else "master_lost"

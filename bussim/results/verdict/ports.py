@@ -5,43 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from bussim.results.meters.failures import Irregulars
 from bussim.results.verdict.catalogue import render
-from bussim.trace.records import AFTER_FRAME, IN_FRAME, WITHOUT_FRAME
+from bussim.results.verdict.parts import Finding, driver_findings
 
-Finding = tuple[str, dict[str, Any]]
 #: Frames that a slave ignores because it is busy are the master's doing, and stand there.
 _BUSY = "busy with another request"
-
-
-def overlap_findings(
-    bus: str, collisions: int, overlaps: Mapping[str, Mapping[str, int]], *, known: bool
-) -> Iterator[Finding]:
-    """Whose driver was on while others began; ``known``: why two stations send at once is said already."""
-    for key, what in (("no_frame", WITHOUT_FRAME), ("late_release", AFTER_FRAME)):
-        for node, counts in sorted(overlaps.items()):
-            if counts.get(what):
-                known = True
-                yield key, {"bus": bus, "node": node, "frames": counts[what]}
-    if collisions and not known:
-        senders = sorted(node for node, counts in overlaps.items() if counts.get(IN_FRAME))
-        if senders:
-            yield "collisions_with", {"bus": bus, "frames": collisions, "nodes": senders}
-        else:
-            yield "collisions", {"bus": bus, "frames": collisions}
 
 
 def bus_findings(
     bus: str,
     found: Mapping[str, Any],
     nodes: Mapping[str, Mapping[str, Any]],
-    overlaps: Mapping[str, Mapping[str, int]],
+    irregular: Irregulars,
 ) -> Iterator[Finding]:
     """Of a bus beside the links: which nodes send at the same time. ``nodes`` are its ports and devices."""
     masters = [name for name, node in nodes.items() if node.get("transactions")]
     several = len(masters) > 1 and bool(found["collisions"])
     if several:
         yield "two_masters", {"bus": bus, "number": len(masters), "masters": masters}
-    yield from overlap_findings(bus, found["collisions"], overlaps, known=several)
+    yield from driver_findings(bus, found["collisions"], irregular, known=several)
     if found["undetected_frames"]:
         yield "undetected", {"bus": bus, "frames": found["undetected_frames"]}
 
@@ -107,7 +90,12 @@ def _failures(node: Mapping[str, Any], late: int) -> Iterator[Finding]:
             yield "requests_repeated", {"requests": failed}
         return
     if node["timeouts"] > late:
-        bad = [name or render("program") for name, poll in polls.items() if poll["transactions"] > poll["ok"]]
+        # A folder of an earlier version does not have them by poll.
+        without = {
+            name: poll.get("timeouts", poll["transactions"] - poll["ok"]) - poll.get("late_responses", 0)
+            for name, poll in polls.items()
+        }
+        bad = [name or render("program") for name, number in without.items() if number > 0]
         yield "no_response", {"requests": node["timeouts"] - late, "polls": bad}
     reasons = dict(node["other_errors"])
     if node["crc_errors"]:

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from bussim.results.meters.failures import Irregulars
 from bussim.results.meters.link import LinkRecord
+from bussim.results.meters.timeline import Span
 from bussim.results.verdict.catalogue import is_fault, render
 from bussim.results.verdict.link import link_findings
+from bussim.results.verdict.parts import Finding, not_running, serial_errors
 from bussim.results.verdict.ports import bus_findings, has_failed, node_findings
-
-Overlaps = Mapping[str, Mapping[str, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,13 +20,14 @@ class Evidence:
     """What a verdict rests on beside ``summary.json``; a folder of an earlier version has less of it.
 
     ``links`` are by bus. ``refused`` has D8063 of each PLC or port that has refused its parameters, 0 where
-    a slave has refused the master's mode. ``overlaps`` are by bus as of
-    :class:`bussim.trace.records.LinkTotals`.
+    a slave has refused the master's mode. ``irregular`` is by bus. ``away`` are the times of each PLC and
+    device without supply or in STOP.
     """
 
     links: Mapping[str, LinkRecord] = field(default_factory=dict)
     refused: Mapping[str, int] = field(default_factory=dict)
-    overlaps: Mapping[str, Overlaps] = field(default_factory=dict)
+    irregular: Mapping[str, Irregulars] = field(default_factory=dict)
+    away: Mapping[str, list[Span]] = field(default_factory=dict)
 
 
 def verdict(summary: Mapping[str, Any], evidence: Evidence) -> list[dict[str, Any]]:
@@ -46,19 +48,24 @@ def about(items: list[dict[str, Any]], bus: str) -> list[str]:
     return [item["text"] for item in items if item["values"].get("bus") == bus]
 
 
-def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[tuple[str, dict[str, Any]]]:
+def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[Finding]:
     links, buses = summary["links"], summary["buses"]
     if not links and not buses and summary["plcs"]:
         yield "no_bus", {}
+    told: set[str] = set()
     for bus, link in links.items():
         record = evidence.links.get(bus)
         if record is not None:
-            overlaps = evidence.overlaps.get(bus, {})
-            yield from link_findings(bus, link, record, summary, evidence.refused, overlaps)
+            told |= {*record.plc_names}
+            irregular = evidence.irregular.get(bus, {})
+            yield from link_findings(bus, link, record, summary, evidence.refused, irregular, evidence.away)
+    for name, spans in evidence.away.items():
+        if name not in told:
+            yield from not_running(name, spans, summary["duration_s"], {})
     nodes = {**(summary.get("ports") or {}), **(summary.get("devices") or {})}
     for bus, found in buses.items():
         on_bus = {name: node for name, node in nodes.items() if node["bus"] == bus}
-        yield from bus_findings(bus, found, on_bus, evidence.overlaps.get(bus, {}))
+        yield from bus_findings(bus, found, on_bus, evidence.irregular.get(bus, {}))
     failed: dict[str, bool] = {}  # by bus with a Modbus master
     for node in nodes.values():
         if node.get("transactions"):
@@ -66,3 +73,6 @@ def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[tuple[
     for name, node in nodes.items():
         made_good = not failed.get(node["bus"], True)
         yield from node_findings(name, node, evidence.refused.get(name), made_good=made_good)
+    for plc, entry in summary["plcs"].items():
+        if plc not in told:
+            yield from serial_errors(plc, entry["registers"], evidence.refused, {})

@@ -30,6 +30,8 @@ class LinkPort(LinkStation):
         self._longest_turnaround = plc.profile.turnaround.longest
         # Replies that wait for an END: when each was ready, and its counter.
         self._waits: list[tuple[int, int]] = []
+        # Polls that wait for their reply: when each ended, and its counter.
+        self._polled: list[tuple[int, int]] = []
         if self.replies_at_end:
             plc.cycle.on_change = self._ends_moved
 
@@ -65,6 +67,7 @@ class LinkPort(LinkStation):
         """STOP or power-off: see the base class."""
         super().halt(now)
         self._waits.clear()
+        self._polled.clear()
 
     # -- what the engine asks for ------------------------------------------------------------------
 
@@ -91,6 +94,7 @@ class LinkPort(LinkStation):
     def schedule(self, at: int, counter: int) -> None:
         """Schedule a frame to be sent from ``at`` on; a slave adds its turnaround."""
         if not self.is_master:
+            self._polled.append((at, counter))
             at += self.turnaround()
             if self.replies_at_end:
                 self._waits.append((at, counter))
@@ -109,15 +113,17 @@ class LinkPort(LinkStation):
             return
         if pending:
             self._start_timer.set(max(pending[0][0], now))
-        if (
-            not self.is_master
-            and bus.disturber.replies_at_risk
-            and bus.disturber.reply_vanishes(self.position, now)
-        ):
-            return
+        polled = None
+        if not self.is_master:
+            self._polled.remove(polled := next(poll for poll in self._polled if poll[1] == counter))
+            if bus.disturber.replies_at_risk and bus.disturber.reply_vanishes(self.position, now):
+                return
         if engine.wants_image:
             engine.image = self.plc.image_at(now)
-        self._begin(engine.begin_transmit(now, counter), now)
+        frame = engine.begin_transmit(now, counter)
+        if polled is not None and now - polled[0] > self._longest_turnaround:
+            self.reporter.replied(self, now - polled[0], now, len(frame.chars) * bus.character)
+        self._begin(frame, now)
 
     def _ends_moved(self, end: int) -> None:
         """The PLC's scans after ``end`` take another time: reschedule the replies that wait for END."""

@@ -21,9 +21,11 @@ from bussim.engines.nn.events import (
     StationLost,
 )
 from bussim.engines.nn.master import Master
+from bussim.engines.nn.slave import Slave
 from bussim.plc.link_registers import (
     D_STATION,
     D_TIMEOUT,
+    TIMEOUT_UNIT,
     bad_parameters,
     mode_refusal,
     refusal,
@@ -32,7 +34,7 @@ from bussim.plc.link_registers import (
 from bussim.plc.plc import Plc
 from bussim.sim.nn.contract import LinkStation
 from bussim.sim.notes import Notes
-from bussim.trace.records import AttemptRecord, ScanRecord, Sink
+from bussim.trace.records import LATE_REPLY, AttemptRecord, ScanRecord, Sink
 from bussim.units import format_ms
 
 
@@ -55,8 +57,9 @@ class MasterCounts:
 class LinkReporter(Notes):
     """Writes one bus's records. ``names`` are the first PLC with each station number.
 
-    A link scan's cause names its slowest reply if that came later than ``longest_turnaround`` ticks. A bus
-    with several masters is reported as the ``primary`` one sees it: the first along the cable.
+    A link scan's cause names its slowest reply if that came later than ``longest_turnaround`` ticks after
+    the poll that it replies to: a simulated station knows which, of another the latest is taken. A bus with
+    several masters is reported as the ``primary`` one sees it: the first along the cable.
     """
 
     def __init__(
@@ -70,6 +73,9 @@ class LinkReporter(Notes):
         # Link scans so far, over all RUNs of the primary master.
         self._scans = 0
         self.healthy_at: int | None = None
+        self._slow: dict[
+            int, int
+        ] = {}  # how late each station's slow reply of this scan began after its poll
         # Of engines of the primary master that have stopped.
         self._stopped = MasterCounts()
 
@@ -91,8 +97,8 @@ class LinkReporter(Notes):
             case StationBack(tick, station):
                 label = self.station_label(station)
                 self.note(tick, "recovered", port.name, f"{label} replies again", station=station)
-            case MasterWatchdog(tick):
-                self.note(tick, "watchdog", port.name, "the master's frames stopped")
+            case MasterWatchdog(tick, heard):
+                self.note(tick, "watchdog", port.name, "the master's frames stopped", heard=heard)
             case PolledWithoutParameters(tick):
                 self.note(tick, "no_parameters", port.name, "polled before it had parameters")
             case ParametersTaken(tick, settings):
@@ -173,9 +179,21 @@ class LinkReporter(Notes):
         if event.parameters:
             reasons.append("parameter frame")
         station, waited = event.slowest
+        if self._slow:
+            station, waited = max(self._slow.items(), key=lambda item: item[1])
+            self._slow.clear()
         if waited > self._longest_turnaround:
             reasons.append(f"{self.station_label(station)} replied {format_ms(waited)} after its poll")
         return "; ".join(reasons)
+
+    def replied(self, port: LinkStation, waited: int, now: int, lasting: int) -> None:
+        """A slave's reply that lasts so long begins so many ticks after its poll, later than usual."""
+        engine = port.engine
+        if isinstance(engine, Slave):
+            station, settings = engine.config.station, engine.settings
+            self._slow[station] = max(waited, self._slow.get(station, 0))
+            if settings is not None and waited + lasting > settings.timeout * TIMEOUT_UNIT:
+                self._sink.irregular(self._bus, port.name, now, LATE_REPLY)
 
     def refused(self, now: int, plc: Plc) -> None:
         """A PLC went to RUN without an engine: its parameters are bad."""

@@ -7,7 +7,7 @@ The bus and the reporter are written for these classes; the node that completes 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections import deque
+from collections import Counter, defaultdict, deque
 from typing import NamedTuple
 
 from bussim.engines.free.events import FreeEvent
@@ -38,26 +38,27 @@ class Replies:
 
     def __init__(self) -> None:
         self._replies: deque[Reply] = deque(maxlen=_REPLIES)
-        self._given_up: dict[int, str] = {}  # by the request's first edge: its master
-        #: Responses that ended after their request had been given up, by master.
-        self.late: dict[str, int] = {}
+        self._given_up: dict[int, tuple[str, str]] = {}  # by the request's first edge: its master and poll
+        #: Responses that ended after their request had been given up, by master and poll.
+        self.late: defaultdict[str, Counter[str]] = defaultdict(Counter)
 
     def replied(self, reply: Reply) -> None:
         """Record a slave's reply that begins now."""
         self._replies.append(reply)
-        master = self._given_up.pop(reply.asked, None)
-        if master is not None:
-            self.late[master] = self.late.get(master, 0) + 1
+        given_up = self._given_up.pop(reply.asked, None)
+        if given_up is not None:
+            master, poll = given_up
+            self.late[master][poll] += 1
 
-    def gave_up(self, master: str, asked: int, end: int) -> None:
+    def gave_up(self, master: str, poll: str, asked: int, end: int) -> None:
         """A master's timeout was over at ``end``, before a response to its request of ``asked``."""
         begun = next((reply for reply in self._replies if reply.asked == asked), None)
         if begun is None:
-            self._given_up[asked] = master
+            self._given_up[asked] = master, poll
             if len(self._given_up) > _GIVEN_UP:
                 del self._given_up[next(iter(self._given_up))]
         elif begun.end > end:
-            self.late[master] = self.late.get(master, 0) + 1
+            self.late[master][poll] += 1
 
     def reply_at(self, tick: int) -> Reply | None:
         """The reply that was on the wire at a tick; None if none was, or several."""

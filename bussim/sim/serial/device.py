@@ -65,6 +65,9 @@ class DeviceNode(SerialNode):
         """Whether it has a supply."""
         return self._powered
 
+    #: Whether it is at work: a device has no STOP.
+    running = powered
+
     @property
     def nodes(self) -> tuple[DeviceNode]:
         """Itself: the nodes that its supply feeds."""

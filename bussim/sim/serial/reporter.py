@@ -116,7 +116,7 @@ class SerialReporter(Notes):
             )
         )
         if event.error is PortError.TIMEOUT and event.sent is not None:
-            node.replies.gave_up(node.name, event.sent, event.end)
+            node.replies.gave_up(node.name, poll, event.sent, event.end)
         if mismatched and outcome in ("ok", "exception"):
             text = f"took the response to an earlier request for that of station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)

@@ -14,7 +14,20 @@ from bussim.line.characters import LineTiming
 from bussim.sim.notes import Notes
 from bussim.sim.wire.contract import Cable, LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.disturber import Disturber
-from bussim.trace.records import AFTER_FRAME, IN_FRAME, WITHOUT_FRAME, FrameRecord, Sink
+from bussim.trace.records import (
+    AFTER_FRAME,
+    IN_FRAME,
+    JABBER,
+    OFF_RATE,
+    UNEVEN,
+    WITHOUT_FRAME,
+    FrameRecord,
+    Sink,
+)
+
+#: A pause inside a frame of so many characters shows, and a rate that is off by so much of itself: a
+#: receiver tells a character's last bit wrong from half a bit in 9.5 on.
+_PAUSE_CHARS, _OFF = 2, 0.04
 
 
 class Line(Cable):
@@ -44,8 +57,6 @@ class Line(Cable):
         self.busy = 0
         self.frames = 0
         self.collisions = 0
-        #: Those during which each node's driver was on, by name and by what it did then.
-        self.overlaps: dict[str, dict[str, int]] = {}
         self.undetected_frames = 0
 
     # -- what a protocol's line knows of its frames --------------------------------------------------
@@ -102,14 +113,22 @@ class Line(Cable):
         if tx.sender.jabbering:
             tx.silent = True  # the node's jabber is on the wire in its place
             return
-        if not tx.sender.nominal:
+        sender = tx.sender
+        if not sender.nominal:
             tx.set_chars(tx.chars)
+            ours, timing = self.timing, tx.timing
+            off = abs(timing.baud * (1 + timing.ppm / 1_000_000) / ours.baud - 1)
+            if timing.format != ours.format or off >= _OFF:
+                self.sink.irregular(self.name, sender.name, now, OFF_RATE)
+        if any(ticks >= _PAUSE_CHARS * self.character for _, ticks in tx.pauses):
+            self.sink.irregular(self.name, sender.name, now, UNEVEN)
         self._drive(tx, now)
 
     def begin_jabber(self, port: LineNode, chars: bytes, now: int, *, first: bool) -> Transmission:
         """Begin the next characters of a node that jabbers; ``first``: its driver was off before."""
         tx = Transmission(port, None, chars, now, now, port.timing)
         tx.set_chars(chars)
+        self.sink.irregular(self.name, port.name, now, JABBER)
         if first:
             for other in self._on_wire:
                 other.drop(port)
@@ -164,8 +183,7 @@ class Line(Cable):
                 if port.sending is not None and port.sending.start == now:
                     continue  # of two that begin at once none was first
                 what = AFTER_FRAME if port.tail else WITHOUT_FRAME if port.jabbering else IN_FRAME
-                found = self.overlaps.setdefault(port.name, {})
-                found[what] = found.get(what, 0) + 1
+                self.sink.irregular(self.name, port.name, now, what)
             tx.collided = True
             for other in self._on_wire:
                 if self.connected(other.sender, sender):

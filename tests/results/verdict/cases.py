@@ -22,8 +22,19 @@ class Case(NamedTuple):
     others: frozenset[str] = frozenset()
 
 
-#: What is said of every station error and every request without a response, whatever its cause is.
-SYMPTOMS = frozenset({"station_error", "station_still_in_error", "no_response"})
+#: What is said of every station error and every request without a response, whatever its cause is; and what
+#: stations show of the master's frames and of their ports besides.
+SYMPTOMS = frozenset(
+    {
+        "station_error",
+        "station_still_in_error",
+        "undecided",
+        "no_response",
+        "master_damaged",
+        "serial_error",
+        "serial_error_on",
+    }
+)
 
 
 def link(draw: random.Random, **changes: Any) -> Data:
@@ -107,47 +118,85 @@ def _of(name: str) -> str:
     return f"station {name[3:]} ({name})"
 
 
+#: What follows where the master is not in RUN.
+_MASTER_GONE = frozenset({"master_lost", "master_still_lost", "master_paused", "master_stopped", "no_scan"})
+#: What follows where the master's frames do not reach slaves.
+_NOT_HEARD = frozenset({"master_not_received", "cause_cut", "cause_format", "undetected"})
+
+
 def dead_master(draw: random.Random) -> Case:
     line = link(draw)
     line["faults"] = _a_time(draw, "power_off", "plc0")
-    return Case(line, "master_lost", {"master": "plc0", "stations": _names(line)})
+    others = frozenset({"not_running"})
+    return Case(line, "master_lost", {"master": "plc0", "stations": _names(line)}, others)
 
 
 def dead_master_to_the_end(draw: random.Random) -> Case:
     line = link(draw)
     line["faults"] = [{"at": "8 s", "power_off": "plc0"}]
-    return Case(line, "master_still_lost", {"master": "plc0", "stations": _names(line)})
+    others = frozenset({"still_not_running"})
+    return Case(line, "master_still_lost", {"master": "plc0", "stations": _names(line)}, others)
+
+
+def dead_master_that_no_watchdog_finds(draw: random.Random) -> Case:
+    line = link(draw)
+    line["plcs"][0]["nn"]["timeout"] = "2250 ms"
+    line["faults"] = [{"at": "16 s", "power_off": "plc0"}]
+    return Case(line, "master_stopped", {"master": "plc0", "stations": []}, frozenset({"still_not_running"}))
 
 
 def master_in_stop(draw: random.Random) -> Case:
     line = link(draw)
     line["faults"] = _a_time(draw, "stop", "plc0")
-    return Case(line, "master_lost", {"master": "plc0", "stations": _names(line)})
+    return Case(line, "not_running", {"plc": "plc0"}, _MASTER_GONE)
+
+
+def late_master(draw: random.Random) -> Case:
+    line = link(draw, faults=[{"power_on": {"plc0": "4 s"}}])
+    return Case(line, "not_running", {"plc": "plc0"}, _MASTER_GONE)
 
 
 def master_dead_from_the_start(draw: random.Random) -> Case:
-    return Case(link(draw, faults=[{"at": "0 s", "power_off": "plc0"}]), "no_scan", {"master": "plc0"})
+    line = link(draw, faults=[{"at": "0 s", "power_off": "plc0"}])
+    return Case(line, "no_scan", {"master": "plc0"}, frozenset({"still_not_running"}))
+
+
+def slave_then_master(draw: random.Random) -> Case:
+    """The only slave dies, then the master before it has found that: no station shows anything."""
+    line = link(draw)
+    line["plcs"] = line["plcs"][:2]
+    line["plcs"][0]["nn"] |= {"slaves": 1, "timeout": "2250 ms"}
+    line["faults"] = [{"at": "7 s", "power_off": "plc1"}, {"at": "8 s", "power_off": "plc0"}]
+    return Case(line, "still_not_running", {"plc": "plc1"}, _MASTER_GONE | {"still_not_running"})
 
 
 def dead_slave(draw: random.Random) -> Case:
     line = link(draw)
     name = _slave(draw, line)
     line["faults"] = _a_time(draw, "power_off", name)
-    return Case(line, "cause_stopped", {"station": _of(name)})
+    return Case(line, "not_running", {"plc": name})
 
 
 def dead_slave_to_the_end(draw: random.Random) -> Case:
     line = link(draw)
     name = _slave(draw, line)
     line["faults"] = [{"at": "9 s", "power_off": name}]
-    return Case(line, "cause_still_stopped", {"station": _of(name)})
+    return Case(line, "still_not_running", {"plc": name})
+
+
+def slave_that_dies_last(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["plcs"][0]["nn"] |= {"retries": 10, "timeout": "80 ms"}
+    line["faults"] = [{"at": "19700 ms", "power_off": name}]
+    return Case(line, "still_not_running", {"plc": name})
 
 
 def slave_in_stop(draw: random.Random) -> Case:
     line = link(draw)
     name = _slave(draw, line)
     line["faults"] = _a_time(draw, "stop", name)
-    return Case(line, "cause_stopped", {"station": _of(name)})
+    return Case(line, "not_running", {"plc": name})
 
 
 def slave_without_replies(draw: random.Random) -> Case:
@@ -157,18 +206,91 @@ def slave_without_replies(draw: random.Random) -> Case:
     return Case(line, "cause_no_reply", {"station": _of(name)})
 
 
+def slave_without_replies_from_the_start(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = [{"at": "0 s", "drop_reply": name}]
+    return Case(line, "cause_no_reply", {"station": _of(name)})
+
+
 def slow_slave(draw: random.Random) -> Case:
     line = link(draw)
     name = _slave(draw, line)
     line["plcs"][0]["nn"]["retries"] = 0
     line["faults"] = _a_time(draw, "slow", {"station": name, "extra": "85 ms"})
-    return Case(line, "cause_late", {"station": _of(name)}, frozenset({"collisions_with"}))
+    return Case(line, "late_replies", {"node": name})
+
+
+def slow_slave_made_good(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["plcs"][0]["nn"] |= {"retries": 4, "timeout": "50 ms"}
+    line["faults"] = _a_time(draw, "slow", {"station": name, "extra": "60 ms"})
+    return Case(line, "late_replies", {"node": name})
+
+
+def pause_in_replies(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = _a_time(draw, "pause", {"station": name, "by": f"{draw.choice((3, 60))} ms"})
+    return Case(line, "pauses", {"node": name}, frozenset({"master_not_received"}))
+
+
+def pause_in_the_masters_frames(draw: random.Random) -> Case:
+    line = link(draw)
+    line["faults"] = [{"at": "5 s", "pause": {"station": "plc0", "by": "3 ms"}}]
+    return Case(line, "pauses", {"node": "plc0"}, _NOT_HEARD)
+
+
+def master_with_another_format(draw: random.Random) -> Case:
+    line = link(draw)
+    line["faults"] = _a_time(draw, "wrong_format", {"station": "plc0", "format": "7O1"})
+    return Case(line, "other_rate", {"node": "plc0"}, _NOT_HEARD)
+
+
+def master_whose_clock_is_off(draw: random.Random) -> Case:
+    line = link(draw)
+    line["faults"] = [{"at": "0 s", "clock_ppm": {"station": "plc0", "ppm": 90_000}}]
+    return Case(line, "other_rate", {"node": "plc0"}, _NOT_HEARD)
+
+
+def jabbering_master(draw: random.Random) -> Case:
+    line = link(draw)
+    line["faults"] = [{"at": "9 s", "jabber": "plc0"}]
+    return Case(line, "no_frame", {"node": "plc0"}, _NOT_HEARD)
+
+
+def noise_at_the_masters_driver(draw: random.Random) -> Case:
+    line = link(draw)
+    line["plcs"][0]["nn"]["retries"] = 1
+    line["noise"] = [{"bus": "link", "station": "plc0", "direction": "tx", "ber": 0.03, "at": "5 s"}]
+    return Case(line, "cause_master", {"master": "plc0"}, _NOT_HEARD)
+
+
+def noise_at_the_masters_receiver(draw: random.Random) -> Case:
+    line = link(draw)
+    line["noise"] = [{"bus": "link", "station": "plc0", "direction": "rx", "ber": 0.03, "at": "5 s"}]
+    return Case(line, "cause_receiver", {"master": "plc0"}, frozenset({"undetected"}))
+
+
+def clock_of_a_slave(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = _a_time(draw, "clock_ppm", {"station": name, "ppm": 90_000})
+    return Case(line, "cause_format", {"station": _of(name)}, frozenset({"master_not_received"}))
+
+
+def board_error(draw: random.Random) -> Case:
+    line = link(draw)
+    name = _slave(draw, line)
+    line["faults"] = [{"at": "5 s", "for": "4 s", "board_error": {"plc": name, "port": "COM4", "code": 41}}]
+    return Case(line, "serial_error", {"plc": name, "code": 7441})
 
 
 def two_masters(draw: random.Random) -> Case:
     line = link(draw)
     line["plcs"].append({"name": "other", "scan": "7 ms", "nn": {**line["plcs"][0]["nn"]}})
-    others = frozenset({"master_not_received", "undetected"})
+    others = frozenset({"master_not_received", "undetected", "shown"})
     return Case(line, "two_masters", {"masters": ["plc0", "other"]}, others)
 
 
@@ -210,6 +332,13 @@ def cable_cut(draw: random.Random) -> Case:
     last = line["plcs"][-1]["name"]
     line["faults"] = _a_time(draw, "cable_cut", {"bus": "link", "after": line["plcs"][-2]["name"]})
     return Case(line, "cause_cut", {"station": _of(last)}, frozenset({"master_not_received"}))
+
+
+def cable_cut_from_the_start(draw: random.Random) -> Case:
+    line = link(draw)
+    last = line["plcs"][-1]["name"]
+    line["faults"] = [{"at": "0 s", "cable_cut": {"bus": "link", "after": line["plcs"][-2]["name"]}}]
+    return Case(line, "cause_cut", {"station": _of(last)})
 
 
 def late_release(draw: random.Random) -> Case:
@@ -273,7 +402,7 @@ def dead_device(draw: random.Random) -> Case:
         bus,
         "no_response",
         {"node": "press.COM3", "polls": ["vfd_status", "vfd_speed"]},
-        frozenset({"damaged_responses"}),
+        frozenset({"damaged_responses", "not_running"}),
     )
 
 
@@ -281,6 +410,21 @@ def wrong_format_of_a_device(draw: random.Random) -> Case:
     bus = modbus(draw)
     bus["faults"] = [{"at": "3 s", "for": "3 s", "wrong_format": {"station": "drive", "format": "8E1"}}]
     return Case(bus, "requests_ignored", {"node": "drive"}, frozenset({"damaged_responses"}))
+
+
+def dead_modbus_master(draw: random.Random) -> Case:
+    bus = modbus(draw)
+    what = draw.choice(("power_off", "stop"))
+    bus["faults"] = [{"at": "3 s", "for": "3 s", what: "press"}]
+    others = frozenset({"requests_ignored", "damaged_responses"})
+    return Case(bus, "not_running", {"plc": "press"}, others)
+
+
+def modbus_master_dead_to_the_end(draw: random.Random) -> Case:
+    bus = modbus(draw)
+    bus["faults"] = [{"at": "3 s", "power_off": "press"}]
+    others = frozenset({"requests_ignored", "damaged_responses"})
+    return Case(bus, "still_not_running", {"plc": "press"}, others)
 
 
 def wrong_address(draw: random.Random) -> Case:
@@ -303,13 +447,28 @@ def _names(line: Data) -> list[str]:
 ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     dead_master,
     dead_master_to_the_end,
+    dead_master_that_no_watchdog_finds,
     master_in_stop,
+    late_master,
     master_dead_from_the_start,
+    slave_then_master,
     dead_slave,
     dead_slave_to_the_end,
+    slave_that_dies_last,
     slave_in_stop,
     slave_without_replies,
+    slave_without_replies_from_the_start,
     slow_slave,
+    slow_slave_made_good,
+    pause_in_replies,
+    pause_in_the_masters_frames,
+    master_with_another_format,
+    master_whose_clock_is_off,
+    jabbering_master,
+    noise_at_the_masters_driver,
+    noise_at_the_masters_receiver,
+    clock_of_a_slave,
+    board_error,
     two_masters,
     same_number,
     number_not_polled,
@@ -317,6 +476,7 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     bad_parameter_of_a_slave,
     wrong_format,
     cable_cut,
+    cable_cut_from_the_start,
     late_release,
     jabber,
     damaged_replies,
@@ -325,17 +485,17 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     two_modbus_masters,
     dead_device,
     wrong_format_of_a_device,
+    dead_modbus_master,
+    modbus_master_dead_to_the_end,
     wrong_address,
 )
 
 
 def healthy(seed: int) -> Data:
-    """A scenario in which nothing is wrong: a link, on some of them with a little noise, or a Modbus bus."""
+    """A scenario in which nothing is wrong: a link, or a Modbus bus."""
     draw = random.Random(seed)
     if seed % 3 == 2:
         return modbus(draw, delay=draw.randint(1, 40))
     line = link(draw)
     line["plcs"][0]["nn"]["retries"] = 4
-    if seed % 3:
-        line["noise"] = [{"bus": "link", "ber": 1e-5}]
     return line

@@ -1,0 +1,80 @@
+"""Findings that links and other buses have in common: keys of the catalogue with values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from bussim.results.meters.failures import Irregulars, Times
+from bussim.results.meters.timeline import Span
+from bussim.results.numbers import s
+from bussim.trace.records import AFTER_FRAME, IN_FRAME, JABBER, LATE_REPLY, OFF_RATE, UNEVEN, WITHOUT_FRAME
+from bussim.units import TICKS_PER_SECOND
+
+Finding = tuple[str, dict[str, Any]]
+
+#: The sentence about each thing that a node's driver does by itself.
+_OF_A_NODE = {
+    JABBER: "no_frame",
+    AFTER_FRAME: "late_release",
+    LATE_REPLY: "late_replies",
+    UNEVEN: "pauses",
+    OFF_RATE: "other_rate",
+}
+
+
+def in_all(times: Times) -> dict[str, Any]:
+    """Times as a value of the format ``when``."""
+    return {
+        "times": times.number,
+        "total_s": s(times.total),
+        "from_s": s(times.at),
+        "for_s": s(times.longest),
+    }
+
+
+def summed(spans: Iterable[Span], duration_s: float) -> Times:
+    """Spans of a run, counted."""
+    found, duration = Times(), round(duration_s * TICKS_PER_SECOND)
+    for span in spans:
+        found.add(span.start, duration if span.end is None else span.end)
+    return found
+
+
+def not_running(
+    name: str, spans: list[Span], duration_s: float, where: Mapping[str, str]
+) -> Iterator[Finding]:
+    """A PLC or device that was without supply or in STOP."""
+    if spans:
+        key = "still_not_running" if spans[-1].end is None else "not_running"
+        yield key, {**where, "plc": name, "when": in_all(summed(spans, duration_s))}
+
+
+def serial_errors(
+    plc: str, registers: Mapping[str, int], refused: Mapping[str, int], where: Mapping[str, str]
+) -> Iterator[Finding]:
+    """M8063 and D8063 of a PLC, but for the codes of refused parameters, which stand elsewhere."""
+    code, on = registers.get("D8063", 0), registers.get("M8063", 0)
+    said = {number for name, number in refused.items() if name.partition(".")[0] == plc}
+    if (code or on) and code not in said and not (plc in refused and not refused[plc]):
+        yield "serial_error_on" if on else "serial_error", {**where, "plc": plc, "code": code}
+
+
+def driver_findings(bus: str, collisions: int, irregular: Irregulars, *, known: bool) -> Iterator[Finding]:
+    """What the drivers on a bus did that disturbs it; ``known``: why two send at once is said already."""
+    for what, key in _OF_A_NODE.items():
+        for (node, kind), found in sorted(irregular.items()):
+            if kind == what:
+                known = True
+                number = found.number
+                if what == JABBER:  # its characters go on and on; what counts are the frames that it met
+                    met = irregular.get((node, WITHOUT_FRAME))
+                    number = met.number if met else 0
+                when = {"from_s": s(found.first), "to_s": s(found.last)}
+                yield key, {"bus": bus, "node": node, "frames": number, **when}
+    if collisions and not known:
+        senders = sorted(node for node, kind in irregular if kind == IN_FRAME)
+        if senders:
+            yield "collisions_with", {"bus": bus, "frames": collisions, "nodes": senders}
+        else:
+            yield "collisions", {"bus": bus, "frames": collisions}
