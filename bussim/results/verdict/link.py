@@ -239,7 +239,9 @@ class _Link:
                 names = f"D{_COUNT + station}", f"D{_CODE + station}", f"M{_FLAG + station}"
                 count, code, flag = (registers.get(name, 0) for name in names)
                 # A station that lost the master meanwhile missed a frame or two of others at the edges.
-                most_here = max(most.get(station, _AHEAD) if station in failed else 0, _AHEAD if plc in told else 0)
+                most_here = max(
+                    most.get(station, _AHEAD) if station in failed else 0, _AHEAD if plc in told else 0
+                )
                 known = plc in told if not station else 0 < most_here >= count
                 if (count or code or flag) and not known:
                     devices |= {

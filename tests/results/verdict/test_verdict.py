@@ -271,8 +271,8 @@ def test_scans_in_error_and_onsets_are_two_figures(tmp_path: Path) -> None:
 def test_onsets_are_as_many_as_flags_that_went_on() -> None:
     for name in ("press_line", "bursts", "cable_cut"):
         record = bussim.run(name, rows=False).record
-        for bus, link in record.links.items():
+        for bus, entry in record.links.items():
             onsets = record.summary["links"][bus]["station_error_onsets"]
             assert {int(k): n for k, n in onsets.items() if n} == {
-                k: len(v) for k, v in link.in_error.items() if v
+                k: len(v) for k, v in entry.in_error.items() if v
             }
