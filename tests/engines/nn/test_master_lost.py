@@ -59,7 +59,7 @@ def test_11_when_the_master_stops_once_and_the_next_interval_is_not_measured(who
     wire.run(expiry)
     for node in slaves:
         status = node.engine.status
-        assert of(node, MasterWatchdog) == [MasterWatchdog(expiry)]
+        assert of(node, MasterWatchdog) == [MasterWatchdog(expiry, last.end)]
         assert (status.codes[0], status.flags[0], status.running) == (0x11, True, False)
         assert node.engine.deadline() is None
     counts = [node.engine.status.counts[0] for node in slaves]
@@ -137,7 +137,7 @@ def test_another_timeout_moves_the_watchdog(whole: bool) -> None:
     spoken = wire.now
     assert spoken + WATCHDOG < heard + WATCHDOG + 2 * 15 * TIMEOUT_UNIT
     wire.run(spoken + WATCHDOG)  # the driver of this wire learns of the new deadline only by the hint
-    assert of(slave, MasterWatchdog) == [MasterWatchdog(spoken + WATCHDOG)]
+    assert of(slave, MasterWatchdog) == [MasterWatchdog(spoken + WATCHDOG, spoken)]
 
 
 # -- 14 ----------------------------------------------------------------------------------------------------
