@@ -130,6 +130,7 @@ class FailureMeter:
         for member in members:
             self._by_number.setdefault(member.number, member)
         self._slaves = [member for number, member in self._by_number.items() if number]
+        self._masters = [member for member in members if not member.number]
         self._found = Failures()
         self._open: dict[int, _Open] = {}
         self._scans = self._scan_start = 0
@@ -144,8 +145,8 @@ class FailureMeter:
 
     @property
     def master(self) -> LinkMember | None:
-        """The first PLC with the number 0."""
-        return self._by_number.get(0)
+        """The first PLC with the number 0 that has not refused its parameters."""
+        return next((each for each in self._masters if each.name not in self._refused), None)
 
     def is_master(self, name: str) -> bool:
         """Whether a PLC is the link's master."""
