@@ -122,7 +122,7 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
             for message in not_simulated(extent, with_rs=with_rs):
                 if idle.setdefault(message, at) is at:
                     yield warn(at, message)
-        if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b":
+        if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b" and not at.operands[0].index:
             device = at.operands[0].device
             if device in coils:
                 yield warn(

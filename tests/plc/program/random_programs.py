@@ -257,7 +257,10 @@ class Writer:
         if self.fx3 and kind < 0.12:
             word_bit = f"D{rng.randrange(16)}.{rng.randrange(16):X}"
             one = f"{rng.choice(('OUT', 'SET', 'RST'))} {rng.choice((word_bit, word_bit, 'M7679', 'S4095'))}"
-            return rng.choice((one, one, "RST R3", f"OUT T256 {rng.choice(('K0', 'K30', 'D1', 'R1'))}"))
+            indexed = f"{rng.choice(('OUT', 'SET', 'RST'))} {rng.choice(('M30', 'Y2', 'M7672'))}{rng.choice(('Z0', 'V0'))}"
+            return rng.choice(
+                (one, one, indexed, "RST R3", f"OUT T256 {rng.choice(('K0', 'K30', 'D1', 'R1'))}")
+            )
         if kind < 0.35:
             return f"OUT {self.bit(index=False)}"
         if kind < 0.5:

@@ -342,7 +342,12 @@ class Reference:
         if "." in operands[0]:
             self.word_bit(name, operands[0], on)
             return
-        letter, address, _ = self.split(operands[0])
+        try:
+            letter, address, _ = self.split(operands[0])
+        except RefusedError:
+            if on or name == "OUT":
+                self.fail()
+            return
         if name == "OUT" and letter == "T":
             self.timer(address, on, operands[1])
         elif name == "OUT" and letter == "C":

@@ -6,7 +6,7 @@ import pytest
 
 import bussim
 from bussim.errors import ProgramError, ScenarioError
-from bussim.plc.memory import Device, Memory
+from bussim.plc.memory import Device, Memory, parse_device
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import loads
@@ -134,3 +134,19 @@ def test_they_are_observed_and_set_as_any_other() -> None:
         loads(OBSERVED.replace("fx3u", "fx2n").replace("MOV R7", "MOV D7"))
     found = [problem.message for problem in caught.value.problems]
     assert len(found) == sum("only an FX3U has" in message for message in found) == 5
+
+
+def test_a_coil_with_an_index() -> None:
+    # FX3 programming manual, 7.13: the index counts in octal points of Y; not S, not special M.
+    memory = run(
+        "LD M8000\nMOV K16 Z0\nSET Y004Z0\nOUT M7Z0\nSET M30\nRST M14Z0\nLDI M8000\nSET M7679Z0\nOUT Y0Z0"
+    )
+    assert [memory.get(parse_device(name)) for name in ("Y24", "Y4", "M23", "M7", "M30")] == [1, 0, 1, 0, 0]
+    assert memory.get(parse_device("M8067")) == 0  # SET that is off looks for nothing
+    assert run("LD M8000\nMOV K1 Z0\nSET M7679Z0").get(parse_device("M8067")) == 1
+    for text in ("SET S0Z0", "SET M8200Z0", "RST D0Z0", "SET D0.1Z0"):
+        with pytest.raises(ProgramError):
+            Program.parse(f"LD X0\n{text}\nEND", "p", fx3=True)
+    assert "cannot have an index register" in str(problems("LD X0\nSET M0Z0\nEND"))
+    # Two coils with an index are no two coils of one device.
+    assert not Program.parse("LD X0\nOUT M0Z0\nLD X1\nOUT M0Z1\nEND", "p", fx3=True).warnings

@@ -15,9 +15,10 @@ from bussim.plc.program.compiled.code import (
     needs_function,
 )
 from bussim.plc.program.instructions import arithmetic, coils, moves, serial, shifts
-from bussim.plc.program.machine import Act, Machine, OperationError
+from bussim.plc.program.machine import Act, Machine, OperationError, Take
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Flow, Instruction
+from bussim.plc.program.text.operand_checks import INDEXED_COILS
 
 #: Carries a block out; returns the number of the next one, or END.
 Block = Callable[[], int]
@@ -92,7 +93,22 @@ def _functions(machine: Machine, at: Instruction) -> dict[str, Callable[..., obj
         return {f"test_{at.number}": _guarded(machine, at, lambda: bits[find()] ^ off)}
     if at.spec.flow is Flow.FOR:
         return {f"count_{at.number}": _guarded(machine, at, value_reader(machine, at.operands[0]))}
+    if at.name in INDEXED_COILS and at.operands[0].index is not None:
+        return {f"take_{at.number}": _indexed_coil(machine, at)}
     return {f"take_{at.number}": coils.bind(machine, at)} if is_bound_coil(at) else {}
+
+
+def _indexed_coil(machine: Machine, at: Instruction) -> Take:
+    find, bits = locate(machine, at.operands[0], 1, word=False), machine.bits[at.operands[0].letter]
+
+    def take(on: int) -> None:
+        try:
+            if on or at.name == "OUT":
+                bits[find()] = at.name != "RST" and on
+        except OperationError as error:
+            machine.fail(error.code, at.step)
+
+    return take
 
 
 def _guarded(machine: Machine, at: Instruction, function: Callable[[], object]) -> Callable[[], object]:

@@ -181,7 +181,7 @@ class _Writer:
             return
         if at.spec.name == SKIPPED.name:
             return
-        if is_bound_coil(at):
+        if is_bound_coil(at) or at.operands[0].index is not None:
             self._write(f"take_{at.number}(on)")
             return
         device = at.operands[0]

@@ -291,7 +291,7 @@ FORMS: dict[str, Form] = _forms()
 def steps_of(form: Form, operands: tuple[Operand, ...]) -> int:
     """How many program steps an instruction takes (FX programming manual).
 
-    Of an FX3U's bits of words and indexed contacts three: from memory, assumed.
+    Of an FX3U's bits of words, and of its contacts and coils with an index three: from memory, assumed.
     """
     spec = form.spec
     basic = spec.group == "basic" and spec.role in (LadderRole.CONTACT, LadderRole.OUTPUT)

@@ -14,6 +14,8 @@ from bussim.wording import counted
 FIRST_FAST_COUNTER = 235
 #: Special bits that the PLC drives: a program that writes them achieves nothing.
 READ_ONLY_BITS = frozenset((8000, 8001, 8002, 8003, 8011, 8012, 8013, 8014))
+#: Coils that an FX3U finds by an index register, too.
+INDEXED_COILS = ("OUT", "SET", "RST")
 #: Instructions that take T and C for both their contact and their value.
 _BOTH = ("OUT", "RST", "ZRST")
 
@@ -76,7 +78,9 @@ def _kind_problem(name: str, slot: Slot, operand: Operand) -> str | None:
     if operand.letter == "R" and slot.takes == ("D",):
         return f"{name}: the {slot.name} cannot be {text}, allowed D"
     contact = slot.takes is CONTACTS and operand.fx3 and kind in "XYMTC" and operand.address < FIRST_SPECIAL
-    if operand.index is not None and not (slot.index or contact):
+    # FX3 programming manual, 7.13.
+    coil = name in INDEXED_COILS and operand.fx3 and kind in "YM" and operand.address < FIRST_SPECIAL
+    if operand.index is not None and not (slot.index or contact or coil):
         return f"{name}: the {slot.name} cannot have an index register, found {text}"
     return None
 
