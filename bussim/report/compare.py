@@ -39,8 +39,11 @@ _SUMS: tuple[tuple[str, Callable[[Mapping[str, Any]], int | None]], ...] = (
 _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
     ("exact: mean link scan (ms)", lambda figures: figures["mean_ms"]),
     ("exact: link scan at worst (ms)", lambda figures: figures["worst_case_ms"]),
-    ("exact: one station dead (ms)", lambda figures: figures["one_dead_ms"]),
-    ("exact: dead station in error at the latest after (ms)", lambda figures: figures["detect_ms"]["max"]),
+    ("exact: one station more dead (ms)", lambda figures: figures["one_dead_ms"]),
+    (
+        "exact: dead station in error at the latest after (ms), no other reply lost",
+        lambda figures: figures["detect_ms"]["max"],
+    ),
     ("exact: false station errors begin, a year", lambda figures: figures["false_error_onsets_per_year"]),
 )
 

@@ -244,7 +244,9 @@ def _no_longer(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals
     With bursts, where each deadline takes distributions of its own, it stays as it was found.
     """
     unit = _UNITS[name]
-    low, high = _limit(given, name) // unit, _limit(goals, name) // unit
+    high = _limit(goals, name) // unit
+    # The step before did not do.
+    low = max(x for factor in (0, 1, *_FURTHER) if (x := round(_limit(given, name) * factor / unit)) < high)
     while high - low > 1 and (name == "heartbeat" or model.noise.memoryless):
         middle = (low + high) // 2
         tried = _with_limit(goals, name, middle * unit)
