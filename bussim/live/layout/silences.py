@@ -121,7 +121,6 @@ def polling(found: Sequence[Burst], character: int) -> Polling | None:
     scans = _scans(found, polls, _longest_reply(found, polls))
     if not any(scan.begin for scan in scans):
         scans = _parted(scans)
-    attempts = [attempt for scan in scans for attempt in scan.attempts]
     gaps = sorted(_gaps(scans))
     _judge(scans, gaps, character)
     stations = _assign(scans)
@@ -131,9 +130,16 @@ def polling(found: Sequence[Burst], character: int) -> Polling | None:
         if scan.understood:
             scan.duration = following.start - scan.start
     _number(scans)
-    waits = [each.after for each in attempts if each.reply is None and each.after is not None]
-    timeout = min(waits) - (gaps[0] if gaps else 0) if waits else None
+    # Behind a scan's last attempt comes what the master does besides, too.
+    waits = _waits(each for scan in scans for each in scan.attempts[:-1])
+    waits = waits or _waits(each for scan in scans for each in scan.attempts)
+    timeout = median_low(waits) - (gaps[0] if gaps else 0) if waits else None
     return Polling(scans, stations, timeout)
+
+
+def _waits(attempts: Iterable[Attempt]) -> list[int]:
+    """The ticks that the master waited for replies that did not come."""
+    return [each.after for each in attempts if each.reply is None and each.after is not None]
 
 
 def _gaps(scans: Sequence[Scan]) -> Iterator[int]:
