@@ -26,6 +26,8 @@ MOST_BURSTS = 200_000
 _LEAST = 12
 #: A length is frequent if so many bursts have it; a poll that was damaged may be longer than others.
 _FREQUENT, _LONGEST_POLL = 0.05, 1.5
+#: Bursts of the master's own behind another burst that is no poll: one in three, where there is one slave.
+_MOST_OWN = 0.45
 #: Stations that are told apart at most.
 _MOST_STATIONS = 32
 #: Of each attempt of a scan whether it was replied to, and whether the next poll is alike (None: not known).
@@ -112,15 +114,14 @@ def polling(found: Sequence[Burst], character: int) -> Polling | None:
         return None
     # What is shorter than half a poll is a stray, as of a driver that switches off.
     found = [burst for burst in found if 2 * len(burst.chars) > frequent[0]]
-    border = min((frequent[0] + frequent[1]) / 2, _LONGEST_POLL * frequent[0])
-    polls = [len(burst.chars) < border for burst in found]
-    if not any(not polls[at] and not polls[at + 1] for at in range(len(polls) - 1)) and _replies_last(
-        found, polls
-    ):
-        polls = [not poll for poll in polls]
+    polls = _polls(found, frequent)
+    if polls is None:
+        return None
     scans = _scans(found, polls, _longest_reply(found, polls))
     if not any(scan.begin for scan in scans):
         scans = _parted(scans)
+    if not scans:
+        return None
     gaps = sorted(_gaps(scans))
     _judge(scans, gaps, character)
     stations = _assign(scans)
@@ -152,12 +153,31 @@ def _gaps(scans: Sequence[Scan]) -> Iterator[int]:
         )
 
 
-def _replies_last(found: Sequence[Burst], polls: Sequence[bool]) -> bool:
-    """Whether short bursts follow long ones sooner than long ones follow them: they are replies."""
-    gaps: dict[bool, list[int]] = {False: [0], True: [0]}
-    for at in range(len(found) - 1):
-        gaps[polls[at]].append(found[at + 1].start - found[at].end)
-    return median_low(gaps[True]) > 2 * median_low(gaps[False])
+def _polls(found: Sequence[Burst], frequent: Sequence[int]) -> list[bool] | None:
+    """Which bursts are polls: the shortest ones, or those of another frequent length; None where none can be.
+
+    Where nothing but polls and replies is sent, replies may be shorter: they come sooner than the next poll.
+    """
+    border = min((frequent[0] + frequent[1]) / 2, _LONGEST_POLL * frequent[0])
+    shortest = [len(burst.chars) < border for burst in found]
+    tried = [shortest, *([len(burst.chars) == size for burst in found] for size in frequent)]
+    likely: list[tuple[int, list[bool]]] = []
+    for polls in tried:
+        repeats, replies, rest = list[int](), list[int](), 0
+        for at, (one, two) in enumerate(pairwise(found)):
+            if polls[at]:
+                (repeats if polls[at + 1] else replies).append(two.start - one.end)
+            rest += not polls[at] and not polls[at + 1]
+        replies.sort()
+        # A poll waits in vain for longer than for a reply, if any comes.
+        longest = median_low(repeats) if repeats else replies[-1] + 1 if replies else 0
+        quick = [wait for wait in replies if 4 * wait < 3 * longest]
+        late = not repeats or (longest > 2 * median_low(quick) if quick else polls is shortest)
+        if replies and late and rest <= _MOST_OWN * len(found):
+            if polls is shortest and rest * _MOST_STATIONS > len(found):
+                return polls
+            likely.append((replies[9 * len(replies) // 10], polls))
+    return min(likely, key=lambda one: one[0], default=(0, None))[1]
 
 
 def _longest_reply(found: Sequence[Burst], polls: Sequence[bool]) -> float:
@@ -210,20 +230,33 @@ def _scans(found: Sequence[Burst], polls: Sequence[bool], longest: float) -> lis
 
 
 def _parted(scans: Sequence[Scan]) -> list[Scan]:
-    """Scans of a master that sends nothing of its own: each begins behind a pause longer than most."""
+    """Scans of a master that sends nothing of its own: each begins behind a pause longer than most.
+
+    Without such a pause it begins with the poll that is like the first one; if none is, there are no scans.
+    """
     attempts = [attempt for scan in scans for attempt in scan.attempts]
-    gaps = sorted(each.after for each in attempts if each.reply is not None and each.after is not None)
-    steps = [(high / max(low, 1), high) for low, high in pairwise(gaps)]
+    usual = min((each.after or 0 for each in attempts[:-1] if each.reply is not None), default=0)
+    lost = min(_waits(attempts), default=0) - usual
+    gaps = [(each.after or 0) - (lost if each.reply is None else 0) for each in attempts]
+    ordered = sorted(gaps[:-1])
+    least = max(1, ordered[len(ordered) // 10]) if ordered else 1
+    steps = [(high / max(low, least), high) for low, high in pairwise(ordered)]
     ratio, pause = max(steps, default=(0, 0))
-    if ratio < 2 or sum(gap >= pause for gap in gaps) * _MOST_STATIONS < len(gaps):
-        pause = 0  # every poll is a scan
+    contents = {each.poll.chars for each in attempts}
+    paused = ratio >= 2 and sum(gap >= pause for gap in ordered) * _MOST_STATIONS >= len(ordered)
+    if not paused and len(contents) > _MOST_STATIONS:
+        return []
     found: list[Scan] = []
-    begins = True
-    for attempt in attempts:
+    for at, each in enumerate(attempts):
+        if paused:
+            begins = at == 0 or gaps[at - 1] >= pause
+        else:
+            begins = each.poll.chars == attempts[0].poll.chars and (
+                at == 0 or len(contents) == 1 or attempts[at - 1].poll.chars != each.poll.chars
+            )
         if begins:
-            found.append(Scan(attempt.poll.start, None, [], []))
-        found[-1].attempts.append(attempt)
-        begins = attempt.reply is not None and (attempt.after or 0) >= pause
+            found.append(Scan(each.poll.start, None, [], []))
+        found[-1].attempts.append(each)
     return found
 
 
