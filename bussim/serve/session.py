@@ -146,8 +146,11 @@ class Session:
         bus_of = {
             node: bus.name for bus in header.buses if bus.protocol is BusProtocol.NN for node in bus.nodes
         }
-        self.collector = _SimulatedOnly(traced=traced, rows=rows, bus_of=bus_of)
         external = _Bridges(targets, self.wires)
+        linked = [(plc, plc.link.bus) for plc in scenario.plcs if plc.link is not None]
+        led_out = {bus for plc, bus in linked if external.line_of(plc.name) is not None}
+        numbers = {plc.name: plc.registers.get("D8176", 0) for plc, bus in linked if bus not in led_out}
+        self.collector = _SimulatedOnly(traced=traced, rows=rows, bus_of=bus_of, numbers=numbers)
         self.simulation = Simulation(self.scenario, self.collector, external)
         self.collector.here = frozenset(self.simulation.nodes)
         self.bridges = tuple(external.bridges)

@@ -13,12 +13,14 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from bussim.results.meters.refresh import RefreshMeter
-from bussim.trace.records import IN_FRAME
+from bussim.trace.records import AFTER_FRAME, IN_FRAME, JABBER, WITHOUT_FRAME
 
 #: From this share of failed attempts on, what showed with them is their cause.
 _MOSTLY = 0.5
 #: Codes of failed attempts (FX communication manual JY992D69901, chapter 4).
-_WRONG_STATION, _WRONG_COUNTER, _DAMAGED = 2, 3, 4
+_NO_REPLY, _WRONG_STATION, _WRONG_COUNTER, _DAMAGED = 1, 2, 3, 4
+#: What a node's driver does to the exchanges of all.
+_OF_ALL = (JABBER, WITHOUT_FRAME, AFTER_FRAME)
 
 
 class Cause(StrEnum):
@@ -168,12 +170,7 @@ class FailureMeter:
             return
         self._away.add(name)
         self._refused.discard(name)
-        if self.is_master(name):
-            self.master_stopped(tick)
-
-    def master_stopped(self, tick: int) -> None:
-        """The master's flags went off with its work."""
-        for station in list(self._open):
+        for station in list(self._open) if self.is_master(name) else ():
             self._close(station, tick, replied=False)
 
     def refused(self, name: str) -> None:
@@ -267,12 +264,17 @@ class FailureMeter:
     def _cause(self, station: int, each: _Open, *, replied: bool) -> Cause:
         me, codes, attempts = self._by_number.get(station), each.codes, each.codes.total()
         enough = _MOSTLY * attempts
-        if me is None:
-            return Cause.MISSING if self._by_number else self._by_codes(codes)
+        if me is None or not each.heard:  # of a recording, or without a master whose frames could be heard
+            return Cause.MISSING if self._by_number and me is None else self._by_codes(codes)
         if each.refused or each.stopped:
             return Cause.REFUSED if each.refused else Cause.STOPPED
         now = self._counted() - each.irregular
-        if any(number >= enough and what != IN_FRAME for (_, what), number in now.items()):
+        shown = {key for key, number in now.items() if number >= enough and key[1] != IN_FRAME}
+        # What another slave does to an exchange is seldom silence.
+        names = {me.name, *(master.name for master in self._masters)}
+        if any(what in _OF_ALL or node in names for node, what in shown) or (
+            shown and codes[_NO_REPLY] < enough
+        ):
             return Cause.SHOWN
         # The frame with which a station is found again is not of the time in which it failed.
         last = int(replied and each.flagged is not None)

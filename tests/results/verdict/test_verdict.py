@@ -107,6 +107,28 @@ def test_each_outage_has_its_own_cause(tmp_path: Path) -> None:
     assert when["from_s"] + when["for_s"] == pytest.approx(10, abs=0.5)
 
 
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        ({"drop_reply": "plc2"}, "cause_no_reply"),
+        ({"cable_cut": {"bus": "link", "after": "plc1"}}, "cause_format"),  # it is cut within a frame
+    ],
+    ids=["lost replies", "cable"],
+)
+def test_a_late_station_does_not_hide_what_another_one_has(fault: Data, cause: str, tmp_path: Path) -> None:
+    line = link(random.Random(3))
+    line["plcs"] = line["plcs"][:3]
+    line["plcs"][0]["nn"] |= {"slaves": 2, "mode": 2, "retries": 3, "timeout": "50 ms"}
+    line["faults"] = [
+        {"at": "5 s", "for": "5 s", "slow": {"station": "plc1", "extra": "60 ms"}},
+        {"at": "6 s", "for": "2 s", **fault},
+    ]
+    said = {item["key"]: item["values"] for item in faults(items(run(line, tmp_path)))}
+    assert said["late_replies"]["node"] == "plc1"
+    assert said[cause]["station"] == "station 2 (plc2)"
+    assert 6 <= said[cause]["when"]["from_s"] <= 7
+
+
 def test_equal_outages_are_one_sentence_and_stations_stay_apart(tmp_path: Path) -> None:
     line = link(random.Random(3))
     line["faults"] = [
