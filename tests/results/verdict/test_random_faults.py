@@ -30,6 +30,11 @@ OF_A_NODE = {
 HEALTHY = ("no_station_in_error", "own_data", "own_data_times")
 
 
+def _seeds(number: int, fast: int) -> list[Any]:
+    """So many seeds, the first of them in the fast suite."""
+    return [*range(fast), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(fast, number))]
+
+
 def _fault(draw: random.Random, names: list[str], duration: int) -> tuple[Data, str, str]:
     """A fault of any kind from 0, from the middle or to the end; its kind, and the node that it acts on."""
     name = draw.choice(names)
@@ -106,7 +111,7 @@ def _anything_on(summary: Mapping[str, Any]) -> bool:
     )
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", _seeds(60, 15))
 def test_what_a_station_shows_is_never_called_healthy(seed: int, tmp_path: Path) -> None:
     line, true = _a_link(seed)
     result = run(line, tmp_path)
@@ -127,7 +132,7 @@ def test_what_a_station_shows_is_never_called_healthy(seed: int, tmp_path: Path)
     _said_alike(result)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", _seeds(24, 8))
 def test_what_a_port_shows_is_never_called_healthy(seed: int, tmp_path: Path) -> None:
     result = run(_a_bus(seed), tmp_path)
     wrong = faults(items(result))
