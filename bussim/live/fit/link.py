@@ -248,8 +248,9 @@ class LinkObserver(LinkDecoder):
         return None if wait is None else median([last - wait for last in self._last_waits])
 
     def _master_receiver(self, gap: int) -> MasterReceiver:
-        damaged: Counter[int] = Counter(bits for wait, bits in self._again if wait <= gap + _AT_ONCE)
-        return received(self._log.replies(), damaged, len(self._again) - damaged.total())
+        damaged = Counter(bits for wait, bits in self._again if wait <= gap + _AT_ONCE)
+        unheard = Counter(bits for wait, bits in self._again if wait > gap + _AT_ONCE)
+        return received(self._log.replies(), damaged, unheard, NN_LINE.format.bits)
 
 
 def _replies(frame: Frame) -> bool:

@@ -282,13 +282,13 @@ class BusObserver(ModbusDecoder):
     def _master_receiver(self, repeats: Sequence[int] | None) -> MasterReceiver:
         if repeats is None:
             return MasterReceiver()
-        damaged: Counter[int] = Counter()
+        damaged, unheard = Counter[int](), Counter[int]()
         at_once = self._line.silence + self._line.slack + self._two_characters
         for number in repeats:
             before = self._turns[number - 1]
-            if before.replied is not None and self._turns[number].sent - before.replied <= at_once:
-                damaged[before.reply_bits] += 1
-        return received(self._log.replies(), damaged, len(repeats) - damaged.total())
+            wait = self._turns[number].sent - (before.replied or before.asked)
+            (damaged if wait <= at_once else unheard)[before.reply_bits] += 1
+        return received(self._log.replies(), damaged, unheard)
 
 
 def _slave(number: int, slave: _Slave, lost: Losses, resolution: int, *, timed: bool) -> SlaveEstimate:

@@ -109,18 +109,30 @@ class FrameLog:
         return NoiseEstimate(_rate(*counts.values()), senders, bursts, master_receiver)
 
 
-def received(sound: Mapping[int, int], damaged: Mapping[int, int], unheard: int) -> MasterReceiver:
+def received(
+    sound: Mapping[int, int], damaged: Mapping[int, int], unheard: Mapping[int, int], header: int = 0
+) -> MasterReceiver:
     """What the master's receiver makes of sound replies.
 
-    ``sound`` and ``damaged`` are numbers of replies by their bits, of all and of those that it saw damaged.
+    All are numbers of replies by their bits: all of them, those that it saw damaged, and those of which it
+    saw nothing. Where damage of the first ``header`` bits hides a frame, and explains the latter, they are
+    damaged, too.
     """
-    replies, repeats = sum(sound.values()), sum(damaged.values()) + unheard
+    from scipy.stats import binomtest
+
+    replies, number = sum(sound.values()), sum(unheard.values())
+    repeats = sum(damaged.values()) + number
+    if number and header:
+        share = header * repeats / sum(bits * (damaged.get(bits, 0) + unheard.get(bits, 0)) for bits in sound)
+        if binomtest(number, repeats, min(1.0, share), "greater").pvalue >= _DIFFER:
+            damaged = {bits: damaged.get(bits, 0) + unheard.get(bits, 0) for bits in sound}
+            number = 0
     if not replies:
         return MasterReceiver()
     ber = bit_error_rate(
         {bits: (count - damaged.get(bits, 0), damaged.get(bits, 0)) for bits, count in sound.items()}
     )
-    return MasterReceiver(repeats, proportion(repeats, replies), proportion(unheard, replies), ber)
+    return MasterReceiver(repeats, proportion(repeats, replies), proportion(number, replies), ber)
 
 
 def _rate(*counts: dict[int, list[int]]) -> Estimate | None:

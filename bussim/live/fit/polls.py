@@ -75,24 +75,38 @@ class _Poll:
 def repeats_of(turns: list[Turn]) -> list[int] | None:
     """Numbers of the turns that repeat a request behind its sound reply, before the next turn was due.
 
-    That is so if the request came before half of its usual distance had passed; of one that keeps to no grid
-    and hardly ever comes twice in a row, before three quarters. None: a master that asks for one thing, at no
-    regular times, shows nothing of it.
+    That is so if the request came before half of its usual distance had passed since a turn that was on time;
+    of one that keeps to no grid and hardly ever comes twice in a row, before three quarters. None: a master
+    that asks for one thing, at no regular times, shows nothing of it.
     """
     polls = _polls(turns, frozenset())
-    on_grid = {request for request, poll in polls.items() if _grid(poll)}
-    if len(polls) < 2 and not on_grid:
-        return None
     again = Counter(after.request for before, after in pairwise(turns) if after.request == before.request)
-    limits = {}
+    limits: dict[Request, tuple[int, float]] = {}  # the usual distance, and the least
     for request, poll in polls.items():
-        seldom = request not in on_grid and again[request] <= _SELDOM * len(poll.starts)
-        limits[request] = (_every(poll) or 0) * (0.75 if seldom else 0.5)
+        every = _every(poll)
+        if every is not None and _grid(poll):
+            limits[request] = every, every * 0.5
+        elif every is not None and len(polls) > 1 and again[request] <= _SELDOM * len(poll.starts):
+            limits[request] = every, every * 0.75
+    if not limits:
+        return None
     found = []
-    for number, (before, turn) in enumerate(pairwise(turns), 1):
-        same = turn.attempt == 1 and before.request == turn.request and before.replied is not None
-        if same and turn.sent - before.sent < limits[turn.request]:
-            found.append(number)
+    latest: dict[
+        Request, tuple[int, bool]
+    ] = {}  # by request its latest turn that is none, and if it was on time
+    before: Turn | None = None
+    for number, turn in enumerate(turns):
+        request = turn.request
+        if turn.attempt == 1 and request in limits:
+            every, limit = limits[request]
+            begun, on_time = latest.get(request, (turn.sent, False))
+            same = before is not None and before.request == request and before.replied is not None
+            if same and on_time and turn.sent - begun < limit:
+                found.append(number)
+            else:
+                on_time = request not in latest or abs(turn.sent - begun - every) <= _LATE * every
+                latest[request] = turn.sent, on_time
+        before = turn
     return found
 
 

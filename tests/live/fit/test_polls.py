@@ -66,3 +66,10 @@ def test_turns_at_no_regular_times_are_told() -> None:
     (found,) = polls_of(turns(*((A, float(at)) for at in (0, 100, 150, 500, 520, 900, 1700))), frozenset(), 1)
     assert found.irregular
     assert not polls_of(turns(*rotation()), frozenset(), 1)[0].irregular
+
+
+def test_a_turn_that_was_held_up_makes_the_next_one_no_repeat() -> None:
+    """B at 1.2 s waits for A's retries; the next B is on time, and comes soon."""
+    regular: list[tuple[Request, float]] = [(B, 200.0 * number) for number in range(20)]
+    regular[6] = (B, 1360.0)
+    assert repeats_of(turns(*regular)) == []
