@@ -20,6 +20,7 @@ from bussim.live.fit.polls import PollEstimate
 from bussim.live.fit.statistics import Estimate
 from bussim.live.fit.turnaround import TurnaroundDistribution
 from bussim.plc.link_registers import D_STATION
+from bussim.plc.ports.cpavl import DEFAULT_INTERVAL
 from bussim.plc.profiles import PROFILES
 from bussim.units import TICKS_PER_MS, format_time
 
@@ -116,10 +117,14 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
     """A scenario of a Modbus bus in plain data: an HMI with the polls, and a register map a slave."""
     mode = "ascii" if found.protocol == "modbus-ascii" else "rtu"
     hmi: dict[str, Any] = {"name": "master", "model": "hmi", "bus": bus, "mode": mode}
-    if found.timeout is not None:
-        hmi["timeout"] = format_time(found.timeout)
+    interval = DEFAULT_INTERVAL
     if found.interval is not None:
-        hmi["interval"] = format_time(min(found.interval, _LONGEST_DELAY))
+        silence = 0 if mode == "ascii" else found.silence
+        interval = min(DEFAULT_INTERVAL, max(0, found.interval - silence))
+        hmi["interval"] = format_time(interval)
+    if found.timeout is not None:
+        # A master keeps its pause behind a missing reply, too: the wait is both.
+        hmi["timeout"] = format_time(max(found.silence, found.timeout - interval))
     hmi["polls"] = []
     held = [poll for poll in found.polls if left_out(poll) is None]
     for poll in held:

@@ -353,5 +353,6 @@ def _side_by_side(found: Compared) -> list[str]:
     judged = (
         "tail included" if comparison.tail else f"too short to judge the tail: fewer than 100 {found.what}s"
     )
-    lines.append(f"  the simulation {comparison.verdict} with the recording; {judged}")
+    verdict = "differs from" if comparison.differs else "agrees with"
+    lines.append(f"  the simulation {verdict} the recording; {judged}")
     return lines

@@ -84,7 +84,15 @@ class Bursts:
 
 
 def bursts_of(attempts: Sequence[Attempt]) -> Bursts:
-    """Whether attempts, in order of their starts, fail in groups. ``states`` is not set."""
+    """Whether attempts, in order of their starts, fail in groups. ``states`` is not set.
+
+    A damaged request, whose kind None is not known, is taken for one of the kind that follows it.
+    """
+    named, kind = [], attempts[-1].kind if attempts else None
+    for attempt in reversed(attempts):
+        kind = kind if attempt.kind is None else attempt.kind
+        named.append(attempt._replace(kind=kind))
+    attempts = named[::-1]
     count = len(attempts)
     fails = [attempt.failed for attempt in attempts]
     failures = sum(fails)

@@ -15,7 +15,7 @@ from bussim.live.fit.clusters import Attempt
 from bussim.live.fit.comparison import Behaviour
 from bussim.live.fit.noise import MASTER, UNKNOWN, FrameLog, MasterReceiver, NoiseEstimate, received
 from bussim.live.fit.outages import DAMAGED, REPLIED, SILENT, Losses, Outcomes, losses
-from bussim.live.fit.polls import PollEstimate, Turn, polls_of, repeats_of
+from bussim.live.fit.polls import PollEstimate, Turn, numbered, polls_of, repeats_of
 from bussim.live.fit.statistics import Estimate, mean
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.decoder import Line
@@ -66,6 +66,7 @@ class BusEstimate:
     timeout: int | None  # shortest wait after a request without a response…
     timeout_between: tuple[int, int] | None  # …or the middle of these, where no wait shows it
     noise: NoiseEstimate
+    silence: int  # of the line: the end of a frame
     behaviour: Behaviour
     frames: int
     damaged: int
@@ -197,9 +198,9 @@ class BusObserver(ModbusDecoder):
 
         None where no request was heard. Without ``timed`` there are no times, and nothing is said of any.
         """
-        turns = self._turns
-        if not turns:
+        if not self._turns:
             return None
+        self._turns = turns = numbered(self._turns) if timed else self._turns
         self._leave_out_recorder()
         found = {
             number: losses({number: slave.attempts})[number] for number, slave in sorted(self._slaves.items())
@@ -233,6 +234,7 @@ class BusObserver(ModbusDecoder):
             timeout=timeout,
             timeout_between=between,
             noise=noise,
+            silence=self._line.silence,
             behaviour=Behaviour(
                 times=self._exchanges,
                 distances=[turn.sent - before.sent for before, turn in pairwise(turns)],

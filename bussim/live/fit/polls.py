@@ -17,6 +17,9 @@ _LEAST = 5
 #: A request that comes twice in a row in fewer of its turns comes so by exception.
 _SELDOM = 0.25
 
+#: Outcomes behind which a master repeats.
+_FAILED = frozenset(("no_answer", "damaged", "wrong_answer"))
+
 #: Station, function, address and quantity.
 Request = tuple[int, int, int, int]
 
@@ -25,8 +28,9 @@ Request = tuple[int, int, int, int]
 class PollEstimate:
     """A request that recurs. ``every`` is the median distance of its turns in ticks.
 
-    None where times are not known; a request seen once has the length of the recording. ``low`` and ``high``
-    hold nine tenths of the distances; ``periodic``: its turns keep to a grid.
+    A request seen once has the length of the recording. ``low`` and ``high``
+    hold nine tenths of the distances; ``periodic``: its turns keep to a grid. ``retries``: behind so many the
+    master gave up, or if it never did the most that any request had. Times are None where none are known.
     """
 
     station: int
@@ -70,6 +74,25 @@ class Turn(NamedTuple):
 class _Poll:
     starts: array[int] = field(default_factory=lambda: array("q"))
     attempts: int = 1
+    given_up: int = 0  # the attempt behind which the master went on without a sound reply, if ever
+
+
+def numbered(turns: list[Turn]) -> list[Turn]:
+    """The turns with the attempts that they are.
+
+    Where a request comes again behind failures when its next turn is due, its master repeats nothing.
+    """
+    usual = {request: _every(poll) for request, poll in _polls(turns, frozenset()).items()}
+    latest: dict[Request, Turn] = {}
+    again, due = Counter[Request](), Counter[Request]()
+    for turn in turns:
+        every, before = usual[turn.request], latest.get(turn.request)
+        if turn.attempt > 1 and before is not None and every is not None:
+            again[turn.request] += 1
+            due[turn.request] += abs(turn.sent - before.sent - every) <= _LATE * every
+        latest[turn.request] = turn
+    single = {request for request, count in again.items() if due[request] >= _MOST * count}
+    return [turn._replace(attempt=1) if turn.request in single else turn for turn in turns]
 
 
 def repeats_of(turns: list[Turn]) -> list[int] | None:
@@ -117,7 +140,12 @@ def polls_of(
 
     Without ``timed`` the recording has no times, and nothing is said of how often they come.
     """
-    found = [_estimate(request, poll, span) for request, poll in _polls(turns, repeats).items()]
+    polls = _polls(turns, repeats)
+    most = max(poll.attempts for poll in polls.values())
+    found = [
+        _estimate(request, poll, span, poll.attempts if poll.given_up >= poll.attempts else most)
+        for request, poll in polls.items()
+    ]
     return tuple(
         each if timed else replace(each, every=None, low=None, high=None, periodic=False) for each in found
     )
@@ -125,9 +153,14 @@ def polls_of(
 
 def _polls(turns: list[Turn], repeats: frozenset[int]) -> Mapping[Request, _Poll]:
     polls: dict[Request, _Poll] = {}
+    latest: dict[Request, Turn] = {}
     for number, turn in enumerate(turns):
         poll = polls.setdefault(turn.request, _Poll())
         poll.attempts = max(poll.attempts, turn.attempt)
+        failed = latest.get(turn.request)
+        if turn.attempt == 1 and failed is not None and failed.replied is None and failed.outcome in _FAILED:
+            poll.given_up = max(poll.given_up, failed.attempt)
+        latest[turn.request] = turn
         if turn.attempt == 1 and number not in repeats:
             poll.starts.append(turn.sent)
     return polls
@@ -151,7 +184,7 @@ def _grid(poll: _Poll) -> int | None:
     return round(grid) if near >= _MOST * len(late) else None
 
 
-def _estimate(request: Request, poll: _Poll, span: int) -> PollEstimate:
+def _estimate(request: Request, poll: _Poll, span: int, attempts: int) -> PollEstimate:
     starts, grid = poll.starts, _grid(poll)
     apart = sorted(after - before for before, after in pairwise(starts))
     low, high = (apart[len(apart) // 20], apart[-1 - len(apart) // 20]) if apart else (None, None)
@@ -164,5 +197,5 @@ def _estimate(request: Request, poll: _Poll, span: int) -> PollEstimate:
         low,
         high,
         grid is not None,
-        poll.attempts - 1,
+        attempts - 1,
     )
