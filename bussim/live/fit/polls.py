@@ -28,9 +28,9 @@ Request = tuple[int, int, int, int]
 class PollEstimate:
     """A request that recurs. ``every`` is the median distance of its turns in ticks.
 
-    A request seen once has the length of the recording. ``low`` and ``high``
-    hold nine tenths of the distances; ``periodic``: its turns keep to a grid. ``retries``: behind so many the
-    master gave up, or if it never did the most that any request had. Times are None where none are known.
+    A request seen once has the length of the recording. ``low`` and ``high`` hold nine tenths of the
+    distances; ``periodic``: its turns keep to a grid. ``retries`` are the master's, of all its requests.
+    Times are None where none are known.
     """
 
     station: int
@@ -73,8 +73,6 @@ class Turn(NamedTuple):
 @dataclass(slots=True)
 class _Poll:
     starts: array[int] = field(default_factory=lambda: array("q"))
-    attempts: int = 1
-    given_up: int = 0  # the attempt behind which the master went on without a sound reply, if ever
 
 
 def numbered(turns: list[Turn]) -> list[Turn]:
@@ -140,12 +138,8 @@ def polls_of(
 
     Without ``timed`` the recording has no times, and nothing is said of how often they come.
     """
-    polls = _polls(turns, repeats)
-    most = max(poll.attempts for poll in polls.values())
-    found = [
-        _estimate(request, poll, span, poll.attempts if poll.given_up >= poll.attempts else most)
-        for request, poll in polls.items()
-    ]
+    polls, attempts = _polls(turns, repeats), _attempts(turns)
+    found = [_estimate(request, poll, span, attempts) for request, poll in polls.items()]
     return tuple(
         each if timed else replace(each, every=None, low=None, high=None, periodic=False) for each in found
     )
@@ -153,17 +147,24 @@ def polls_of(
 
 def _polls(turns: list[Turn], repeats: frozenset[int]) -> Mapping[Request, _Poll]:
     polls: dict[Request, _Poll] = {}
-    latest: dict[Request, Turn] = {}
     for number, turn in enumerate(turns):
         poll = polls.setdefault(turn.request, _Poll())
-        poll.attempts = max(poll.attempts, turn.attempt)
-        failed = latest.get(turn.request)
-        if turn.attempt == 1 and failed is not None and failed.replied is None and failed.outcome in _FAILED:
-            poll.given_up = max(poll.given_up, failed.attempt)
-        latest[turn.request] = turn
         if turn.attempt == 1 and number not in repeats:
             poll.starts.append(turn.sent)
     return polls
+
+
+def _attempts(turns: list[Turn]) -> int:
+    """The attempts of a master: of as many failures most were its last; if that never was so, the most seen.
+
+    Not every one, since a repeat that was damaged is not seen.
+    """
+    given_up = Counter(
+        before.attempt for before, turn in pairwise(turns) if before.outcome in _FAILED and turn.attempt == 1
+    )
+    seen = Counter(turn.attempt for turn in turns)
+    last = (number for number in sorted(given_up) if given_up[number] >= seen[number + 1])
+    return next(last, max(seen))
 
 
 def _every(poll: _Poll) -> int | None:
