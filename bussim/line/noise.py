@@ -12,23 +12,11 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from typing import Protocol
 
 from bussim.line.random_streams import Streams
 
 #: Consecutive bits of a frame with one error probability: (number of bits, probability).
 Run = tuple[int, float]
-
-
-class ErrorRate(Protocol):
-    """How likely each bit of a frame is inverted."""
-
-    def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
-        """Bits that are back to back, in order, as runs.
-
-        ``start``: their first edge; ``bit``: ticks of a bit; ``begun``: the first edge of their frame, None
-        if they are its first.
-        """
 
 
 class ConstantRate:
@@ -38,7 +26,11 @@ class ConstantRate:
         self.ber = ber
 
     def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
-        """See :class:`ErrorRate`."""
+        """Bits that are back to back, in order, as runs.
+
+        ``start``: their first edge; ``bit``: ticks of a bit; ``begun``: the first edge of their frame, None
+        if they are its first.
+        """
         return [(bits, self.ber)]
 
 
@@ -74,7 +66,7 @@ class BurstRate:
             state ^= 1
 
     def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
-        """See :class:`ErrorRate`."""
+        """See :class:`ConstantRate`."""
         self._extend(start + math.ceil(bit * bits))
         changes = self._changes
         passed = bisect_right(changes, start if begun is None else begun)
@@ -102,7 +94,7 @@ class ImpulseRate:
         self._every, self._width, self._ber, self._first = every, width, ber, first
 
     def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
-        """See :class:`ErrorRate`."""
+        """See :class:`ConstantRate`."""
         found: list[Run] = []
         done = 0
         number = max(0, (start - self._first) // self._every)
@@ -118,6 +110,10 @@ class ImpulseRate:
                 done = inside
             number += 1
         return found
+
+
+#: How likely each bit of a frame is inverted.
+ErrorRate = ConstantRate | BurstRate | ImpulseRate
 
 
 class BitNoise:

@@ -116,13 +116,8 @@ class PollFigures:
         """The figures that are read best as sentences: what a dead slave costs."""
         if not self.model.valid:
             return [f"no figures: {reason}" for reason in self.model.obstacles]
-        said = [
-            when_off(dead.device, dead.polls, self.model.timeout, dead.lost, dead.cycle) for dead in self.dead
-        ]
-        if self.all_dead is not None and len(self.dead) > 1:
-            dead = self.all_dead
-            said.append(when_off("", dead.polls, self.model.timeout, dead.lost, dead.cycle))
-        return said
+        dead = self.dead if self.all_dead is None or len(self.dead) < 2 else (*self.dead, self.all_dead)
+        return [when_off(each.device, each.polls, self.model.timeout, each.lost, each.cycle) for each in dead]
 
 
 def poll_figures(model: PollListModel) -> PollFigures:

@@ -93,13 +93,12 @@ def _replied_once(probabilities: AttemptProbabilities, attempts: int) -> float:
     return 1.0 if replied >= 1.0 else -math.expm1(attempts * math.log1p(-replied))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ScanComponents:
-    """The components of a link scan before its timeout is known.
+class ScanComponents(NamedTuple):
+    """The components of a link scan, or of some of its stations, before its timeout is known.
 
     One entry a component: ``waits`` attempts ran to their deadline, ``fixed`` ticks come on top of these
     timeouts, ``code`` names the spreads, ``flagged``: whether some flag is on at the end (the
-    parameter frame that this costs is in ``fixed``).
+    parameter frame that this costs is in a scan's ``fixed``). ``lost`` is the weight of those dropped.
     """
 
     waits: Codes
@@ -108,7 +107,7 @@ class ScanComponents:
     flagged: np.ndarray
     weight: Floats
     sums: TurnaroundSums
-    lost: float
+    lost: float = 0.0
 
     def distribution(self, timeout: int) -> Distribution:
         """The distribution for one timeout in ticks."""
@@ -116,20 +115,10 @@ class ScanComponents:
         return Distribution(shift, self.code, self.weight, self.sums, self.lost)
 
 
-class _Part(NamedTuple):
-    """Components of some of the stations."""
-
-    waits: Codes
-    fixed: Floats
-    code: Codes
-    flagged: np.ndarray
-    weight: Floats
-
-
 def scan_components(model: LinkModel, floor: float = FLOOR) -> ScanComponents:
     """The components of a scan; those lighter than ``floor`` are dropped and counted in ``lost``."""
     sums = sums_of(model)
-    parts = [_dead(model, len(model.dead))] if model.dead else []
+    parts = [_dead(model, len(model.dead), sums)] if model.dead else []
     pairs = [(s, p) for s, p in zip(model.stations, probabilities_of(model), strict=True) if s.alive]
 
     def same(pair: tuple[Station, AttemptProbabilities]) -> tuple[object, ...]:
@@ -141,26 +130,28 @@ def scan_components(model: LinkModel, floor: float = FLOOR) -> ScanComponents:
         members = list(group)
         parts.append(_group(model, members[0][0], members[0][1], len(members), sums, floor))
     none = np.zeros(1, dtype=np.int64)
-    total = _Part(none, np.full(1, float(model.base)), none, np.zeros(1, dtype=bool), np.ones(1))
+    total = ScanComponents(
+        none, np.full(1, float(model.base)), none, np.zeros(1, dtype=bool), np.ones(1), sums
+    )
     for part in parts:
         total = _combined(total, part, floor)
     fixed = total.fixed + np.where(total.flagged, float(model.parameters_cost), 0.0)
-    lost = max(0.0, 1.0 - float(total.weight.sum()))
-    return ScanComponents(total.waits, fixed, total.code, total.flagged, total.weight, sums, lost)
+    return total._replace(fixed=fixed, lost=max(0.0, 1.0 - float(total.weight.sum())))
 
 
-def _dead(model: LinkModel, count: int) -> _Part:
+def _dead(model: LinkModel, count: int, sums: TurnaroundSums) -> ScanComponents:
     waits = count * model.attempts_at(flagged=True)
-    return _Part(
+    return ScanComponents(
         np.full(1, waits, dtype=np.int64),
         np.full(1, float(waits * (model.gap + model.poll))),
         np.zeros(1, dtype=np.int64),
         np.ones(1, dtype=bool),
         np.ones(1),
+        sums,
     )
 
 
-def _combined(one: _Part, two: _Part, floor: float) -> _Part:
+def _combined(one: ScanComponents, two: ScanComponents, floor: float) -> ScanComponents:
     weight = (one.weight[:, None] * two.weight).reshape(-1)
     keep = np.nonzero(weight >= floor)[0]
     i, j = np.divmod(keep, two.weight.size)
@@ -169,7 +160,8 @@ def _combined(one: _Part, two: _Part, floor: float) -> _Part:
     key = one.code[i] + two.code[j] + ((one.waits[i] + two.waits[j]) << _WAITS) + (flagged << _FLAG)
     fixed, key, weight = merged(one.fixed[i] + two.fixed[j], key, weight[keep])
     waits = (key >> _WAITS) & ((1 << _FLAG - _WAITS) - 1)
-    return _Part(waits, fixed, key & ((1 << _WAITS) - 1), (key >> _FLAG).astype(bool), weight)
+    code, flags = key & ((1 << _WAITS) - 1), (key >> _FLAG).astype(bool)
+    return ScanComponents(waits, fixed, code, flags, weight, one.sums)
 
 
 def _group(
@@ -179,7 +171,7 @@ def _group(
     count: int,
     sums: TurnaroundSums,
     floor: float,
-) -> _Part:
+) -> ScanComponents:
     """The components of ``count`` stations like this one."""
     p = probabilities.failed
     flagged = fails_of(probabilities, model.attempts, model.absent).flagged
@@ -209,7 +201,8 @@ def _group(
     least = spread_of(station.turnaround)[0]
     whole = float(model.replied(station) + least)
     fixed = a * float(model.gap + model.poll) + b * (whole + model.quiet + sums.earliest) + c * whole
-    return _Part(a, fixed, (b + c) * sums.unit(station.turnaround) + b * sums.torn, c < count, weight)
+    code = (b + c) * sums.unit(station.turnaround) + b * sums.torn
+    return ScanComponents(a, fixed, code, c < count, weight, sums)
 
 
 @lru_cache(maxsize=512)
